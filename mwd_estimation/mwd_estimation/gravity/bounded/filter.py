@@ -11,14 +11,13 @@ in `TICK` (`noise`, `measurement`, `scale`). Theory and limits: ``docs/methods/b
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.status import Status
-from mwd_estimation.core.track import Track
+from mwd_estimation.core.track import Track, TrackRows
 from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
 from mwd_estimation.gravity.bounded.log import Log
 from mwd_estimation.gravity.bounded.params import Params
@@ -47,17 +46,6 @@ _ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO,
 _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
 
 _Samples = tuple[Stamps, Array, Array, NDArray[np.uint8]]
-
-
-class _Rows(NamedTuple):
-    """Columns of a `Track`, to be filled."""
-
-    g_t: Array
-    sigma_inclination: Array
-    sigma_toolface: Array
-    non_gravity: Array
-    rotary_speed: Array
-    status: NDArray[np.uint32]
 
 
 def run(
@@ -107,8 +95,7 @@ def run_logged(
 
 def _follow(params: Params, state: State, samples: _Samples, log: Log) -> Track:
     out = Track.empty(len(samples[0]))
-    rows = _Rows(out.g_t, out.sigma_inclination, out.sigma_toolface, out.non_gravity, out.rotary_speed, out.status)
-    _run(params, state.clock[0], state.motion[0], state.record[0], samples, rows, log)
+    _run(params, state.clock[0], state.motion[0], state.record[0], samples, out.rows, log)
     return out
 
 
@@ -119,7 +106,7 @@ def _run(
     motion: track.Motion,
     s: Record,
     samples: _Samples,
-    out: _Rows,
+    out: TrackRows,
     log: Log,
 ) -> None:
     stamps, gyro, accel, flags = samples
@@ -286,6 +273,6 @@ def _log_after(p: Params, s: Record, log: Log) -> None:
         entry.correction[j] = s.correction[j]
         for m in range(STEADY):
             entry.after[j, m] = s.P[j, m]
-    entry.factors[0], entry.factors[1] = scale.factors(s)
+    entry.factors[0], entry.factors[1] = s.innovations.along.power, s.innovations.across.power
     entry.floors[0], entry.floors[1] = scale.floors(p, s)
     log.entries[0] += 1

@@ -54,6 +54,10 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> N
         if along - tilt > SHARE_AFTER_CLIP * turn or not s.clipping.seen:
             _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
+    # Vibration that counts as dense as neighbouring samples say has no reserve. Where it stops counting, corrections
+    # that were found small beside such a noise say nothing of the covariance that its absence leaves.
+    whole = noise.whole(s)
+    found.along.power, found.across.power = max(found.along.power, whole), max(found.across.power, whole)
     for j in range(2):
         s.slow_axis[j] += s.sums.time / CURVE_TIME * (s.C[j, 0] - s.slow_axis[j])
 
@@ -69,14 +73,6 @@ def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float,
     mean = nx * found.mean[0] + ny * found.mean[1]
     power = 2.0 / share * mean * mean
     found.power += T / min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + SCALE_AGE * s.settled) * (power - found.power)
-
-
-@compiled
-def factors(s: Record) -> tuple[float, float]:
-    """Factors of the covariance along the hole and across it."""
-    # Vibration that counts as dense as neighbouring samples say has no reserve.
-    whole = noise.whole(s)
-    return max(s.innovations.along.power, whole), max(s.innovations.across.power, whole)
 
 
 @compiled
@@ -134,7 +130,7 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
 def publish(p: Params, s: Record) -> None:
     """Sigma of inclination and of toolface, rad, at most pi, until the covariance changes again."""
     tilt, aside = tilts(s)
-    along, across = factors(s)
+    along, across = s.innovations.along.power, s.innovations.across.power
     floor_along, floor_aside = floors(p, s)
     s.sigma_inclination = min(math.pi, math.sqrt(max(along * (tilt + s.clipping.tilt), 0.0) + floor_along))
     sine2 = max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-6)

@@ -219,6 +219,22 @@ def test_a_covariance_gone_bad_is_thrown_away_and_the_filter_starts_anew():
     assert rms(error_deg(got, down[500:])[1200:]) < 0.2
 
 
+def test_sigma_is_not_too_small_where_a_start_in_vibration_ends_to_count_it_white():
+    # The scale of corrections that were found small beside such a noise must not outlive it.
+    runs, p = [], bounded.Params(gravity_sigma=0.002)
+    for seed in range(301, 309):
+        stamps, gyro, accel, down = drilled("drillvib", 60.0, seed)
+        inclination = np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
+        for start in (0, 1500, 3000, 4500):
+            part = slice(start, start + 1200)
+            got = bounded.run(p, bounded.initial(p), stamps[part], gyro[part], accel[part])
+            runs.append(((got.inclination - inclination[part])[400:], got.sigma_inclination[400:]))
+    for seconds in range(8):
+        one = slice(100 * seconds, 100 * seconds + 100)
+        found = consistency([(error[one], sigma[one]) for error, sigma in runs], confidence=0.999)
+        assert found.nees <= found.high, (seconds, found)
+
+
 @pytest.mark.skipif(not BROAD.exists(), reason="the shared recordings are not beside this repository")
 def test_real_recordings_are_followed_within_0_6_deg_on_average_and_sigma_is_of_that_size():
     # A consumer unit as it leaves its factory, in Berlin: sigma follows from the gravity that it shows.
