@@ -59,6 +59,9 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
         # The filter's own noises have reserve for motion that is not white: they are in proportion to the tool's.
         "gyro_noise": _in_proportion(default, "gyro_noise", tool.gyro.noise_deg_sqrt_h, usual.noise_deg_sqrt_h),
         "bias_sigma": _in_proportion(default, "bias_sigma", tool.gyro.bias_deg_h, usual.bias_deg_h),
+        "misalignment_sigma": _in_proportion(
+            default, "misalignment_sigma", tool.gyro.misalignment_mrad, usual.misalignment_mrad
+        ),
         "lever_sigma": tool.lever_m,
         "calibration_sigma": calibration,
         # The simpler methods do not know their sigma so well: theirs has a floor of its own.

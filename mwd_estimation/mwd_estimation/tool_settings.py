@@ -61,9 +61,9 @@ class Gyro:
         expert=True,
     )
     misalignment_mrad: float = setting(
-        1.0,
-        "Rate about the tool axis that the cross axes read too. Raising it widens the azimuth's sigma in a turning "
-        "string.",
+        0.3,
+        "Rate about the tool axis that the cross axes read too, 1 sigma. Raising it widens the sigma of inclination "
+        "and azimuth in a turning string until it is learnt. 0.3 is left by calibration, 1 is common without.",
         unit="mrad",
         low=0.0,
         high=100.0,

@@ -136,10 +136,11 @@ def test_a_gravity_method_has_its_defaults_and_the_range_of_the_tool_and_the_gra
 
 def test_the_bounded_filter_takes_the_gyro_of_the_tool():
     usual = derivation.gravity_params(EstimatorSettings(), None)
-    better = {"tool.gyro.noise_deg_sqrt_h": 0.21, "tool.gyro.bias_deg_h": 100.0}
+    better = {"tool.gyro.noise_deg_sqrt_h": 0.21, "tool.gyro.bias_deg_h": 100.0, "tool.gyro.misalignment_mrad": 0.15}
     params = derivation.gravity_params(changed(EstimatorSettings(), better), None)
     assert params.gyro_noise == pytest.approx(0.5 * usual.gyro_noise)
     assert params.bias_sigma == pytest.approx(0.25 * usual.bias_sigma)
+    assert params.misalignment_sigma == pytest.approx(0.5 * usual.misalignment_sigma)
     perfect = {"tool.gyro.noise_deg_sqrt_h": 0.0, "tool.gyro.bias_deg_h": 0.0}
     assert derivation.gravity_params(changed(EstimatorSettings(), perfect), None).gyro_noise > 0.0
 

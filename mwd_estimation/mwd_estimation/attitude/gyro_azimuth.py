@@ -67,7 +67,7 @@ class UnitErrors:
     range_dps: float = 100.0
 
 
-CONVENTIONAL = UnitErrors(0.42, 400.0, 10.0, 1000.0, 3.6, 0.5, 2000.0)
+CONVENTIONAL = UnitErrors(0.42, 400.0, 10.0, 300.0, 3.6, 0.5, 2000.0)
 TACTICAL = UnitErrors(0.05, 5.0, 0.3)
 
 
