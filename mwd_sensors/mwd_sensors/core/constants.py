@@ -13,6 +13,8 @@ GRAVITY_FARTHEST = 0.04
 # 1 sigma of gravity where the place is not known, m/s^2: half the range of normal gravity over the latitudes, and
 # heights of a km or two.
 GRAVITY_SPREAD = 0.03
+# Ice point, K: 0 degC (SI Brochure, 9th edition, 2.3.1).
+CELSIUS_ZERO = 273.15
 # Rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036, table 3.1).
 EARTH_RATE = 7.292115e-5
 # One micro-g, m/s^2.

@@ -14,11 +14,6 @@ if TYPE_CHECKING:
 rig = typer.Typer(help="Interfaces to the rig: WITS, OPC UA, Modbus, WITSML.", no_args_is_help=True)
 
 
-@rig.callback()
-def rig_group() -> None:
-    """Keep `status` a subcommand although it is the only one."""
-
-
 @rig.command()
 def status(
     folders: Annotated[
@@ -73,3 +68,19 @@ def status(
             console.print(f"no graph runs whose folder is below {where}", markup=False)
             console.print("start one with `mwd run`, or name the folder of its surface node", markup=False)
     raise typer.Exit(0 if running else 1)
+
+
+@rig.command("manifest")
+def print_manifest() -> None:
+    """
+    Print the D-WIS manifest of all signals, as a blackboard is sent it.
+
+    \b
+    Examples:
+      mwd rig manifest > manifest.json
+    """
+    import json
+
+    from mwd_surface.rig.blackboard.manifest import manifest
+
+    typer.echo(json.dumps(manifest(), indent=2))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from mwd_sensors.core.constants import CELSIUS_ZERO
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
@@ -171,7 +172,7 @@ def _raw_cells(record: SurveyRecord, methods: tuple[str, ...]) -> list[str]:
         *(fixed(v, 6) if s.has_readings else "" for v in s.specific_force),
         *(fixed(v * 1e9, 1) if magnetic else "" for v in s.magnetic_field),
         *(fixed(v * _DEG * 3600.0, 3) if s.has_readings else "" for v in s.angular_rate),
-        fixed(s.temperature, 2) if s.temperature > -273.15 else "",
+        fixed(s.temperature, 2) if s.temperature > -CELSIUS_ZERO else "",
         fixed(s.duration, 3),
         str(s.samples),
         fixed(s.g_total, 6) if s.has_readings else "",

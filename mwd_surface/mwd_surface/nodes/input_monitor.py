@@ -37,7 +37,7 @@ class InputMonitor:
     def __init__(self, context: SurfaceContext, *, link: bool) -> None:
         self._context, self._node, self._live = context, context.node, context.live
         self._over_link = link
-        self._clocks = {SONDE: InputClock()}
+        self._clocks: dict[str, InputClock] = {}
         self._simulated = False
         self.table = InputTable()
 

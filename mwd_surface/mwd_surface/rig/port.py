@@ -18,7 +18,8 @@ from pathlib import Path
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_surface.control.authority import ControlAuthority
-from mwd_surface.live.source_selection import MODBUS, WITS
+from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
+from mwd_surface.rig.blackboard.client import Blackboard, BlackboardSettings
 from mwd_surface.rig.interface import (
     DOWN,
     InterfaceError,
@@ -54,6 +55,7 @@ class RigSettings:
     modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP")
     modbus_serial: ModbusSerialSettings = setting(ModbusSerialSettings, "Modbus RTU")
     witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
+    blackboard: BlackboardSettings = setting(BlackboardSettings, "D-WIS blackboard")
     strict: bool = setting(
         False, "refuse to start where an interface cannot start; false: try again every retry_period", fixed=True
     )
@@ -74,7 +76,8 @@ class RigSettings:
         """True where rig data can come in, so that somebody must publish `rig/state`."""
         talks = self.wits0_server.enabled or self.wits0_client.enabled or self.wits0_serial.enabled
         registers = self.modbus.enabled or self.modbus_serial.enabled
-        return (talks and self.wits0.rig.accept) or (registers and self.modbus.allow_writes)
+        board = self.blackboard.enabled and self.blackboard.rig.accept
+        return board or (talks and self.wits0.rig.accept) or (registers and self.modbus.allow_writes)
 
 
 class RigPort:
@@ -129,6 +132,8 @@ class RigPort:
             self._interfaces.append(ModbusServer(settings.modbus, named(MODBUS), authority))
         if settings.modbus_serial.enabled:
             self._interfaces.append(ModbusSerial(settings.modbus_serial, settings.modbus, named(MODBUS), authority))
+        if settings.blackboard.enabled:
+            self._interfaces.append(Blackboard(settings.blackboard, named(OPCUA)))
         self._store = WitsmlStore(settings.witsml_store) if settings.witsml_store.enabled else None
         if self._store is not None:
             self._interfaces.append(self._store)

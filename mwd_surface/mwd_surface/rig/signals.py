@@ -2,9 +2,10 @@
 """
 The signal table: every quantity that goes to a rig, once, with its name in each protocol.
 
-WITS items, Modbus registers, OPC UA variables and the page of signals in the documents are made from it. The D-WIS
-nouns are those of the DDHub vocabulary (definition sets DrillingDataSemantics, PhysicalLocation and Uncertainty); it
-has no noun for a toolface, for gravity or for a magnetic field, and those rows name only what kind of data they are.
+WITS items, Modbus registers, OPC UA variables, the D-WIS manifest and the page of signals in the documents are made
+from it. The D-WIS nouns are those of the DDHub vocabulary (definition sets DrillingDataSemantics, PhysicalLocation and
+Uncertainty); it has no noun for a toolface, for gravity or for a magnetic field, and those rows name only what kind of
+data they are.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.constants import CELSIUS_ZERO
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Three, Verdict
 from mwd_surface.surveys.well_path import Definitive
@@ -102,7 +103,7 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
         b_total=_known(s.b_total),
         dip=s.dip if s.b_total >= 0.0 else None,
         axial_interference=s.axial_interference if s.sigma_axial_interference >= 0.0 else None,
-        temperature=s.temperature if s.temperature > -273.15 else None,
+        temperature=s.temperature if s.temperature > -CELSIUS_ZERO else None,
         specific_force=s.specific_force,
         magnetic_field=s.magnetic_field if magnetic else None,
         verdict=Verdict(s.verdict),

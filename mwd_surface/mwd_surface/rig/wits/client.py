@@ -18,6 +18,7 @@ from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 from mwd_sensors.core.settings import setting
+from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.interface import (
     CONNECTED,
     CONNECTING,
@@ -30,18 +31,6 @@ from mwd_surface.rig.interface import (
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, Writer
 
 _STEADY = 10.0  # s a connection must have lasted to make the next wait short again
-
-
-@dataclasses.dataclass(frozen=True)
-class Backoff:
-    """Waits between attempts."""
-
-    first: float = setting(1.0, "wait after the first failure", unit="s", low=0.01, high=60.0, fixed=True)
-    longest: float = setting(30.0, "longest wait", unit="s", low=0.01, high=600.0, fixed=True)
-
-    def wait(self, failures: int, chance: float) -> float:
-        """Seconds after so many failures in a row; chance, 0 to 1, spreads it by half either way."""
-        return float(min(self.longest, self.first * 2.0 ** min(failures, 30)) * (0.5 + chance))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Client of a D-WIS blackboard: it sends the manifest, writes the values, and reads the depths of the rig.
+
+The blackboard is an OPC UA server of others. Its methods Inject and ResolveQuery take and give JSON (DWIS-Blackboard-
+Base and the Python sample of DWIS-Blackboard-Samples, D-WIS on GitHub). Where it forgets us, as after its restart, the
+manifest is sent again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import dataclasses
+import json
+import math
+import random
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from mwd_sensors.core.constants import CELSIUS_ZERO
+from mwd_sensors.core.settings import setting
+from mwd_surface.rig.backoff import Backoff
+from mwd_surface.rig.blackboard.manifest import manifest, query
+from mwd_surface.rig.input import RigInput, RigInputSettings
+from mwd_surface.rig.interface import (
+    CONNECTED,
+    CONNECTING,
+    STOPPED,
+    InterfaceError,
+    InterfaceStatus,
+    LoopInterface,
+    OnRigState,
+    PeerStatus,
+    optional,
+)
+from mwd_surface.rig.opcua.address_space import STATUS_CODES, VariableValue
+from mwd_surface.rig.opcua.data_value import data_value
+from mwd_surface.rig.signals import SIGNALS
+from mwd_surface.rig.values import RigValues
+
+# Rig data that are read, by the noun that the vocabulary has for each.
+NOUNS = {"bit_depth": "BitDepth", "hole_depth": "HoleDepth"}
+_READ_S = 1.0  # s between readings of the rig's depths
+_FIND_S = 10.0  # s between queries for what was not found
+_SHOWN = 300
+_BAD = 0x80000000  # status codes from here on are bad
+
+
+class BlackboardError(RuntimeError):
+    """The blackboard answered, but not with what its interface promises."""
+
+
+@dataclasses.dataclass(frozen=True)
+class BlackboardSettings:
+    """The blackboard, and what is exchanged with it."""
+
+    enabled: bool = setting(False, "publish the signals to a D-WIS blackboard", fixed=True)
+    url: str = setting("opc.tcp://127.0.0.1:48030/", "address of the blackboard, opc.tcp://", fixed=True)
+    inject: str = setting("ns=2;s=Inject", "node id of its method that takes a manifest", fixed=True)
+    resolve: str = setting("ns=2;s=ResolveQuery", "node id of its method that answers a query", fixed=True)
+    timeout: float = setting(10.0, "longest wait for an answer", unit="s", low=0.5, high=300.0, fixed=True)
+    period: float = setting(
+        1.0,
+        "least time between two writes; values that did not change are not written. Lower costs traffic",
+        unit="s",
+        low=0.1,
+        high=60.0,
+        fixed=True,
+    )
+    backoff: Backoff = setting(Backoff, "Waits between attempts")
+    rig: RigInputSettings = setting(RigInputSettings, "Depths of the rig that others publish on the blackboard")
+
+
+class Blackboard(LoopInterface):
+    """
+    The client of one well.
+
+    Parameters
+    ----------
+    settings : BlackboardSettings
+    on_rig_state : callable, optional
+        Gets rig data, `wire.RIG_STATE`, in the thread of the interface.
+    clock, wall : callable
+        Steady seconds; time, ns since the epoch.
+    """
+
+    def __init__(
+        self,
+        settings: BlackboardSettings,
+        on_rig_state: OnRigState | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        wall: Callable[[], int] = time.time_ns,
+    ) -> None:
+        super().__init__("blackboard")
+        self.settings = settings
+        self._on_rig_state = on_rig_state if settings.rig.accept else None
+        self._clock, self._wall = clock, wall
+        self._chance = random.Random(settings.url)  # noqa: S311 (spreads waits; nothing secret)
+        self._input = RigInput(settings.rig)
+        self._asyncua: Any = None
+        self._connected = self._bare = False
+        self._since = 0.0
+        self._written = self._read = self._injections = self._failures = 0
+        self._reason = ""
+
+    def start(self) -> None:
+        """
+        Begin to publish.
+
+        Raises
+        ------
+        InterfaceError
+            asyncua is missing, or the address is none.
+        """
+        self._asyncua = optional("asyncua", "asyncua", "the blackboard")
+        if not self.settings.url.startswith("opc.tcp://"):
+            raise InterfaceError(f"url: {self.settings.url!r} is no address of a blackboard; it begins with opc.tcp://")
+        super().start()
+
+    async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
+        """Connect, send the manifest and the values, and begin again, until `stop`."""
+        ready(self.settings.url)
+        failures = 0
+        while not stop.is_set():
+            client = self._asyncua.Client(self.settings.url, timeout=self.settings.timeout)
+            try:
+                async with client:
+                    await self._publish(client, stop)
+                failures = 0
+            except (OSError, self._asyncua.ua.UaError, BlackboardError) as error:
+                # A connection that held makes the next wait short again.
+                failures = 0 if self._connected else failures
+                failures, self._failures = failures + 1, self._failures + 1
+                self._reason = (str(error) or "no answer")[:_SHOWN]
+            finally:
+                self._connected = False
+            if not stop.is_set():
+                wait = self.settings.backoff.wait(failures - 1, self._chance.random())
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(wait):
+                        await stop.wait()
+
+    async def _publish(self, client: Any, stop: asyncio.Event) -> None:
+        variables = await self._inject(client)
+        reader = _Depths(client, self.settings.resolve, {node.nodeid.to_string() for node in variables.values()})
+        self._connected, self._since, self._reason = True, self._clock(), ""
+        sent: dict[str, VariableValue] = {}
+        write_at = read_at = self._clock()
+        while not stop.is_set():
+            self.wake.clear()
+            now = self._clock()
+            if self.values is not None and now >= write_at:
+                write_at = now + self.settings.period
+                await self._write(client, variables, self.values, sent)
+            if self._on_rig_state is not None and now >= read_at:
+                read_at = now + _READ_S
+                await self._take(reader, now)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(max(min(write_at, read_at) - self._clock(), 0.05)):
+                    await stop.wait()
+
+    async def _inject(self, client: Any) -> dict[str, Any]:
+        """Send the manifest; the nodes that the blackboard made, by the name of the variable."""
+        result = await _asked(client, self.settings.inject, json.dumps(manifest()))
+        if not result.get("Success"):
+            raise BlackboardError("the blackboard refused the manifest: read its log")
+        made = _made(result)
+        missing = [signal.opcua for signal in SIGNALS if signal.opcua not in made]
+        if missing:
+            raise BlackboardError(f"the blackboard made no variable for {', '.join(missing[:3])}")
+        self._injections += 1
+        ua = self._asyncua.ua
+        return {name: client.get_node(ua.NodeId(at, space)) for name, (space, at) in made.items()}
+
+    async def _write(
+        self, client: Any, variables: dict[str, Any], values: RigValues, sent: dict[str, VariableValue]
+    ) -> None:
+        """Write what changed since the last time."""
+        ua, table = self._asyncua.ua, readings(values)
+        changed = [name for name, reading in table.items() if sent.get(name) != reading]
+        if self._bare:
+            # Without a status a number that is not to be used would look like one that is.
+            changed = [name for name in changed if table[name].status < _BAD]
+        if not changed:
+            # Nothing to write is no proof that the blackboard is there: a lost session must show.
+            await client.nodes.server_state.read_value()
+            return
+        results = await client.write_values(
+            [variables[name] for name in changed],
+            [self._data_value(table[name]) for name in changed],
+            raise_on_partial_error=False,
+        )
+        if not self._bare and any(result.value == ua.StatusCodes.BadWriteNotSupported for result in results):
+            self._bare = True
+            return
+        for result in results:
+            result.check()
+        sent |= {name: table[name] for name in changed}
+        self._written += len(changed)
+
+    def _data_value(self, reading: VariableValue) -> Any:
+        ua = self._asyncua.ua
+        if self._bare:
+            return ua.DataValue(ua.Variant(reading.value, ua.VariantType.Double))
+        # The server's time is the blackboard's to write.
+        return dataclasses.replace(data_value(ua, reading, "Double"), ServerTimestamp=None)
+
+    async def _take(self, reader: _Depths, now: float) -> None:
+        found = await reader.read(now)
+        if not found or self._on_rig_state is None:
+            return
+        sample = self._input.take(found, self._wall())
+        if sample is not None:
+            self._read += 1
+            self._on_rig_state(sample)
+
+    def status(self) -> InterfaceStatus:
+        """How it goes."""
+        if not self.running:
+            return InterfaceStatus(self.name, STOPPED, reason=self.failure)
+        peers = (PeerStatus(self.settings.url, self._since, sent=self._written, received=self._read),)
+        return InterfaceStatus(
+            self.name,
+            CONNECTED if self._connected else CONNECTING,
+            self.settings.url,
+            self._reason,
+            peers if self._connected else (),
+            sent=self._written,
+            received=self._read,
+            counts=(("manifests sent", self._injections), ("failures", self._failures)),
+        )
+
+
+class _Depths:
+    """
+    Depths of the rig on a blackboard, found by what they are.
+
+    Parameters
+    ----------
+    client : asyncua.Client
+    resolve : str
+        Node id of the method that answers a query.
+    ours : set of str
+        Node ids of our own variables, which are no source.
+    """
+
+    def __init__(self, client: Any, resolve: str, ours: Iterable[str]) -> None:
+        self._client, self._resolve, self._ours = client, resolve, set(ours)
+        self._nodes: dict[str, Any] = {}
+        self._stamps: dict[str, Any] = {}
+        self._find_at = 0.0
+        self._unknown = optional("asyncua.ua", "asyncua", "the blackboard").StatusCodes.BadNodeIdUnknown
+
+    async def read(self, now: float) -> dict[str, float]:
+        """Return depths, m, that are good and newer than those of the last call; now: steady time, s."""
+        if len(self._nodes) < len(NOUNS) and now >= self._find_at:
+            self._find_at = now + _FIND_S
+            for name, noun in NOUNS.items():
+                if name not in self._nodes:
+                    await self._find(name, noun)
+        found = {}
+        for name, node in list(self._nodes.items()):
+            value = await node.read_data_value(raise_on_bad_status=False)
+            if value.StatusCode.value == self._unknown:
+                # Whoever published it has gone: it is looked for again.
+                del self._nodes[name]
+                continue
+            stamp = value.SourceTimestamp or value.ServerTimestamp
+            if value.StatusCode.is_good() and stamp != self._stamps.get(name):
+                self._stamps[name] = stamp
+                found[name] = _number(value.Value.Value)
+        return found
+
+    async def _find(self, name: str, noun: str) -> None:
+        answer = await _asked(self._client, self._resolve, query(noun))
+        spaces = await self._client.get_namespace_array()
+        nodes = [(spaces.index(space), at) for space, at in _found(answer) if space in spaces]
+        others = [self._client.get_node(f"ns={index};s={at}") for index, at in nodes]
+        others = [node for node in others if node.nodeid.to_string() not in self._ours]
+        # Two providers of one depth: nobody knows which is meant.
+        if len(others) == 1:
+            self._nodes[name] = others[0]
+
+
+async def _asked(client: Any, method: str, text: str) -> dict[str, Any]:
+    """Call a method of the blackboard: one text in, in an array as it wants it, JSON out."""
+    ua = optional("asyncua.ua", "asyncua", "the blackboard")
+    node = client.get_node(method)
+    parent = await node.get_parent()
+    argument = ua.Variant([text], ua.VariantType.String)
+    answer = await parent.call_method(node.nodeid, argument)
+    first = answer[0] if isinstance(answer, list) else answer
+    try:
+        table = json.loads(first)
+    except (TypeError, ValueError) as error:
+        raise BlackboardError(f"{method} gave no JSON") from error
+    if not isinstance(table, dict):
+        raise BlackboardError(f"{method} gave no table")
+    return table
+
+
+def _number(value: object) -> float:
+    """Number of a variable of others; NaN, which no check lets through, where it is none."""
+    return float(value) if isinstance(value, int | float) else math.nan
+
+
+def _made(result: dict[str, Any]) -> dict[str, tuple[int, str]]:
+    """Namespace index and id of each variable that the blackboard made, by its name in the manifest."""
+    try:
+        rows = [(row["ManifestItemID"], row["InjectedID"]) for row in result.get("ProvidedVariables") or ()]
+        return {str(name): (int(at["NameSpaceIndex"]), str(at["ID"])) for name, at in rows}
+    except (KeyError, TypeError, ValueError) as error:
+        raise BlackboardError(f"the answer to the manifest is none of a blackboard ({error!r})") from error
+
+
+def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:
+    """Namespace and id of the first column of a query's rows."""
+    try:
+        items = [row["Items"][0] for row in answer.get("Results") or () if row["Items"]]
+        return [(str(item["NameSpace"]), str(item["ID"])) for item in items]
+    except (KeyError, TypeError, IndexError) as error:
+        raise BlackboardError(f"the answer to a query is none of a blackboard ({error!r})") from error
+
+
+def readings(values: RigValues) -> dict[str, VariableValue]:
+    """Every signal as the blackboard holds it, in SI: temperatures in kelvin."""
+    table = {}
+    for signal in SIGNALS:
+        v = values.values[signal.name]
+        number = v.value + CELSIUS_ZERO if signal.unit == "degC" else v.value
+        table[signal.opcua] = VariableValue(number, STATUS_CODES[v.condition], v.stamp_ns)
+    return table

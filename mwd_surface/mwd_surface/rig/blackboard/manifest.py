@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The D-WIS manifest of our signals, made from the signal table.
+
+A blackboard is sent a manifest in JSON and creates the variables it names (variable provision); a consumer finds them
+by the sentences about them, never by a node id. Fields are those of ManifestFile in DWIS-Blackboard-Base (D-WIS on
+GitHub); nouns and verbs are of the DDHub vocabulary (DrillingDataSemantics, MeasurableQuantityTypes, Uncertainty,
+PhysicalLocation, DataProviders).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from mwd_surface.rig.opcua.address_space import MANIFEST
+from mwd_surface.rig.signals import SIGNALS, Signal
+
+PREFIX = "http://ddhub.no/"
+NODES, VARIABLES = "Nodes", "ProvidedVariables"  # aliases within the manifest
+_PROVIDER = "MWDSurface"
+_UNCERTAINTY = "GaussianUncertainty"
+_SIGMA = "sigma_"
+# Quantity by the unit of the signal table; a blackboard holds SI, so that a temperature goes out in kelvin.
+QUANTITIES = {
+    "rad": "PlaneAngleDrillingQuantity",
+    "rad/m": "CurvatureDrillingQuantity",
+    "rad/s": "AngularVelocityDrillingQuantity",
+    "m": "LengthStandardQuantity",
+    "m/s^2": "AccelerationDrillingQuantity",
+    "T": "EarthMagneticFluxDensityQuantity",
+    "degC": "TemperatureDrillingQuantity",
+    "s": "DurationDrillingQuantity",
+    "N m": "TorqueDrillingQuantity",
+    "m^3/s": "VolumetricFlowrateDrillingQuantity",
+}
+_DEPTH = "DepthDrillingQuantity"
+# Nouns of the table that are no class of the signal but a node it refers to, with the verb that does.
+_REFERRED = {"NorthEastTVDFrame": "HasReferenceFrame", "BitReferenceLocation": "IsPhysicallyLocatedAt"}
+
+
+def manifest(signals: Iterable[Signal] = SIGNALS, provider: str = MANIFEST) -> dict[str, Any]:
+    """
+    Manifest of signals, ready for JSON.
+
+    Parameters
+    ----------
+    signals : iterable of Signal
+        Each becomes a variable of the name it has on OPC UA, with a data point that says what it is.
+    provider : str
+        Application; the blackboard makes the namespace of the variables from it.
+    """
+    table = tuple(signals)
+    names = {signal.name for signal in table}
+    nodes: dict[str, str] = {_PROVIDER: "DataProvider"}
+    sentences: list[dict[str, Any]] = []
+
+    def say(subject: str, verb: str, target: str, kind: str | None = None) -> None:
+        """Add a sentence whose object is a node of the manifest, of this kind where it is a new one."""
+        if kind is not None:
+            nodes.setdefault(target, kind)
+        sentences.append(_sentence(subject, verb, NODES, target))
+
+    for signal in table:
+        point = f"{signal.opcua}_DataPoint"
+        nodes[point] = "DrillingDataPoint"
+        sentences.append(_sentence(point, "HasDynamicValue", VARIABLES, signal.opcua))
+        say(point, "IsProvidedBy", _PROVIDER)
+        quantity = quantity_of(signal)
+        say(point, "IsOfMeasurableQuantity", quantity.removesuffix("Quantity"), quantity)
+        for noun in signal.dwis:
+            if noun in _REFERRED:
+                say(point, _REFERRED[noun], noun.removesuffix("Location"), noun)
+            elif noun != _UNCERTAINTY:
+                sentences.append(_sentence(point, "BelongsToClass", PREFIX, PREFIX + noun))
+        measured = signal.name.replace(_SIGMA, "", 1)
+        if _UNCERTAINTY in signal.dwis and measured in names:
+            of = next(s for s in table if s.name == measured)
+            uncertainty = f"{of.opcua}_Uncertainty"
+            say(f"{of.opcua}_DataPoint", "HasUncertainty", uncertainty, _UNCERTAINTY)
+            say(uncertainty, "HasUncertaintyMean", f"{of.opcua}_DataPoint")
+            say(uncertainty, "HasUncertaintyStandardDeviation", point)
+    return {
+        "ManifestName": provider,
+        "Provider": {"Name": provider, "Company": ""},
+        "InjectionInformation": {
+            "InjectedVariablesNamespaceAlias": "Variables",
+            "InjectedNodesNamespaceAlias": NODES,
+            "ProvidedVariablesNamespaceAlias": VARIABLES,
+            "InjectedVocabularyNamespaceAlias": "Vocabulary",
+        },
+        "InjectedNodes": [_node(name, kind) for name, kind in nodes.items()],
+        "InjectedVariables": [],
+        "ProvidedVariables": [{"VariableID": signal.opcua, "DataType": "double", "Rank": 0} for signal in table],
+        "InjectedReferences": sentences,
+    }
+
+
+def quantity_of(signal: Signal) -> str:
+    """Noun of the measurable quantity of a signal."""
+    if signal.unit == "m" and "depth" in signal.meaning and "difference" not in signal.meaning:
+        return _DEPTH
+    return QUANTITIES[signal.unit]
+
+
+def query(noun: str) -> str:
+    """SPARQL query for the variable that holds what is of this class now, such as BitDepth."""
+    return (
+        "PREFIX rdf: <http://www.w3.org/1999/02/22-rdf-syntax-ns#>\n"
+        f"PREFIX ddhub: <{PREFIX}>\n"
+        "SELECT ?signal WHERE {\n"
+        f"  ?point rdf:type ddhub:{noun} .\n"
+        "  ?point ddhub:HasDynamicValue ?signal .\n"
+        "}"
+    )
+
+
+def _node(name: str, kind: str) -> dict[str, Any]:
+    fields = [{"FieldName": "ProviderName", "FieldValue": _PROVIDER}] if name == _PROVIDER else None
+    return {
+        "UniqueName": name,
+        "BrowseName": name,
+        "DisplayName": name,
+        "TypeDictionaryURI": PREFIX + kind,
+        "Fields": fields,
+    }
+
+
+def _sentence(subject: str, verb: str, namespace: str, target: str) -> dict[str, Any]:
+    return {
+        "Subject": {"NameSpace": NODES, "ID": subject},
+        "VerbURI": PREFIX + verb,
+        "Object": {"NameSpace": namespace, "ID": target},
+    }

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The client of a blackboard against a blackboard of our own: an OPC UA server with the methods of D-WIS."""
+
+import asyncio
+import contextlib
+import json
+import re
+import threading
+
+import pytest
+from example_rig import eventually, started, values
+
+from mwd_sensors.core.constants import CELSIUS_ZERO
+from mwd_surface.rig.backoff import Backoff
+from mwd_surface.rig.blackboard.client import Blackboard, BlackboardSettings
+from mwd_surface.rig.input import RigInputSettings
+from mwd_surface.rig.interface import InterfaceError
+from mwd_surface.rig.opcua.address_space import MANIFEST
+from mwd_surface.rig.signals import SIGNALS
+
+asyncua = pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")
+ua = asyncua.ua
+OTHERS = "http://ddhub.no/TopDrive/Variables/"
+
+
+class Board:
+    """A blackboard in a thread: it keeps what it was told, and knows a bit depth of somebody else."""
+
+    def __init__(self, *, refuses=False):
+        self.refuses = refuses
+        self.manifests, self.nodes, self.rig = [], {}, {}
+        self.address = self.answer = ""
+        self._ready = threading.Event()
+
+    @contextlib.contextmanager
+    def served(self):
+        thread = threading.Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
+        self._ready.clear()
+        thread.start()
+        assert self._ready.wait(30.0)
+        try:
+            yield self
+        finally:
+            self._loop.call_soon_threadsafe(self._stop.set)
+            thread.join(10.0)
+
+    def now(self, call, *arguments):
+        """Result of a coroutine function, in the thread of the server."""
+        return asyncio.run_coroutine_threadsafe(call(*arguments), self._loop).result(10.0)
+
+    def value(self, name):
+        return self.now(self.nodes[name].read_data_value, False)
+
+    async def _serve(self):
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        self._server = server = asyncua.Server()
+        await server.init()
+        server.set_endpoint(self.address or "opc.tcp://127.0.0.1:0/")
+        server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+        index = await server.register_namespace("http://ddhub.no/Blackboard")
+        assert index == 2
+        self._others = await server.register_namespace(OTHERS)
+        board = await server.nodes.objects.add_object(ua.NodeId("DWIS", index), f"{index}:DWIS")
+        for name, method in (("Inject", self._inject), ("ResolveQuery", self._resolve)):
+            texts, text = (
+                ua.Argument(Name=n, DataType=ua.NodeId(12), ValueRank=r) for n, r in (("in", 1), ("out", -1))
+            )
+            await board.add_method(ua.NodeId(name, index), f"{index}:{name}", asyncua.uamethod(method), [texts], [text])
+        for noun, depth in (("BitDepth", 1234.5), ("HoleDepth", 1250.0)):
+            at = ua.NodeId(noun, self._others)
+            self.rig[noun] = await server.nodes.objects.add_variable(at, f"{self._others}:{noun}", depth)
+        await server.start()
+        self.address = f"opc.tcp://127.0.0.1:{server.bserver.port}/"
+        self._ready.set()
+        await self._stop.wait()
+        await server.stop()
+
+    async def _inject(self, _parent, texts):
+        (text,) = texts
+        table = json.loads(text)
+        self.manifests.append(table)
+        if self.answer:
+            return self.answer
+        if self.refuses:
+            return json.dumps({"Success": False})
+        index = await self._server.register_namespace(f"http://ddhub.no/{table['Provider']['Name']}/Variables/")
+        made = []
+        for variable in table["ProvidedVariables"]:
+            name = variable["VariableID"]
+            at = ua.NodeId(f"{MANIFEST}.{name}", index)
+            self.nodes[name] = await self._server.nodes.objects.add_variable(at, f"{index}:{name}", 0.0)
+            await self.nodes[name].set_writable()
+            made.append({"ManifestItemID": name, "InjectedID": {"NameSpaceIndex": index, "ID": at.Identifier}})
+        return json.dumps({"Success": True, "ProvidedVariables": made})
+
+    async def _resolve(self, _parent, texts):
+        noun = re.findall(r"rdf:type ddhub:(\w+)", texts[0])[0]
+        rows = [
+            {"Items": [{"NameSpace": f"http://ddhub.no/{MANIFEST}/Variables/", "ID": f"{MANIFEST}.BitMeasuredDepth"}]}
+        ]
+        rows = rows if noun == "BitDepth" else []
+        return json.dumps({"Results": [*rows, {"Items": [{"NameSpace": OTHERS, "ID": noun}]}]})
+
+
+def client(board, on_rig_state=None, **changes):
+    waits = Backoff(first=0.05, longest=0.2)
+    return Blackboard(BlackboardSettings(url=board.address, period=0.1, backoff=waits, **changes), on_rig_state)
+
+
+def test_every_signal_is_written_with_its_number_status_and_time():
+    table = values()
+    with Board().served() as board, started(client(board)) as one:
+        one.publish(table)
+        eventually(lambda: one.status().sent >= len(SIGNALS))
+        for signal in SIGNALS:
+            given, found = table.values[signal.name], board.value(signal.opcua)
+            assert found.StatusCode.is_good() == given.condition.usable
+            if given.condition.usable:
+                number = given.value + (CELSIUS_ZERO if signal.unit == "degC" else 0.0)
+                assert found.Value.Value == pytest.approx(number)
+                assert found.SourceTimestamp.timestamp() == pytest.approx(given.stamp_ns * 1e-9, abs=1e-3)
+        assert board.manifests[0]["Provider"]["Name"] == MANIFEST
+        assert one.status().state == "connected"
+
+
+def test_what_did_not_change_is_not_written_again():
+    table = values()
+    with Board().served() as board, started(client(board)) as one:
+        one.publish(table)
+        eventually(lambda: one.status().sent >= len(SIGNALS))
+        one.publish(table)
+        later = one.status().sent
+        one.publish(values(later=0.5))
+        eventually(lambda: one.status().sent > later)
+        assert later == len(SIGNALS)
+
+
+def test_a_blackboard_that_was_restarted_gets_the_manifest_again():
+    board = Board()
+    with board.served():
+        one = client(board)
+        one.start()
+        one.publish(values())
+        eventually(lambda: one.status().sent >= len(SIGNALS))
+    try:
+        eventually(lambda: one.status().state == "connecting" and one.status().reason)
+        board.nodes.clear()
+        with board.served():
+            eventually(lambda: len(board.manifests) == 2 and one.status().state == "connected")
+            eventually(lambda: one.status().sent >= 2 * len(SIGNALS))
+    finally:
+        one.stop()
+
+
+def test_a_refused_manifest_is_said_and_tried_again():
+    with Board(refuses=True).served() as board, started(client(board)) as one:
+        eventually(lambda: len(board.manifests) >= 2)
+        assert "refused the manifest" in one.status().reason
+        board.refuses = False
+        eventually(lambda: one.status().state == "connected")
+
+
+def test_depths_of_others_are_read_by_what_they_are_and_only_while_they_are_new():
+    taken = []
+    rig = RigInputSettings(accept=True, confirm=1)
+    with Board().served() as board, started(client(board, taken.append, rig=rig)) as one:
+        eventually(lambda: taken)
+        assert float(taken[0]["bit_depth"][0]) == 1234.5
+        assert float(taken[0]["hole_depth"][0]) == 1250.0
+        board.now(board.rig["BitDepth"].write_value, 1235.0)
+        eventually(lambda: len(taken) >= 2)
+        # The hole depth was not written again: it is not of now.
+        assert int(taken[1]["valid"][0]) == 1
+        assert one.status().received == len(taken) == 2
+
+
+@pytest.mark.parametrize(
+    "answer",
+    ["nonsense", "[]", '{"Success": true, "ProvidedVariables": [1]}', '{"Success": true}', '{"Success": "yes"'],
+)
+def test_an_answer_that_is_none_ends_in_a_sentence_and_another_try(answer):
+    board = Board()
+    board.answer = answer
+    with board.served(), started(client(board)) as one:
+        eventually(lambda: len(board.manifests) >= 2)
+        assert one.status().reason
+        board.answer = ""
+        eventually(lambda: one.status().state == "connected")
+
+
+def test_an_address_that_is_none_is_refused_with_a_sentence():
+    with pytest.raises(InterfaceError, match=r"begins with opc\.tcp"):
+        Blackboard(BlackboardSettings(url="http://x")).start()
