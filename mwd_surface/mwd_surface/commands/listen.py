@@ -13,9 +13,8 @@ import typer
 if TYPE_CHECKING:
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
     from mwd_surface.receiver.sources import Source
-    from mwd_surface.receiver.transmission import Reception
     from mwd_surface.receiver.word_files import WordFiles
-    from mwd_surface.receiver.words import ReceivedWord
+    from mwd_surface.receiver.words import ReceivedWord, Reception
 
 _PAUSE_S = 0.05
 

@@ -10,6 +10,7 @@ Source: C. Guo et al., On Calibration of Modern Neural Networks, 2017 (temperatu
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections import deque
 
@@ -17,12 +18,16 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-TEMPERATURES = (1.0, 1.35, 1.8, 2.5, 4.0)
-# Before any parity is seen: channels and noise that are estimated make 1 too sharp, as the likelihood of simulated and
-# of independent channels says. The last is for a temperature without bound.
-_PRIOR = (0.2, 0.3, 0.25, 0.12, 0.07, 0.06)
+TEMPERATURES = (1.15, 1.5, 4.0)
+# Before any parity is seen. Words of the simulated wells, of an independent channel and of white noise, with the truth
+# known, are likeliest between 1 and 1.8; of ten thousand a few at 4 (gaps, spikes, pumps that hunt). The last is for a
+# temperature without bound.
+_PRIOR = (0.51, 0.40, 0.03, 0.06)
 # The last one of a tool whose words have no parity.
 _UNSEEN = 0.002
+# A transmission of a tool whose parities held: how much of the prior it begins with, the rest as the last one ended.
+# Another sequence, a second tool or a false sync remain possible.
+_ANEW = 0.25
 _REMEMBERED = 32  # words with parity
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
 
@@ -73,14 +78,30 @@ class Temper:
 
     def __init__(self, parity: bool = True) -> None:
         self._seen: deque[tuple[float, ...]] = deque(maxlen=_REMEMBERED)
-        self._prior = np.array(_PRIOR if parity else (*_PRIOR[:-1], _UNSEEN))
+        self._first = np.array(_PRIOR if parity else (*_PRIOR[:-1], _UNSEEN))
+        self._prior = self._first
+
+    def following(self) -> Temper:
+        """
+        Return what is believed before the next transmission by the same configuration.
+
+        As far as the parities so far have shown that the configuration is right, they count for the next transmission
+        too; parities that failed do not: a false sync says nothing of the next one.
+        """
+        weights = self.weights()
+        bounded = np.append(weights[:-1], 0.0) / weights[:-1].sum()
+        proven = max(1.0 - weights[-1] / self._first[-1], 0.0) * (1.0 - _ANEW)
+        after = copy.copy(self)
+        after._seen = deque(maxlen=_REMEMBERED)
+        after._prior = (1.0 - proven) * self._first + proven * bounded
+        return after
 
     def learn(self, words: list[Soft]) -> None:
         """Take the parities of more words."""
         self._seen.extend(word.holds for word in words if word.holds is not None)
 
     def weights(self) -> Array:
-        """Probability of each temperature, and of one without bound; shape (6,)."""
+        """Probability of each temperature, and of one without bound; shape (4,)."""
         logs = np.log(self._prior)
         for holds in self._seen:
             # A likelihood is never surer than one slip in a hundred words: one odd word proves little.

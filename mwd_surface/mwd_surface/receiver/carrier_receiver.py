@@ -17,7 +17,7 @@ from mwd_surface.receiver.carrier_block import MARGIN, BlockData, BlockDecision,
 from mwd_surface.receiver.carrier_search import THRESHOLD, marker_score
 from mwd_surface.receiver.grid import REACH
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
-from mwd_surface.receiver.transmission import FrameReport, Reception
+from mwd_surface.receiver.words import FrameReport, Reception
 
 _HOP = 16  # symbols by which the search proceeds
 _PAST = 48  # symbols before a hop that teach its noise

@@ -17,15 +17,14 @@ from collections.abc import Callable
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.link_attitude import AgeRules, LinkAttitude
 from mwd_surface.receiver.link_survey import HeardSurvey, SurveyTime
 from mwd_surface.receiver.link_values import believed
 from mwd_surface.receiver.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.receivers import receiver_of
-from mwd_surface.receiver.transmission import FrameReport, Reception
-from mwd_surface.receiver.words import ReceivedWord
+from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits are right when their parity is used (docs/benchmarks.md, limits of the code).
@@ -126,6 +125,8 @@ class Link:
         after = Link(tool, self.name, self._rules, self._stamp_ns)
         after.flow, after.attitude = copy.deepcopy(self.flow), copy.deepcopy(self.attitude)
         after.now_s, after._last_survey = self.now_s, self._last_survey
+        if isinstance(self._receiver, PulseReceiver) and tool.code in PULSE_CODES:
+            after._receiver = self._receiver.successor(tool)
         return after
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:

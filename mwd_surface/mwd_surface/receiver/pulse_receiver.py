@@ -11,11 +11,13 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver import synchronisation
+from mwd_surface.receiver.belief import Temper
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.survey_memory import SurveyMemory
-from mwd_surface.receiver.transmission import Reception, Transmission
+from mwd_surface.receiver.transmission import Transmission
+from mwd_surface.receiver.words import Reception
 
 # The search for syncs proceeds by hops, each with data before it for the noise model and behind it for the pulses.
 _HOP_TU = 32
@@ -51,6 +53,8 @@ class PulseReceiver(SampledReceiver):
         super().__init__(tool.tu_s / STEPS_PER_TU)
         self._tool = tool
         self._surveys = SurveyMemory(tool)
+        parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
+        self._temper = Temper(parity)
         quiet_s = min(_NOISE_S, tool.transmit_delay_s - _SETTLED_S)
         self._noise_tu = min(max(_NOISE_TU, round(quiet_s / tool.tu_s)), _KEPT_TU - _HOP_TU)
         self._hop = 0
@@ -63,6 +67,12 @@ class PulseReceiver(SampledReceiver):
         self._reason = ""
         self._syncs = 0
         self.last_sync_s = -math.inf
+
+    def successor(self, tool: ToolConfiguration) -> PulseReceiver:
+        """Return a receiver of the same tool, told to send otherwise: what parities taught of its words is kept."""
+        after = PulseReceiver(tool)
+        after._temper = self._temper.following()
+        return after
 
     def strokes(self, pump: int, time_s: Array) -> None:
         """
@@ -158,7 +168,12 @@ class PulseReceiver(SampledReceiver):
         waiting, self._waiting = self._waiting, None
         if waiting is None or (lost.confirmed and waiting[1] < lost.heard):
             return None
-        return Transmission(self._tool, self._grid, *waiting, self._frame)
+        return self._begun(*waiting)
+
+    def _begun(self, found: synchronisation.SyncFound, position: float) -> Transmission:
+        """Transmission that begins with a sync at a position of the grid."""
+        self._temper = self._temper.following()
+        return Transmission(self._tool, self._grid, found, position, self._frame, self._temper)
 
     @property
     def _beyond(self) -> int:
@@ -191,7 +206,7 @@ class PulseReceiver(SampledReceiver):
         if active is not None and active.expects_sync(position):
             active.offer_sync()
         elif active is not None and active.replaced_by(position, found.score):
-            self._active = Transmission(self._tool, self._grid, found, position, self._frame)
+            self._active = self._begun(found, position)
         elif active is not None and (active.sound or found.score <= _SURER * active.score):
             # Data can look like a sync by chance: it counts once the transmission breaks off.
             if self._waiting is None or found.score > self._waiting[0].score:
@@ -200,7 +215,7 @@ class PulseReceiver(SampledReceiver):
             if active is not None:
                 self._add(done, active.close())
                 self._frame = active.frame
-            self._active = Transmission(self._tool, self._grid, found, position, self._frame)
+            self._active = self._begun(found, position)
             self._waiting = None
 
 

@@ -10,7 +10,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.carrier_receiver import CarrierReceiver
 from mwd_surface.receiver.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.serial_receiver import SerialReceiver
-from mwd_surface.receiver.transmission import Reception
+from mwd_surface.receiver.words import Reception
 
 
 class Receiver(Protocol):

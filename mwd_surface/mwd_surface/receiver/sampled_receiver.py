@@ -8,7 +8,7 @@ import abc
 from mwd_sensors.core.arrays import Array
 from mwd_surface.receiver.grid import STEPS_PER_TU, Grid
 from mwd_surface.receiver.resampling import Resampler
-from mwd_surface.receiver.transmission import Reception
+from mwd_surface.receiver.words import Reception
 
 _PIECE = 4096
 

@@ -23,8 +23,7 @@ from mwd_sensors.telemetry.carrier import KINDS, packed, unpacked
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Judged
-from mwd_surface.receiver.transmission import FrameReport, Reception
-from mwd_surface.receiver.words import WordPlace, received
+from mwd_surface.receiver.words import FrameReport, Reception, WordPlace, received
 
 _LONGEST = 600  # bytes without an end: noise, or another baud rate
 _FOLLOWS = 16  # frames that may be lost between two

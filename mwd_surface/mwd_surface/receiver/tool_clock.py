@@ -5,11 +5,15 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.grid import STEPS_PER_TU
 
-# 1 sigma of a tool's clock (0.1 % is the worst), and of its change from stretch to stretch with the temperature.
-_CLOCK, _CLOCK_WALK = 5e-4, 3e-5
+# 1 sigma of a tool's clock in order, and of one of twenty that is not; of its change from stretch to stretch with the
+# temperature.
+_CLOCKS, _SHARES = (5e-4, 5e-3), (0.95, 0.05)
+_CLOCK_WALK = 3e-5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +33,7 @@ class ToolClock:
 
     start: float
     pace: float = STEPS_PER_TU / SAMPLES_PER_TU
-    variance: float = _CLOCK**2
+    variance: float = _CLOCKS[0] ** 2
 
     def at(self, sample: float) -> float:
         """Position of a sample on the grid, steps."""
@@ -60,11 +64,23 @@ class ToolClock:
         """
         drift, variance, middle = timing
         if overlap is None:
-            prior, before = _CLOCK**2, 0.0
+            error, left = _from_all(self.error + drift, variance)
         else:
-            prior, before = self.variance + _CLOCK_WALK**2, self.error
-            variance *= overlap
-        gain = prior / (prior + variance)
-        change = gain * drift - (1.0 - gain) * (self.error - before)
-        turned = self.turned(middle, change)
-        return dataclasses.replace(turned, variance=prior * (1.0 - gain)), change
+            prior = self.variance + _CLOCK_WALK**2
+            gain = prior / (prior + variance * overlap)
+            error, left = self.error + gain * drift, prior * (1.0 - gain)
+        change = error - self.error
+        return dataclasses.replace(self.turned(middle, change), variance=left), change
+
+
+def _from_all(measured: float, variance: float) -> tuple[float, float]:
+    """Error of a clock of which one measurement holds all that is known, and its variance: a mixture of two priors."""
+    sigmas, shares = np.square(_CLOCKS), np.array(_SHARES)
+    total = sigmas + variance
+    logs = np.log(shares) - 0.5 * (np.log(total) + measured**2 / total)
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    gains = sigmas / total
+    mean = float(weights @ gains) * measured
+    spread = float(weights @ (gains * measured - mean) ** 2)
+    return mean, float(weights @ (gains * variance)) + spread

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 
@@ -21,7 +22,7 @@ from mwd_surface.receiver.presence import FADED, Evidence, Presence
 from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.synchronisation import SyncFound
 from mwd_surface.receiver.tool_clock import ToolClock
-from mwd_surface.receiver.words import ERASED, ReceivedWord, WordPlace, packet_rows, received
+from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
 
 _HISTORY_TU = 400
 _BEFORE_TU = 50
@@ -35,45 +36,6 @@ _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width
 _CLEARER = 1.2
 # Share above which a stretch is what it is taken for, although it may look like a sync.
 _CLEAR = 0.7
-
-
-@dataclasses.dataclass(frozen=True)
-class FrameReport:
-    """One pass of a sequence: kind and number, time on air, energy of a bit over noise density, clock error, reason."""
-
-    frame: int
-    kind: str
-    start_s: float
-    end_s: float
-    ebn0_db: float
-    clock_error: float
-    reason: str
-
-
-@dataclasses.dataclass
-class Reception:
-    """
-    What a block of samples completed.
-
-    Attributes
-    ----------
-    words : list of ReceivedWord
-        Words of passes that are complete: final.
-    frames : list of FrameReport
-        Those passes.
-    provisional : list of ReceivedWord
-        Words just heard, `revision` 0; the final one has the same frame and index.
-    """
-
-    words: list[ReceivedWord] = dataclasses.field(default_factory=list)
-    frames: list[FrameReport] = dataclasses.field(default_factory=list)
-    provisional: list[ReceivedWord] = dataclasses.field(default_factory=list)
-
-    def add(self, more: Reception) -> None:
-        """Take what another block completed."""
-        self.words += more.words
-        self.frames += more.frames
-        self.provisional += more.provisional
 
 
 class Transmission:
@@ -90,9 +52,13 @@ class Transmission:
         Where the sync starts, steps of the grid.
     frame : int
         Number of its first pass.
+    temper : Temper
+        What the transmissions before teach of confidence.
     """
 
-    def __init__(self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, frame: int) -> None:
+    def __init__(
+        self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, frame: int, temper: Temper
+    ) -> None:
         self._tool, self._grid = tool, grid
         self._clock = ToolClock(position)
         self._edges = [float(SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu]
@@ -104,8 +70,7 @@ class Transmission:
         # The search has fewer components than the estimate: the same variance in all, spread over more.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
         self._channel = segment.Channel(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
-        parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
-        self._at_once, self.temper = Temper(parity), Temper(parity)
+        self._at_once, self.temper = copy.deepcopy(temper), temper
         self._presence = Presence(found.score)
         self._heard_at = 0
         self._held: list[ReceivedWord] = []

@@ -71,6 +71,45 @@ class ReceivedWord:
 
 
 @dataclasses.dataclass(frozen=True)
+class FrameReport:
+    """One pass of a sequence: kind and number, time on air, energy of a bit over noise density, clock error, reason."""
+
+    frame: int
+    kind: str
+    start_s: float
+    end_s: float
+    ebn0_db: float
+    clock_error: float
+    reason: str
+
+
+@dataclasses.dataclass
+class Reception:
+    """
+    What a block of samples completed.
+
+    Attributes
+    ----------
+    words : list of ReceivedWord
+        Words of passes that are complete: final.
+    frames : list of FrameReport
+        Those passes.
+    provisional : list of ReceivedWord
+        Words just heard, `revision` 0; the final one has the same frame and index.
+    """
+
+    words: list[ReceivedWord] = dataclasses.field(default_factory=list)
+    frames: list[FrameReport] = dataclasses.field(default_factory=list)
+    provisional: list[ReceivedWord] = dataclasses.field(default_factory=list)
+
+    def add(self, more: Reception) -> None:
+        """Take what another block completed."""
+        self.words += more.words
+        self.frames += more.frames
+        self.provisional += more.provisional
+
+
+@dataclasses.dataclass(frozen=True)
 class WordPlace:
     """Where a word stands: frame, index in it, kind of its sequence, revision."""
 

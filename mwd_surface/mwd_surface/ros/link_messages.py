@@ -13,8 +13,7 @@ from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.link import Quality
-from mwd_surface.receiver.transmission import FrameReport
-from mwd_surface.receiver.words import BELIEVED, ReceivedWord
+from mwd_surface.receiver.words import BELIEVED, FrameReport, ReceivedWord
 from mwd_surface.surveys.message_conversion import fill_survey
 from mwd_surface.surveys.survey_record import Survey
 

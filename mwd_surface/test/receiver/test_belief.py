@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft, Temper
+from mwd_surface.receiver.belief import TEMPERATURES, TOOLFACE_LEVEL, Candidate, Soft, Temper
 
 COUNT = len(TEMPERATURES)
 
@@ -33,8 +33,19 @@ def test_parities_that_fail_half_the_time_make_no_word_believed():
     temper = Temper()
     random = np.random.default_rng(1)
     temper.learn([soft(holds=float(h)) for h in random.choice([0.02, 0.98], size=24)])
-    assert temper.weights()[:2].sum() < 0.01
     assert temper.failing > 0.3
+    assert temper.judge(soft(right=1.0)).confidence < TOOLFACE_LEVEL
+
+
+def test_a_proven_configuration_begins_a_transmission_with_less_doubt():
+    """A sync without words behind it takes nothing away, and a transmission whose parities failed gives nothing."""
+    before, failed = Temper(), Temper()
+    before.learn([soft()] * 20)
+    failed.learn([soft(holds=h) for h in (0.02, 0.98) * 12])
+    assert before.following().failing == pytest.approx(0.25 * Temper().failing, rel=0.01)
+    assert before.following().judge(soft()).confidence > Temper().judge(soft()).confidence
+    assert before.following().following().failing < Temper().failing
+    assert failed.following().weights() == pytest.approx(Temper().weights(), abs=1e-3)
 
 
 def test_a_word_without_parity_teaches_nothing():

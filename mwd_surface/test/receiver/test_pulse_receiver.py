@@ -196,3 +196,35 @@ def test_words_are_shown_soon_after_their_end():
         late += [second + 1 - word.end_s for word in got.provisional]
     assert len(late) > 20
     assert np.median(late) < 10.0
+
+
+@pytest.mark.parametrize("clock", [1e-3, -1e-3, 3e-3, -3e-3, 5e-3, -5e-3])
+def test_the_clock_of_the_tool_is_followed(clock):
+    """A tool in order is within 0.1 %; a warm one without compensation may be far outside."""
+    sent = transmit(FAST, ((0.0, 260.0),), 7, clock)
+    got = decode(FAST, *white(FAST, sent, 12.0, seed=3))
+    assert [(w.raw, w.status) for w in got.words] == [(w.raw, BELIEVED) for w in sent.words]
+    assert got.frames[-1].clock_error == pytest.approx(clock, abs=6e-4)
+
+
+@pytest.mark.parametrize("clock", [1e-2, -1e-2])
+def test_a_clock_too_far_off_to_be_followed_gives_no_wrong_word(clock):
+    for seed in range(3):
+        sent = transmit(FAST, ((0.0, 260.0),), seed, clock)
+        words = decode(FAST, *white(FAST, sent, 12.0, seed=seed)).words
+        right = {(word.name, word.raw) for word in sent.words}
+        assert not [word for word in words if word.status == BELIEVED and (word.name, word.raw) not in right]
+
+
+def test_a_receiver_that_starts_amid_a_transmission_reads_from_the_next_sync():
+    channel = MudChannel(well=Well(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
+    sent = transmit(FAST, ((20.0, 250.0), (300.0, 520.0)), 3)
+    run = link_run(channel, sent, 520.0, 3)
+    for start in (90.0, 131.7, 200.0):
+        amid = run.time_s >= start
+        words = decode(FAST, run.time_s[amid], run.pressure_pa[amid]).words
+        second = tuple(word for word in sent.words if word.start_s > 300.0)
+        both = pairs(dataclasses.replace(run, sent=dataclasses.replace(sent, words=second)), words, FAST, 3000.0)
+        assert len(both) == len(second)
+        assert all(s.raw == w.raw and w.status == BELIEVED for s, w in both)
+        assert not [w for w in words if w.status == BELIEVED and w.start_s < 300.0]

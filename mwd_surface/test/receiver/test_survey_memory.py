@@ -119,7 +119,7 @@ def test_a_repeat_brings_the_survey_at_7_db():
             found.append(len(these) == 2 and all(w.status == BELIEVED for w in these))
         run = dataclasses.make_dataclass("Run", ["sent"])(sent)
         wrong += sum(s.raw != w.raw for s, w in pairs(run, words, TOOL, -250.0) if w.status == BELIEVED)
-    # The limit, channel known, is 60 and 98 %: five pulses of a sync and a survey teach the channel less well.
-    assert np.mean(twice) >= 0.55
+    # A receiver that knows channel, noise and temperature believes 68 % once: a survey alone teaches them less well.
+    assert np.mean(twice) >= 0.65
     assert np.mean(twice) > np.mean(once) + 0.3
     assert wrong <= 1
