@@ -14,8 +14,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
+from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, solveh_banded
 
 from mwd_sensors.core.arrays import Array, Indices
 
@@ -144,7 +145,7 @@ def _solved(matrix: Array, load: Array, fixed: NDArray[np.bool_]) -> Array:
     for k in range(4):
         band[3 - k, k:] = np.where(fixed[k:] | fixed[: len(load) - k], 0.0, np.diagonal(matrix, k))
     band[3, fixed] = 1.0
-    return np.asarray(solveh_banded(band, np.where(fixed, 0.0, load)))
+    return np.asarray(scipy.linalg.solveh_banded(band, np.where(fixed, 0.0, load)))
 
 
 def _assembled(beam: Beam) -> tuple[Array, Array, Array]:

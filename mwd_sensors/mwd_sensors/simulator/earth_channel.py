@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
@@ -97,14 +97,14 @@ class EarthVoltage:
         """Next block of voltage, V, at 250 Hz."""
         noise, count = self._channel.noise, self._count
         time = (self._block * count + np.arange(count)) / RATE_HZ
-        whole = signal.oaconvolve(np.asarray(self._drive(time), dtype=float), self._taps)
+        whole = scipy.signal.oaconvolve(np.asarray(self._drive(time), dtype=float), self._taps)
         whole[: len(self._tail)] += self._tail
         self._tail = whole[count:]
         total = whole[:count] + self._pink() * noise.telluric_v
         total += noise.amplifier_v * self._amplifier.normal(size=count)
         decay = math.exp(-1.0 / (20.0 * RATE_HZ))
         white = self._wander.normal(size=count) * math.sqrt(1.0 - decay**2)
-        wander, self._states[-1] = signal.lfilter([1.0], [1.0, -decay], white, zi=self._states[-1])
+        wander, self._states[-1] = scipy.signal.lfilter([1.0], [1.0, -decay], white, zi=self._states[-1])
         total += noise.mains_v * np.cos(2.0 * math.pi * noise.mains_hz * time + 0.2 * wander)
         for k in range(1, 13):
             total += (
@@ -122,7 +122,7 @@ class EarthVoltage:
         for k, corner in enumerate(_CORNERS_HZ):
             decay = math.exp(-2.0 * math.pi * corner / RATE_HZ)
             gain = math.sqrt((1.0 + decay) * (1.0 - decay))
-            one, self._states[k] = signal.lfilter([gain], [1.0, -decay], white, zi=self._states[k])
+            one, self._states[k] = scipy.signal.lfilter([gain], [1.0, -decay], white, zi=self._states[k])
             total += one / math.sqrt(3.0)
         return total
 
@@ -134,7 +134,7 @@ class EarthVoltage:
         steps = np.zeros(self._count)
         places = self._switch.integers(0, self._count, size=count)
         np.add.at(steps, places, noise.switching_v * self._switch.choice((-1.0, 1.0), size=count))
-        out, last = signal.lfilter([1.0], [1.0, -decay], steps, zi=[self._level])
+        out, last = scipy.signal.lfilter([1.0], [1.0, -decay], steps, zi=[self._level])
         self._level = float(last[0])
         return np.asarray(out)
 

@@ -16,8 +16,8 @@ import dataclasses
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import constants, special
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
@@ -69,7 +69,7 @@ class Ground:
 
 def _steel(ground: Ground, omega: Array) -> Complex:
     """Impedance of the string's wall per metre, ohm/m: skin effect in a tube."""
-    k = np.sqrt(1j * omega * constants.mu_0 * _PERMEABILITY * _STEEL)
+    k = np.sqrt(1j * omega * scipy.constants.mu_0 * _PERMEABILITY * _STEEL)
     return np.asarray(k / (2.0 * math.pi * ground.radius_m * _STEEL) / np.tanh(k * ground.wall_m))
 
 
@@ -97,13 +97,13 @@ def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tupl
     """
     omega = 2.0 * math.pi * np.asarray(frequency_hz, dtype=float)
     sigma = 1.0 / resistivity
-    wave = 1j * omega * constants.mu_0 * sigma
+    wave = 1j * omega * scipy.constants.mu_0 * sigma
     leak = 2.0 * math.pi * sigma * _steel(ground, omega)
     radial = np.sqrt(-leak / 8.0)
     for _ in range(_TURNS):
-        radial = np.sqrt(-leak / special.kv(0, radial * ground.radius_m))
+        radial = np.sqrt(-leak / scipy.special.kv(0, radial * ground.radius_m))
         radial = np.where(radial.real < 0.0, -radial, radial)
-    outer = special.kv(0, radial * ground.radius_m)
+    outer = scipy.special.kv(0, radial * ground.radius_m)
     constant = np.sqrt(wave + leak / outer)
     return constant, constant * outer / (2.0 * math.pi * sigma), radial
 
@@ -148,7 +148,7 @@ def response(ground: Ground, frequency_hz: Array) -> Complex:
     at_top = driven * above / (above + below) / voltage * np.exp(-scale)
     radial = layers[0][1][2]
     # The ground's own voltage falls with the logarithm of the distance: an electrode far away sees all of it.
-    share = 1.0 - special.kv(0, radial * ground.electrode_m) / special.kv(0, radial * ground.radius_m)
+    share = 1.0 - scipy.special.kv(0, radial * ground.electrode_m) / scipy.special.kv(0, radial * ground.radius_m)
     return np.asarray(at_top * share)
 
 

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
@@ -144,7 +144,7 @@ class Pressure:
         ]
         total = well.pressure_pa * flow**1.8
         for k, (drop, response) in enumerate(zip(drops, self._responses, strict=True)):
-            whole = signal.oaconvolve(drop, response)
+            whole = scipy.signal.oaconvolve(drop, response)
             whole[: len(self._tails[k])] += self._tails[k]
             self._tails[k] = whole[count:]
             total = total + whole[:count]
@@ -209,5 +209,5 @@ class Pressure:
 
     def _filtered(self, name: str, b: list[float], a: list[float], x: Array) -> Array:
         state = self._filters.get(name, np.zeros(max(len(a), len(b)) - 1))
-        y, self._filters[name] = signal.lfilter(b, a, x, zi=state)
+        y, self._filters[name] = scipy.signal.lfilter(b, a, x, zi=state)
         return np.asarray(y)

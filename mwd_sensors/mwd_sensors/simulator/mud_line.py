@@ -14,8 +14,8 @@ import dataclasses
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import special
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
@@ -65,7 +65,7 @@ def _line(well: Well, omega: Array, radius: float, area: float, friction: float)
     """Propagation constant, 1/m, and characteristic impedance, Pa s/m^3, of a pipe; omega, shape (n,), rad/s."""
     s = radius * np.sqrt(1j * omega * well.density / well.viscosity)
     # I1 / I0, exponentially scaled: the plain functions overflow at some hertz.
-    series = 1j * omega * well.density / area / (1.0 - 2.0 * special.ive(1, s) / (s * special.ive(0, s)))
+    series = 1j * omega * well.density / area / (1.0 - 2.0 * scipy.special.ive(1, s) / (s * scipy.special.ive(0, s)))
     series = series + 2.0 * friction / well.flow_m3_s
     shunt = 1j * omega * area / (well.density * wave_speed(well) ** 2)
     return np.sqrt(series * shunt), np.sqrt(series / shunt)

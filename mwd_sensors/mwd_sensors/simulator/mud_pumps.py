@@ -13,7 +13,7 @@ import dataclasses
 import math
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
@@ -64,7 +64,7 @@ class PumpStream:
         pump, n = self._pump, len(flow)
         decay = math.exp(-1.0 / (self._rate * pump.hunting_s))
         white = self._random.normal(size=n) * math.sqrt(1.0 - decay**2) * pump.hunting
-        hunt, self._hunt = signal.lfilter([1.0], [1.0, -decay], white, zi=self._hunt)
+        hunt, self._hunt = scipy.signal.lfilter([1.0], [1.0, -decay], white, zi=self._hunt)
         rate = pump.strokes_hz * flow * (1.0 + hunt)
         turns = self._phase + np.concatenate([[0.0], np.cumsum(rate) / self._rate])
         whole = np.floor(turns)

@@ -9,7 +9,7 @@ Signal Processing II, 1998, section 7.4); in noise alone the score exceeds x wit
 from __future__ import annotations
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry import carrier as air
@@ -49,7 +49,7 @@ def marker_score(envelope: Complex, known: Array, lines: Complex) -> Array:
     count = PER_SYMBOL * MARKER_SYMBOLS
     shape = shape[:count]
     length = len(white) - count
-    got = signal.correlate(white, shape, mode="valid")[:length]
+    got = scipy.signal.correlate(white, shape, mode="valid")[:length]
     squares = np.concatenate([[0.0], np.cumsum(np.abs(white) ** 2)])
     there = np.concatenate([[0.0], np.cumsum(known)])
     energy = squares[count : count + length] - squares[:length]

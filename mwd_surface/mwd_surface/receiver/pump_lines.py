@@ -13,7 +13,7 @@ import functools
 import math
 
 import numpy as np
-from scipy.fft import next_fast_len
+import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
@@ -48,7 +48,7 @@ def line_frequencies(noise: Array) -> Array:
     """
     # The first difference takes the slope of 1/f noise out, so that the floor is even.
     step = np.diff(noise)
-    whole = next_fast_len(len(step), real=True)
+    whole = scipy.fft.next_fast_len(len(step), real=True)
     power = np.abs(np.fft.rfft((step - step.mean()) * _window(len(step)), whole)) ** 2
     count = len(power) // _NEIGHBOURHOOD
     if count < 3:

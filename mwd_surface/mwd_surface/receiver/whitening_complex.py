@@ -8,7 +8,7 @@ Source: S. M. Kay, Modern Spectral Estimation, 1988, section 7.3 (Yule-Walker).
 from __future__ import annotations
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.receiver.baseband import Complex
@@ -43,5 +43,5 @@ def prediction_error_filter(noise: Complex, weight: Array, order: int) -> Comple
     if lags[0].real <= 0.0:
         return np.ones(1, dtype=complex)
     lags[0] *= 1.0 + _FLOOR
-    a = linalg.solve_toeplitz((lags[:-1], lags[:-1].conj()), lags[1:])
+    a = scipy.linalg.solve_toeplitz((lags[:-1], lags[:-1].conj()), lags[1:])
     return np.concatenate([[1.0 + 0j], -a])
