@@ -9,7 +9,6 @@ therefore written from one parsed list.
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 import yaml
 
 from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.output_files import write_whole
 
 FILE_NAME = "metadata.yaml"
 VERSION = 9
@@ -161,27 +161,7 @@ def serialized(bag: BagMetadata) -> str:
 
 def write(folder: Path, bag: BagMetadata) -> None:
     """Write or replace metadata.yaml of a folder: the old one or the new one is there at every moment."""
-    write_atomically(folder / FILE_NAME, to_text(bag).encode())
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Replace a file by one rename, after its new content is on the disk."""
-    draft = path.with_name(path.name + ".new")
-    with draft.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    draft.replace(path)
-    sync_folder(path.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Make the disk hold the names in a folder."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    write_whole(folder / FILE_NAME, to_text(bag))
 
 
 def read(folder: Path) -> BagMetadata:

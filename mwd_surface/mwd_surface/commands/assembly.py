@@ -11,8 +11,6 @@ import typer
 from mwd_surface.commands.reference_options import Date, Field, Lat, Lon
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from mwd_estimation.assembly.collar_spacing import Steel
     from mwd_estimation.core.reference_field import Reference
 
@@ -59,12 +57,11 @@ def sag(
         for angle in inclinations
         for rate in builds
     ]
-    console = terminal.output()
-    _show_sag(console, rows)
+    _show_sag(rows)
     if output is not None:
         lines = ["inclination_deg,build_deg_30m,sag_correction_deg"]
         lines += [f"{angle:g},{rate:g},{correction:.4f}" for angle, rate, correction in rows]
-        _write(console, output, lines)
+        terminal.write(output.parent, {output.name: "\n".join([*lines, ""])})
 
 
 def spacing(
@@ -113,26 +110,28 @@ def spacing(
     # A field without declination is given as 0: azimuth and field then share magnetic north.
     attitude = math.radians(inclination), math.radians(azimuth) - (turn or 0.0)
     most = collar_spacing.largest_interference(math.radians(limit), *attitude, reference.horizontal)
-    console = terminal.output()
+    lines: list[tuple[str, str]] = []
     if assembly is not None:
         pieces = collar_spacing.pieces_of(read_assembly(assembly))
-        _show_pieces(console, pieces)
+        _show_pieces(pieces)
         field_t = collar_spacing.interference(pieces)
         error = max(
             abs(collar_spacing.azimuth_error(sign * field_t, *attitude, reference.horizontal)) for sign in (-1.0, 1.0)
         )
-        _line(console, "interference", f"up to {field_t * 1e9:.0f} nT along the tool")
+        lines.append(("interference", f"up to {field_t * 1e9:.0f} nT along the tool"))
         verdict = "within" if error <= math.radians(limit) else "beyond"
-        _line(console, "azimuth error", f"up to {math.degrees(error):.2f} deg, {verdict} the limit of {limit:g} deg")
+        lines.append(("azimuth error", f"up to {math.degrees(error):.2f} deg, {verdict} the limit of {limit:g} deg"))
     if math.isinf(most):
-        _line(console, "allowed", f"any interference: in this direction none turns the azimuth by {limit:g} deg")
+        lines.append(("allowed", f"any interference: in this direction none turns the azimuth by {limit:g} deg"))
+        terminal.facts(lines)
         return
-    _line(console, "allowed", f"{most * 1e9:.0f} nT for an azimuth error of {limit:g} deg")
+    lines.append(("allowed", f"{most * 1e9:.0f} nT for an azimuth error of {limit:g} deg"))
     poles = _pole("--above", above), _pole("--below", below)
     if assembly is not None:
         poles, below_length = _poles_of(pieces, poles, below_length)
     up, down = collar_spacing.shortest_collars(*poles, below_length, most)
-    _line(console, "collars", f"{up:.1f} m non-magnetic above the sensors and {down:.1f} m below keep it")
+    lines.append(("collars", f"{up:.1f} m non-magnetic above the sensors and {down:.1f} m below keep it"))
+    terminal.facts(lines)
 
 
 def _poles_of(
@@ -195,36 +194,20 @@ def _numbers(option: str, text: str) -> list[float]:
     return [low + k * step for k in range(math.floor((high - low) / step + 1e-9) + 1)]
 
 
-def _show_sag(console: Console, rows: list[tuple[float, float, float]]) -> None:
-    from rich.table import Table
+def _show_sag(rows: list[tuple[float, float, float]]) -> None:
+    from mwd_surface.commands import terminal
 
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("inclination deg", "build deg/30m", "add to inclination deg"):
-        table.add_column(name, justify="right")
+    table = terminal.table(("inclination deg", "build deg/30m", "add to inclination deg"))
     for angle, rate, correction in rows:
         table.add_row(f"{angle:g}", f"{rate:g}", f"{round(correction, 3) + 0.0:+.3f}")
-    console.print(table, soft_wrap=False)
+    terminal.output().print(table, soft_wrap=False)
 
 
-def _show_pieces(console: Console, pieces: tuple[Steel, ...]) -> None:
-    from rich.table import Table
+def _show_pieces(pieces: tuple[Steel, ...]) -> None:
+    from mwd_surface.commands import terminal
 
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for name in ("steel", "from sensors m", "length m", "pole uWb", "field nT"):
-        table.add_column(name, justify="left" if name == "steel" else "right")
+    table = terminal.table(("steel", "from sensors m", "length m", "pole uWb", "field nT"), left=("steel",))
     for piece in pieces:
         length = f"{piece.length:.1f}" if piece.length < 1e6 else "string"
         table.add_row(piece.name, f"{piece.near:.1f}", length, f"{piece.pole * 1e6:.0f}", f"{piece.field * 1e9:.0f}")
-    console.print(table, soft_wrap=False)
-
-
-def _line(console: Console, name: str, text: str) -> None:
-    console.print(f"{name:>13}  {text}", markup=False)
-
-
-def _write(console: Console, path: Path, lines: list[str]) -> None:
-    from mwd_surface.bags.bag_metadata import write_atomically
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, ("\n".join(lines) + "\n").encode())
-    console.print(f"written: {path}", markup=False)
+    terminal.output().print(table, soft_wrap=False)

@@ -126,7 +126,5 @@ def _show(output: Path, index: Path, outcomes: Sequence[Outcome], elapsed: float
         ("speed", f"{samples / max(elapsed, 1e-9):,.0f} samples/s ({elapsed:.1f} s)"),
         ("written", f"{index}, {', '.join(f'{output / name}/*.parquet' for name in ('bags', 'surveys', 'attitude'))}"),
     ]
-    console = terminal.output()
-    for name, value in lines:
-        console.print(f"{name:>10}  {value}", markup=False)
+    terminal.facts(lines, 10)
     return len(failures)

@@ -45,7 +45,6 @@ def clearance(
       mwd clearance a1 --offsets wells.yaml -o a1/clearance --programme programme.yaml
       mwd clearance out/run_7 --offsets wells.yaml -o out/near --plan plan.csv
     """
-    from mwd_surface.bags.bag_metadata import write_atomically
     from mwd_surface.commands import terminal
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.plots.clearance_plots import ladder, png, travelling_cylinder
@@ -66,19 +65,15 @@ def clearance(
         terminal.warn(remark)
     if not near.found:
         raise ValueError(f"--offsets {offsets}: none of the wells can be compared")
-    files = {
-        "clearance.csv": clearance_csv(near.found).encode(),
+    files: dict[str, str | bytes] = {
+        "clearance.csv": clearance_csv(near.found),
         "ladder.png": png(ladder(near.found)),
         "travelling_cylinder.png": png(travelling_cylinder(near.found)),
     }
-    output.mkdir(parents=True, exist_ok=True)
-    for name, data in files.items():
-        write_atomically(output / name, data)
     _show(near.found)
-    console = terminal.output()
     for one in near.ahead()[:1]:
-        console.print(f"from the last survey at {near.surveyed:.1f} m on: {one.sentence()}", markup=False)
-    console.print(f"written: {', '.join(str(output / name) for name in files)}", markup=False)
+        terminal.output().print(f"from the last survey at {near.surveyed:.1f} m on: {one.sentence()}", markup=False)
+    terminal.write(output, files)
     if near.level == Level.STOP:
         raise typer.Exit(1)
 
@@ -99,14 +94,10 @@ def _with_model(surveys: SurveyList, programme: Path | None, code: str | None) -
 def _show(found: Sequence[Clearance]) -> None:
     import math
 
-    from rich.table import Table
-
     from mwd_surface.commands import terminal
 
-    table = Table(box=None, header_style="dim")
-    table.add_column("offset well")
-    for name in ("depth m", "its depth m", "distance m", "allowed m", "factor", "toolface deg", "level"):
-        table.add_column(name, justify="right")
+    names = ("offset well", "depth m", "its depth m", "distance m", "allowed m", "factor", "toolface deg", "level")
+    table = terminal.table(names, left=("offset well",))
     for other in found:
         at = other.least
         table.add_row(

@@ -64,11 +64,10 @@ def compare(
         if output is not None:
             from mwd_surface.plots import run_comparison
 
-            output.parent.mkdir(parents=True, exist_ok=True)
-            output.write_bytes(run_comparison.picture(run, expected))
+            picture = run_comparison.picture(run, expected)
     _show(found, limited=bool(limits))
     if output is not None:
-        terminal.output().print(f"written: {output}", markup=False)
+        terminal.write(output.parent, {output.name: picture})
     if not found.agree:
         raise typer.Exit(1)
 
@@ -85,22 +84,17 @@ def _limits(given: list[str] | None) -> dict[str, float]:
 
 
 def _show(found: Comparison, *, limited: bool) -> None:
-    from rich.table import Table
-
     from mwd_surface.commands import terminal
 
     console = terminal.output()
     if found.stations:
-        table = Table(title="stations, ours less expected", title_justify="left", box=None)
-        for heading in ("no", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg"):
-            table.add_column(heading, justify="right")
+        headings = ("no", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg")
+        table = terminal.table(headings, title="stations, ours less expected")
         for one in found.stations:
             angles = (f"{one.differences[name]:+.4f}" for name in ("inclination_deg", "azimuth_deg", "toolface_deg"))
             table.add_row(one.sequence, one.measured_depth or "-", f"{one.stamp_difference_s:+.3f}", *angles)
         console.print(table)
-    table = Table(title="samples, ours less expected", title_justify="left", box=None)
-    for heading in ("", "samples", "mean deg", "rms deg", "largest deg"):
-        table.add_column(heading, justify="left" if not heading else "right")
+    table = terminal.table(("", "samples", "mean deg", "rms deg", "largest deg"), title="samples, ours less expected")
     for line in found.statistics:
         figures = (f"{line.mean:+.5f}", f"{line.rms:.5f}", f"{line.largest:.5f}") if line.count else ("-", "-", "-")
         table.add_row(line.name, str(line.count), *figures)

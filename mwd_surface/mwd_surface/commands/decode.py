@@ -43,6 +43,7 @@ def decode(
       mwd decode standpipe.wav --tool tool.yaml -o decoded
       mwd decode voltage.csv --tool em.yaml -o decoded
     """
+    from mwd_sensors.core.output_files import write_whole
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
     from mwd_surface.receiver import picture, pressure_files, pulse_receiver, receivers, word_files
@@ -66,13 +67,13 @@ def decode(
     got = receiver.push(read.time_s, read.pressure_pa)
     got.add(receiver.finish())
     output.mkdir(parents=True, exist_ok=True)
-    (output / "words.csv").write_text(word_files.words_csv(got.words), encoding="utf-8")
-    (output / "surveys.csv").write_text(word_files.surveys_csv(got.words), encoding="utf-8")
+    write_whole(output / "words.csv", word_files.words_csv(got.words))
+    write_whole(output / "surveys.csv", word_files.surveys_csv(got.words))
     names = "words.csv, surveys.csv"
     if not wired:
         quantity = picture.VOLTAGE if configuration.medium == "earth" else picture.PRESSURE
         drawn = picture.image(read.time_s, read.pressure_pa, got.words, configuration.shortest_s, quantity=quantity)
-        (output / "picture.png").write_bytes(drawn)
+        write_whole(output / "picture.png", drawn)
         names += ", picture.png"
     console = terminal.output()
     for frame in got.frames:

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mwd_surface.commands.graph import visit
+from mwd_surface.commands.graph import Domain, visit
 
 if TYPE_CHECKING:
     from mwd_surface.ros.graph_client import GraphClient
 
 app = typer.Typer(no_args_is_help=True, help="Commands to the tool of a running graph, by flow or rotation.")
-Domain = Annotated[
-    int | None, typer.Option(help="Middleware domain; by default ROS_DOMAIN_ID, else that of the run on this machine.")
-]
 Name = Annotated[str, typer.Option("--name", help="Your name, for the journal.")]
 _SUBMIT, _GRANT, _DENY, _ABORT = range(4)
 _STATES = (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Date, Field, Lat, Lon
+from mwd_surface.commands.reference_options import Changes, Convergence, Date, Declination, Field, Lat, Lon
 
 if TYPE_CHECKING:
     from mwd_surface.surveys.forecast import Forecast
@@ -25,12 +25,8 @@ def forecast(
     lon: Lon = None,
     date: Date = None,
     field: Field = None,
-    declination: Annotated[
-        float | None, typer.Option(help="Magnetic from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
-    ] = None,
-    convergence: Annotated[
-        float | None, typer.Option(help="Grid from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
-    ] = None,
+    declination: Declination = None,
+    convergence: Convergence = None,
     changes: Changes = None,
 ) -> None:
     """
@@ -46,7 +42,6 @@ def forecast(
     """
     import math
 
-    from mwd_surface.bags.bag_metadata import write_atomically
     from mwd_surface.commands import terminal
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
     from mwd_surface.exports.forecast_csv import forecast_csv
@@ -75,27 +70,20 @@ def forecast(
         planned, planned.north or north, code, reference, latitude, axial=axial * 1e-9, most=math.radians(limit)
     )
     chart = correction_map(code, reference, latitude) if corrected_sibling(code) else None
-    files = {"forecast.csv": forecast_csv(found).encode(), "forecast.png": png(forecast_figure(found, chart))}
-    output.mkdir(parents=True, exist_ok=True)
-    for name, data in files.items():
-        write_atomically(output / name, data)
     _show(found)
-    terminal.output().print(f"written: {', '.join(str(output / name) for name in files)}", markup=False)
+    terminal.write(output, {"forecast.csv": forecast_csv(found), "forecast.png": png(forecast_figure(found, chart))})
 
 
 def _show(found: Forecast) -> None:
     import math
 
     import numpy as np
-    from rich.table import Table
 
     from mwd_surface.commands import terminal
     from mwd_surface.exports.survey_table import fixed
 
-    table = Table(box=None, header_style="dim")
     names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "corrected", "", "field nT", "dip", "pass %")
-    for name in names:
-        table.add_column(name, justify="right")
+    table = terminal.table(names)
     # The whole is in the file; here some stations along the hole.
     for k in np.unique(np.linspace(0, found.md.size - 1, 14).astype(int)):
         degrees = (found.inclination, found.true_azimuth, found.sigma_inclination, found.sigma_azimuth)

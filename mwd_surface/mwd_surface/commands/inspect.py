@@ -90,8 +90,7 @@ def inspect(
     if others:
         lines.append(("not used", ", ".join(f"{topic.name} ({topic.type_name})" for topic in others)))
     lines += [("missing", f"for {result}: {need}") for result, need in found.missing]
-    for name, value in lines:
-        console.print(f"{name:>14}  {value}", markup=False)
+    terminal.facts(lines, 14)
     for remark in [*notes, *found.remarks]:
         terminal.warn(remark)
     if not complete:

@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Date, Field, Lat, Lon
+from mwd_surface.commands.reference_options import Changes, Convergence, Date, Declination, Field, Lat, Lon
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from mwd_surface.exports.survey_table import SurveyTable
     from mwd_surface.surveys.leg import TieOn
     from mwd_surface.surveys.list_comparison import PathDifference
@@ -62,12 +60,8 @@ def path(
     lon: Lon = None,
     date: Date = None,
     field: Field = None,
-    declination: Annotated[
-        float | None, typer.Option(help="Magnetic from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
-    ] = None,
-    convergence: Annotated[
-        float | None, typer.Option(help="Grid from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
-    ] = None,
+    declination: Declination = None,
+    convergence: Convergence = None,
     changes: Changes = None,
 ) -> None:
     """
@@ -86,7 +80,6 @@ def path(
     options = locals()  # first of all: the options alone, by name
     import dataclasses
 
-    from mwd_surface.bags.bag_metadata import write_atomically
     from mwd_surface.commands import terminal
     from mwd_surface.exports.path_csv import path_csv
     from mwd_surface.surveys.programme import read_programme
@@ -98,20 +91,14 @@ def path(
         well = dataclasses.replace(surveys.well, programme=str(programme.resolve()))
         surveys = surveys.configured(well, surveys.rules)
     table = _table(surveys)
-    output.mkdir(parents=True, exist_ok=True)
-    files = {"path.csv": path_csv(table).encode()}
+    files: dict[str, str | bytes] = {"path.csv": path_csv(table)}
     stored = output / "surveys.json"
     if not _is_source(source, stored):
         files[stored.name] = encoded(surveys)
-    console = terminal.output()
-    _show(console, table)
+    _show(table)
     if against is not None:
-        files |= _compared(
-            console, table, _surveys(against, options, against_code, surveys), (source.stem, against.stem)
-        )
-    for name, data in files.items():
-        write_atomically(output / name, data)
-    console.print(f"written: {', '.join(str(output / name) for name in files)}", markup=False)
+        files |= _compared(table, _surveys(against, options, against_code, surveys), (source.stem, against.stem))
+    terminal.write(output, files)
 
 
 def _surveys(source: Path, options: dict[str, Any], code: str | None, beside: SurveyList | None = None) -> SurveyList:
@@ -231,7 +218,7 @@ def _is_source(source: Path, stored: Path) -> bool:
     )
 
 
-def _compared(console: Console, table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> dict[str, bytes]:
+def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> dict[str, str | bytes]:
     """Files of the comparison of a path with that of another list, from the same north."""
     import dataclasses
 
@@ -242,35 +229,33 @@ def _compared(console: Console, table: SurveyTable, other: SurveyList, names: tu
     well = dataclasses.replace(other.well, north_reference=table.surveys.well.north_reference)
     second = _table(other.configured(well, other.rules))
     found = difference(table.path, second.path, (table.covariance, second.covariance))
-    _show_difference(console, found, names)
-    return {
-        "comparison.csv": comparison_csv(found).encode(),
-        "comparison.png": picture(found, *names),
-    }
+    _show_difference(found, names)
+    return {"comparison.csv": comparison_csv(found), "comparison.png": picture(found, *names)}
 
 
-def _show(console: Console, table: SurveyTable) -> None:
+def _show(table: SurveyTable) -> None:
+    from mwd_surface.commands import terminal
+
     path, last = table.path, len(table.records) - 1
     n, e, down = path.positions[last]
-    lines = [
+    lines = (
         ("stations", f"{len(table.records)}, to {path.md[last]:.2f} m ({path.kind[last]})"),
         ("end", f"{down:.2f} m TVD, {n:+.2f} m north, {e:+.2f} m east"),
         ("azimuth", f"from {path.north.name.lower()} north"),
         ("sigmas", table.covariance_note),
-    ]
-    for name, value in lines:
-        console.print(f"{name:>13}  {value}", markup=False)
+    )
+    terminal.facts(lines)
 
 
-def _show_difference(console: Console, found: PathDifference, names: tuple[str, str]) -> None:
+def _show_difference(found: PathDifference, names: tuple[str, str]) -> None:
     import math
 
     import numpy as np
-    from rich.table import Table
 
-    table = Table(title=f"{names[0]} less {names[1]}", title_justify="left", box=None, header_style="dim")
-    for name in ("depth m", "inclination deg", "azimuth deg", "north m", "east m", "down m", "sigmas"):
-        table.add_column(name, justify="right")
+    from mwd_surface.commands import terminal
+
+    columns = ("depth m", "inclination deg", "azimuth deg", "north m", "east m", "down m", "sigmas")
+    table = terminal.table(columns, title=f"{names[0]} less {names[1]}")
     # The whole is in the file; here some stations along the hole.
     for k in np.unique(np.linspace(0, found.md.size - 1, 12).astype(int)):
         sigmas = found.sigmas[k]
@@ -280,4 +265,4 @@ def _show_difference(console: Console, found: PathDifference, names: tuple[str, 
             *(f"{v:+.2f}" for v in found.position[k]),
             f"{sigmas:.1f}" if math.isfinite(sigmas) else "-",
         )
-    console.print(table)
+    terminal.output().print(table)

@@ -35,6 +35,7 @@ def plot(
       mwd plot bags/run_7 -o all.png --what all
       mwd plot bags/two_wells -o well_2.png --topic /well_2/imu/data_raw --topic /well_2/imu/mag
     """
+    from mwd_sensors.core.output_files import write_whole
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
     from mwd_surface.plots import bag_plots
@@ -53,7 +54,7 @@ def plot(
         notes = list(dict.fromkeys(opened.notes))
     picture = bag_plots.image(bag_plots.figure(data, words), kind)
     output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_bytes(picture)
+    write_whole(output, picture)
     for note in [*notes, *data.remarks]:
         terminal.warn(note)
     drawn = ", ".join(bag_plots.sections(data, words))

@@ -208,8 +208,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         ("speed", f"{summary.rows / max(elapsed, 1e-9):,.0f} samples/s ({elapsed:.1f} s)"),
     ]
     lines[2:2] = _settings_lines(estimator, recorded, summary)
-    for name, value in lines:
-        console.print(f"{name:>13}  {value}", markup=False)
+    terminal.facts(lines)
     if summary.surveys:
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
         # Of a recording without depths the line above says so.
@@ -226,8 +225,8 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         for flag, which in flagged.items():
             terminal.warn(f"survey {numbered(which)}: {flag}")
     else:
-        console.print(f"{'surveys':>13}  none: the tool never kept still for long enough", markup=False)
-    console.print(f"{'written':>13}  {', '.join(str(folder / name) for name in summary.files)}", markup=False)
+        terminal.facts([("surveys", "none: the tool never kept still for long enough")])
+    terminal.facts([("written", ", ".join(str(folder / name) for name in summary.files))])
 
 
 def _settings_lines(estimator: EstimatorSettings, recorded: Recorded, summary: Summary) -> list[tuple[str, str]]:

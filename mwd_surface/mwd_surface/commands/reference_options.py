@@ -32,6 +32,12 @@ Field = Annotated[
         metavar="B,D,D",
     ),
 ]
+Declination = Annotated[
+    float | None, typer.Option(help="Magnetic from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+]
+Convergence = Annotated[
+    float | None, typer.Option(help="Grid from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+]
 Config = Annotated[
     Path | None,
     typer.Option(

@@ -8,19 +8,25 @@ from typing import Annotated
 
 import typer
 
-from mwd_surface.commands.reference_options import FIELD_PANEL, Changes, Config, Date, Field, Lat, Lon
+from mwd_surface.commands.reference_options import (
+    FIELD_PANEL,
+    Changes,
+    Config,
+    Convergence,
+    Date,
+    Declination,
+    Field,
+    Lat,
+    Lon,
+)
 
 
 def survey(
     stations: Annotated[Path, typer.Argument(help="CSV with one line per station and named columns.")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="CSV to write.")] = None,
     field: Field = None,
-    declination: Annotated[
-        float | None, typer.Option(help="Magnetic from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
-    ] = None,
-    convergence: Annotated[
-        float | None, typer.Option(help="Grid from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
-    ] = None,
+    declination: Declination = None,
+    convergence: Convergence = None,
     gravity: Annotated[float | None, typer.Option(help="Local gravity, m/s^2.", rich_help_panel=FIELD_PANEL)] = None,
     lat: Lat = None,
     lon: Lon = None,
@@ -58,7 +64,6 @@ def survey(
     from mwd_estimation.survey.six_axis_columns import find_columns
     from mwd_estimation.survey.six_axis_table import single_stations, table_rows
     from mwd_estimation.survey.table_run import run_stations
-    from mwd_surface.bags import bag_metadata
     from mwd_surface.commands import terminal
     from mwd_surface.commands.survey_table import repeated, run_sentences, show_surveys
     from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
@@ -83,6 +88,4 @@ def survey(
         console.print(sentence, markup=False)
     if output is not None:
         lines = [station_csv.row_cells(row) for row in worked]
-        output.parent.mkdir(parents=True, exist_ok=True)
-        bag_metadata.write_atomically(output, station_csv.text(station_csv.ROW_COLUMNS, lines).encode())
-        console.print(f"written: {output}", markup=False)
+        terminal.write(output.parent, {output.name: station_csv.text(station_csv.ROW_COLUMNS, lines)})

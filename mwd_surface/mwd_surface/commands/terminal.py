@@ -5,9 +5,14 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 
 def output() -> Console:
@@ -18,6 +23,40 @@ def output() -> Console:
 def remarks() -> Console:
     """Console of warnings and errors."""
     return Console(stderr=True, soft_wrap=True, highlight=False)
+
+
+def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
+    """Names, right-aligned to a width, with their values, a line each."""
+    console = output()
+    for name, value in lines:
+        console.print(f"{name:>{width}}  {value}", markup=False)
+
+
+def table(names: Iterable[str], left: Container[str] = ("",), *, title: str | None = None) -> Table:
+    """A table without a frame: columns of figures to the right, those in `left` to the left."""
+    from rich.table import Table
+
+    made = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for name in names:
+        made.add_column(name, justify="left" if name in left else "right")
+    return made
+
+
+def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
+    """
+    Write files into a folder, made if need be, each whole or not at all, and say where they are.
+
+    Raises
+    ------
+    OSError
+        The folder cannot be made, or the disk refuses.
+    """
+    from mwd_sensors.core.output_files import write_whole
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, data in files.items():
+        write_whole(folder / name, data)
+    output().print(f"written: {', '.join(str(folder / name) for name in files)}", markup=False)
 
 
 def warn(sentence: str) -> None:

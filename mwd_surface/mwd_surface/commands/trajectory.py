@@ -41,7 +41,6 @@ def trajectory(
       mwd trajectory processed --recording bags/run_7 -o dense
       mwd trajectory list.csv --continuous continuous.las -o dense --step 0.5
     """
-    from mwd_surface.bags.bag_metadata import write_atomically
     from mwd_surface.commands import terminal
     from mwd_surface.exports.trajectory_files import summary, trajectory_csv, trajectory_las
     from mwd_surface.plots.trajectory_plot import trajectory_plot
@@ -64,17 +63,13 @@ def trajectory(
         terminal.warn(remark)
     if not found.has_detail:
         terminal.warn("nothing is known of any interval between stations: every one is an arc")
-    console = terminal.output()
-    console.print(summary(found), markup=False)
-    output.mkdir(parents=True, exist_ok=True)
-    files: dict[str, bytes] = {
-        "trajectory.csv": trajectory_csv(found, path.north.name.lower()).encode(),
-        "trajectory.las": trajectory_las(found, surveys.well).encode(),
+    terminal.output().print(summary(found), markup=False)
+    files: dict[str, str | bytes] = {
+        "trajectory.csv": trajectory_csv(found, path.north.name.lower()),
+        "trajectory.las": trajectory_las(found, surveys.well),
         "trajectory.png": trajectory_plot(found),
     }
-    for name, data in files.items():
-        write_atomically(output / name, data)
-    console.print(f"written: {', '.join(str(output / name) for name in files)}", markup=False)
+    terminal.write(output, files)
 
 
 def _continuous(source: Path, surveys: SurveyList, table: Path | None, recording: Path | None) -> Continuous | None:

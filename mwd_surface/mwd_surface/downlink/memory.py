@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.telemetry.tool_commands import ToolSettings, applied
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
@@ -58,7 +59,5 @@ class Memory:
         if (in_force, counter) == self._written:
             return
         self._file.parent.mkdir(parents=True, exist_ok=True)
-        fresh = self._file.with_suffix(".writing")
-        fresh.write_text(json.dumps({"in_force": in_force._asdict(), "counter": counter}) + "\n", encoding="utf-8")
-        fresh.replace(self._file)
+        write_whole(self._file, json.dumps({"in_force": in_force._asdict(), "counter": counter}) + "\n")
         self._written = (in_force, counter)

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import difflib
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mwd_sensors.core.output_files import write_whole
 from mwd_surface.exports.export_name import safe_name
 
 if TYPE_CHECKING:
@@ -124,16 +123,9 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
         stem = safe_name(safe_name(table.surveys.well.wellbore_name)[:48], made.word, moment)
     path = Path(folder) / (stem + made.ending)
     data = made.make(table)
-    fresh = path.with_name(path.name + ".writing")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with fresh.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        fresh.replace(path)
+        write_whole(path, data)
     except OSError as error:
-        with contextlib.suppress(OSError):
-            fresh.unlink()
         raise ExportError(f"{path} not written: {error.strerror}") from error
     return path

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jinja2
 
+from mwd_sensors.core.output_files import write_whole
 from mwd_surface.fleet.fleet_dataset import FAILED
 from mwd_surface.fleet.fleet_task import Outcome
 
@@ -85,7 +86,5 @@ def write_index(folder: Path, outcomes: Sequence[Outcome]) -> Path:
         The folder cannot be written.
     """
     path = folder / "index.html"
-    draft = folder / ".index.html.unfinished"
-    draft.write_text(index_html(outcomes), encoding="utf-8")
-    draft.replace(path)
+    write_whole(path, index_html(outcomes))
     return path

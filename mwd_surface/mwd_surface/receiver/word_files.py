@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from mwd_sensors.core.output_files import write_whole
 from mwd_surface.receiver.words import BY_CONSISTENCY, ReceivedWord
 
 WORD_HEADER = (
@@ -124,7 +125,4 @@ class WordFiles:
             self._write_surveys()
 
     def _write_surveys(self) -> None:
-        # A file beside takes its place at once: whoever reads it never sees half of it.
-        beside = self._surveys.with_suffix(".csv.part")
-        beside.write_text(surveys_csv(self._heard), encoding="utf-8")
-        beside.replace(self._surveys)
+        write_whole(self._surveys, surveys_csv(self._heard))

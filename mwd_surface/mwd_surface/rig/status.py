@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from mwd_sensors.core.output_files import write_whole
 from mwd_surface.rig.interface import InterfaceStatus, PeerStatus
 
 FILE_NAME = "rig_status.json"
@@ -55,9 +55,7 @@ def write_status(path: Path, status: RigStatus) -> None:
         It cannot be written.
     """
     text = json.dumps({"version": _VERSION, **dataclasses.asdict(status)})
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+    write_whole(path, text, lasting=False)
 
 
 def read_status(path: Path) -> RigStatus:

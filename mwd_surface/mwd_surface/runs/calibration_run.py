@@ -19,6 +19,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator.scenario import Scenario, parse
 from mwd_sensors.simulator.sonde import Sonde, reference_of
@@ -147,7 +148,7 @@ def write(path: Path, found: Calibration, about: Mapping[str, Any]) -> None:
     head = "# Made by `mwd calibrate`. SI units: rad/s, m/s^2, T, degC. Corrected = matrix @ ((reading - bias\n"
     head += "# - bias_per_c * warm) / (1 + scale_per_c * warm)), warm = temperature - reference_c.\n"
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(head + yaml.safe_dump(table, sort_keys=False, default_flow_style=None), encoding="utf-8")
+    write_whole(path, head + yaml.safe_dump(table, sort_keys=False, default_flow_style=None))
 
 
 def read(path: Path, unit: str = "ahrs") -> Calibration:

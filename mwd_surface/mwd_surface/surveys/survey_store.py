@@ -18,6 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from mwd_sensors.core.output_files import sync_folder
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
@@ -94,7 +95,7 @@ class SurveyStore:
             if self.current.exists():
                 self._keep_current_as_previous()
             self._fresh.replace(self.current)
-            self._flush_folder()
+            sync_folder(self.folder)
         except OSError as error:
             raise StoreError(f"survey list not saved in {self.folder}: {error.strerror}") from error
 
@@ -143,13 +144,6 @@ class SurveyStore:
             k += 1
         path.rename(aside)
         return aside
-
-    def _flush_folder(self) -> None:
-        handle = os.open(self.folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def encoded(surveys: SurveyList) -> bytes:

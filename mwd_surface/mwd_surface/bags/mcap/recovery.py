@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_sensors.core.output_files import sync_folder
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import BagMetadata, MetadataError
 from mwd_surface.bags.mcap.bag_summary import metadata_of_files
@@ -100,7 +101,7 @@ def recover_file(source: Path, target: Path, going_on: Callable[[], bool] = _alw
         draft.unlink()
         return report
     draft.replace(target)
-    bag_metadata.sync_folder(target.parent)
+    sync_folder(target.parent)
     return dataclasses.replace(report, target=target)
 
 
@@ -135,7 +136,7 @@ def recover_bag(folder: Path, going_on: Callable[[], bool] = _always, *, thoroug
             # A disk without hard links.
             path.rename(kept)
         fresh.replace(path)
-        bag_metadata.sync_folder(folder)
+        sync_folder(folder)
         reports.append(dataclasses.replace(report, target=path, kept=kept))
     _renew_metadata(folder)
     return reports
