@@ -9,11 +9,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from mwd_estimation.precision_settings import PrecisionUnit
 from mwd_estimation.tool_settings import Tool
-from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
 # Terms of a grade that a simulated sensor has and no filter here asks for.
@@ -66,10 +64,7 @@ def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict
     OSError
         The file cannot be read.
     """
-    try:
-        table = load_yaml(read_text(path))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+    table = read_yaml(path)
     if not isinstance(table, Mapping):
         raise SettingsError(f"{path}: expected a table of settings, got {table!r}")
     return used(table, unit)

@@ -8,9 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
-
-from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
 
 # 1 sigma of the sag left after a correction by a model, in a horizontal hole, deg: SAGE of the OWSG codes with SAG.
@@ -126,10 +124,7 @@ def read_assembly(path: Path) -> Assembly:
     OSError
         The file cannot be read.
     """
-    try:
-        table = load_yaml(read_text(path))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+    table = read_yaml(path)
     if not isinstance(table, Mapping):
         raise SettingsError(f"{path}: expected an assembly with hole_mm, sensor_m and components, got {table!r}")
     return from_mapping(Assembly, table, path.name)

@@ -17,6 +17,8 @@ from typing import Any
 
 import yaml
 
+from mwd_sensors.core.settings import SettingsError
+
 LARGEST = 50_000_000  # bytes; a survey list of a million stations is no larger
 _DEEPEST = 50
 _MOST_NODES = 1_000_000
@@ -55,6 +57,21 @@ def read_text(path: Path, most: int = LARGEST) -> str:
         It is not UTF-8.
     """
     return read_file(path, most).decode("utf-8-sig")
+
+
+def read_yaml(path: Path, most: int = LARGEST) -> Any:
+    """
+    Read a YAML file of plain types. OSError as `read_file`.
+
+    Raises
+    ------
+    SettingsError
+        It is not UTF-8, or none that `load_yaml` takes; names the file.
+    """
+    try:
+        return load_yaml(read_text(path, most))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
 
 
 def load_yaml(text: str) -> Any:

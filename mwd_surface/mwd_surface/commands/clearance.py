@@ -47,7 +47,8 @@ def clearance(
     """
     from mwd_surface.commands import terminal
     from mwd_surface.exports.clearance_csv import clearance_csv
-    from mwd_surface.plots.clearance_plots import ladder, png, travelling_cylinder
+    from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
+    from mwd_surface.plots.drawing import png
     from mwd_surface.surveys.clearance import Level
     from mwd_surface.surveys.list_file import is_list
     from mwd_surface.surveys.offset_wells import read_offset_wells

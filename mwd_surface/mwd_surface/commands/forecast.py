@@ -45,7 +45,7 @@ def forecast(
     from mwd_surface.commands import terminal
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
     from mwd_surface.exports.forecast_csv import forecast_csv
-    from mwd_surface.plots.clearance_plots import png
+    from mwd_surface.plots.drawing import png
     from mwd_surface.plots.forecast_plot import forecast_figure
     from mwd_surface.surveys.error_terms import check_tool_code
     from mwd_surface.surveys.forecast import corrected_sibling, correction_map

@@ -6,9 +6,9 @@ from __future__ import annotations
 import jinja2
 
 from mwd_surface.exports.report_content import content
-from mwd_surface.exports.report_plots import svg
 from mwd_surface.exports.report_section import TINTS, Drawing
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.plots.drawing import svg
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -95,6 +95,8 @@ def report_html(table: SurveyTable) -> str:
 def _drawn(drawing: Drawing) -> str:
     figure = drawing.draw()
     text = svg(figure)
+    # An element of the page, without the head of a document.
+    text = text[text.index("<svg") :]
     # A figure is a web of cycles; a node that draws one a survey must not wait for the collector.
     figure.clear()
     return text

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from mwd_surface.exports.report_content import Content, content
-from mwd_surface.exports.report_plots import png
 from mwd_surface.exports.report_section import TINTS, Drawing, Section, Sheet
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.plots.drawing import png
 
 _FONT = "DejaVu"
 _MARK = (255, 243, 224)
@@ -111,7 +111,7 @@ def _drawings(pdf: Any, drawings: Sequence[Drawing]) -> None:
         pdf.set_xy(10.0 + column * (narrow + 8.0), top)
         pdf.set_font(_FONT, "", 8)
         pdf.cell(width, 5, drawing.caption, new_x="LEFT", new_y="NEXT")
-        pdf.image(io.BytesIO(png(figure)), w=width)
+        pdf.image(io.BytesIO(png(figure, 160)), w=width)
         figure.clear()
         pdf.set_xy(10.0, top + height + 2.0)
         column = 0 if drawing.wide or column else 1

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figures of a survey report: plan view, vertical section and quality control, as SVG or PNG."""
+"""The figures of a survey report: plan view, vertical section and quality control."""
 
 from __future__ import annotations
 
-import io
 import math
 from typing import TYPE_CHECKING, Any
 
@@ -23,24 +22,6 @@ _SURVEY, _PLAN, _BAD, _ELLIPSE, _GOOD = "#0072B2", "#009E73", "#D55E00", "#99999
 ELLIPSE_SIGMAS = 2.0
 # Of gravity, field and dip: label of the axis, factor from SI.
 _QUALITY = (("ΔG, mg", 1e3 / STANDARD_GRAVITY), ("ΔB, nT", 1e9), ("Δdip, deg", 180.0 / math.pi))
-
-
-def svg(figure: Figure) -> str:
-    """The figure as an SVG element without XML head; the same figure gives the same text."""
-    import matplotlib as mpl
-
-    out = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": "mwd", "svg.fonttype": "path"}):
-        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
-    text = out.getvalue()
-    return text[text.index("<svg") :]
-
-
-def png(figure: Figure, dots_per_inch: int = 160) -> bytes:
-    """The figure as PNG bytes."""
-    out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=dots_per_inch, metadata={"Software": None})
-    return out.getvalue()
 
 
 def _new(width: float, height: float) -> tuple[Figure, Any]:

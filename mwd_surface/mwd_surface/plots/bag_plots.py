@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import dataclasses
 import datetime
-import io
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from mwd_sensors.calibration.allan import figures
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_surface.plots.drawing import DEGREES, TRUTH_COLOUR, drawer, finish_axes, time_unit
+from mwd_surface.plots.drawing import DEGREES, TRUTH_COLOUR, drawer, finish_axes, png, svg, time_unit
 from mwd_surface.plots.plot_data import AllanOf, Panel, PlotData, SpectrumOf
 from mwd_surface.plots.survey_plots import survey_drawers
 from mwd_surface.plots.traces import WHAT
@@ -94,17 +93,9 @@ def image(picture: Figure, kind: str) -> bytes:
     ValueError
         Another kind.
     """
-    import matplotlib as mpl
-
-    out = io.BytesIO()
-    if kind == "png":
-        picture.savefig(out, format="png", dpi=_DOTS_PER_INCH, metadata={"Software": None})
-    elif kind == "svg":
-        with mpl.rc_context({"svg.hashsalt": "mwd", "svg.fonttype": "path"}):
-            picture.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
-    else:
+    if kind not in ("png", "svg"):
         raise ValueError(f"a picture is written as .png or .svg, not as .{kind}")
-    return out.getvalue()
+    return png(picture, _DOTS_PER_INCH) if kind == "png" else svg(picture).encode()
 
 
 def _place(k: int, count: int, top: float, row: float, height: float) -> tuple[float, float, float, float]:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -82,13 +81,6 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
     ax.grid(visible=True, linewidth=0.4, color="#cccccc")
     ax.legend(fontsize=8, loc="lower left", bbox_to_anchor=(-0.12, -0.05), frameon=False)
     return figure
-
-
-def png(figure: Figure, dots_per_inch: int = 130) -> bytes:
-    """Return the figure as PNG bytes."""
-    out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=dots_per_inch, metadata={"Software": None})
-    return out.getvalue()
 
 
 def _style(k: int) -> tuple[str, str]:

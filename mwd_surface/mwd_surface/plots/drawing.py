@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all panels of a picture share: units, colours and the style of axes."""
+"""What all pictures share: units, colours, the style of axes, and the bytes of a file."""
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 TRUTH_COLOUR, GRID_COLOUR = "#555555", "#cccccc"
 DEGREES = 180.0 / math.pi
@@ -24,6 +26,23 @@ def finish_axes(ax: Axes) -> None:
     ax.grid(visible=True, linewidth=0.4, color=GRID_COLOUR)
     ax.tick_params(labelsize=8)
     ax.spines[["top", "right"]].set_visible(False)
+
+
+def png(figure: Figure, dots_per_inch: int = 130) -> bytes:
+    """Return the figure as PNG bytes; the same figure gives the same bytes."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=dots_per_inch, metadata={"Software": None})
+    return out.getvalue()
+
+
+def svg(figure: Figure) -> str:
+    """Return the figure as an SVG document; the same figure gives the same text."""
+    import matplotlib as mpl
+
+    out = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": "mwd", "svg.fonttype": "path"}):
+        figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
+    return out.getvalue()
 
 
 def time_unit(seconds: float) -> tuple[float, str]:

@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mwd_surface.plots.drawing import DEGREES, finish_axes
+from mwd_surface.plots.drawing import DEGREES, finish_axes, png
 from mwd_surface.surveys.list_comparison import PathDifference
 
 if TYPE_CHECKING:
@@ -24,11 +23,9 @@ def picture(found: PathDifference, first: str, second: str) -> bytes:
 
     first, second : names of the two lists.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.0, 8.0), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(10.0, 8.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     figure.suptitle(f"{first} less {second}", fontsize=11)
     upper.plot(found.md, found.turn[:, 0] * DEGREES, color=_COLOURS[0], label="inclination")
@@ -47,9 +44,7 @@ def picture(found: PathDifference, first: str, second: str) -> bytes:
         )
     _finish(lower, "m")
     lower.set_xlabel("measured depth, m", fontsize=9)
-    out = io.BytesIO()
-    figure.savefig(out, format="png", metadata={"Software": None})
-    return out.getvalue()
+    return png(figure, 110)
 
 
 def _finish(ax: Axes, unit: str) -> None:

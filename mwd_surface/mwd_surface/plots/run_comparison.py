@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.plots.drawing import finish_axes, time_unit
+from mwd_surface.plots.drawing import finish_axes, png, time_unit
 from mwd_surface.runs import run_folder
 
 if TYPE_CHECKING:
@@ -56,15 +55,13 @@ def picture(ours: Path, expected: Path) -> bytes:
     FileNotFoundError, ValueError
         One of them has no attitude.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     runs = [(path.resolve().name, thinned(path), run_folder.surveys(path)) for path in (ours, expected)]
     begin = min((int(rows["stamp_ns"][0]) for _, rows, _ in runs if len(rows["stamp_ns"])), default=0)
     last = max((int(rows["stamp_ns"][-1]) for _, rows, _ in runs if len(rows["stamp_ns"])), default=0)
     unit_s, unit = time_unit((last - begin) * 1e-9)
-    figure = Figure(figsize=(11.0, 9.0), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(11.0, 9.0), layout="constrained")
     upper, middle, lower = figure.subplots(3, 1, sharex=True)
     for colour, (name, rows, surveys) in zip(_COLOURS, runs, strict=True):
         time = (rows["stamp_ns"] - begin) * 1e-9 / unit_s
@@ -84,9 +81,7 @@ def picture(ours: Path, expected: Path) -> bytes:
     ):
         _finish(ax, label)
     lower.set_xlabel(unit, fontsize=9)
-    out = io.BytesIO()
-    figure.savefig(out, format="png", metadata={"Software": None})
-    return out.getvalue()
+    return png(figure, 110)
 
 
 def _stations(surveys: list[dict[str, str]], angle: str, begin: int, unit_s: float) -> tuple[list[float], list[float]]:

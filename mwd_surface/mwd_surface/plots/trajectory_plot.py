@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 
-from mwd_surface.plots.drawing import DEGREES, finish_axes
+from mwd_surface.plots.drawing import DEGREES, finish_axes, png
 from mwd_surface.surveys.dense_trajectory import STATION, DenseTrajectory
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73")
@@ -15,11 +13,9 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73")
 
 def trajectory_plot(found: DenseTrajectory) -> bytes:
     """PNG of inclination, with the stations marked, and of the position less minimum curvature, along the hole."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.0, 8.0), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(10.0, 8.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     figure.suptitle("High-density trajectory (not the definitive survey)", fontsize=11)
     at_station = np.array([source == STATION for source in found.source])
@@ -34,6 +30,4 @@ def trajectory_plot(found: DenseTrajectory) -> bytes:
     for ax in (upper, lower):
         finish_axes(ax)
         ax.legend(fontsize=8, frameon=False)
-    out = io.BytesIO()
-    figure.savefig(out, format="png", metadata={"Software": None})
-    return out.getvalue()
+    return png(figure, 110)

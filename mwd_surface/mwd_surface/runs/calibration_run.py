@@ -18,7 +18,7 @@ from mwd_sensors.calibration.triad_calibration import Calibration, as_table, fro
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator.scenario import Scenario, parse
@@ -162,10 +162,7 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
     OSError
         It cannot be read.
     """
-    try:
-        table = load_yaml(read_text(path))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+    table = read_yaml(path)
     if not isinstance(table, dict) or not isinstance(table.get("calibration"), dict):
         raise SettingsError(f"{path} is not a calibration; `mwd calibrate` makes one")
     about = table.get("about")
@@ -180,7 +177,7 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
 
 def temperatures(path: Path) -> tuple[float, float] | None:
     """Lowest and highest temperature, degC, of the run a calibration was made of; None where its file does not say."""
-    table = load_yaml(read_text(path))
+    table = read_yaml(path)
     about = table.get("about") if isinstance(table, dict) else None
     given = about.get("temperature_c") if isinstance(about, dict) else None
     if not isinstance(given, list) or len(given) != 2 or not all(isinstance(one, (int, float)) for one in given):

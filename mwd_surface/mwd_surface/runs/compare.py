@@ -14,10 +14,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.runs import run_folder
 from mwd_surface.runs.run_folder import ANGLES, Rows
 
@@ -114,10 +113,7 @@ def read_limits(path: Path) -> dict[str, float]:
     OSError
         It cannot be read.
     """
-    try:
-        table = load_yaml(read_text(path))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+    table = read_yaml(path)
     if not isinstance(table, dict):
         raise ValueError(f"{path}: expected a table of limits")  # noqa: TRY004
     limits = {}

@@ -11,7 +11,7 @@ import yaml
 
 from mwd_estimation.pipeline import EstimatorSettings
 from mwd_sensors.core import settings as settings_of
-from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.runs.bag_input import InputSettings, Topics
 from mwd_surface.runs.run_output import OutputSettings
 
@@ -41,10 +41,7 @@ def read_config(path: Path) -> dict[str, Any]:
     OSError
         It cannot be read.
     """
-    try:
-        table = load_yaml(read_text(path))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise settings_of.SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+    table = read_yaml(path)
     if table is None:
         return {}
     if isinstance(table, dict):

@@ -12,12 +12,11 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.frames import wrap_tau
-from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.clearance import Clearance, ClearanceRule, clearance, nearest_first
 from mwd_surface.surveys.error_terms import ErrorReference
@@ -94,11 +93,11 @@ def read_offset_wells(path: Path) -> OffsetWells:
         A file that cannot be read, is no YAML table of `wells`, or has unknown keys or two wells of one name.
     """
     try:
-        table = load_yaml(read_text(path, _LARGEST))
+        table = read_yaml(path, _LARGEST)
     except OSError as error:
         raise OffsetWellError(f"{path}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise OffsetWellError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
+    except settings.SettingsError as error:
+        raise OffsetWellError(str(error)) from error
     if not isinstance(table, dict) or not table.get("wells"):
         raise OffsetWellError(f"{path.name}: expected a table with wells, each with name and file")
     try:

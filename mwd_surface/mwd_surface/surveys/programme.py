@@ -14,11 +14,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.error_terms import Tool, check_tool_code
 from mwd_surface.surveys.position_covariance import StationErrors
@@ -167,11 +166,11 @@ def read_programme(path: Path) -> Programme:
         start.
     """
     try:
-        table = load_yaml(read_text(path, _LARGEST))
+        table = read_yaml(path, _LARGEST)
     except OSError as error:
         raise ProgrammeError(f"{path}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ProgrammeError(f"{path.name}: not YAML: {' '.join(str(error).split())}") from error
+    except settings.SettingsError as error:
+        raise ProgrammeError(str(error)) from error
     if not isinstance(table, dict) or not table.get("intervals"):
         raise ProgrammeError(f"{path.name}: expected a table with intervals, each with to_m and code")
     try:
