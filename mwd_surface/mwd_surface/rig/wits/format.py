@@ -152,9 +152,9 @@ class Decoder:
                 self.counts.junk_bytes += _junk(self._buffer[:start])
                 del self._buffer[: start + 2]
                 self._inside, self._searched = True, 0
-            end = self._buffer.find(END, self._searched)
-            begin = self._buffer.find(BEGIN, self._searched, end if end >= 0 else len(self._buffer))
-            if begin >= 0:
+            begin = self._buffer.find(BEGIN, self._searched)
+            end = self._buffer.find(END, self._searched, begin if begin >= 0 else len(self._buffer))
+            if begin >= 0 and end < 0:
                 # The frame before never ended.
                 self.counts.broken_frames += 1
                 del self._buffer[: begin + 2]
