@@ -15,7 +15,7 @@ setup(
         (f"share/{NAME}/launch", glob("launch/*.launch.py")),
         (f"share/{NAME}/config", glob("config/*.yaml")),
     ],
-    install_requires=["numpy", "pyyaml", "scipy", "welleng"],
+    install_requires=["numpy", "scipy", "welleng"],
     zip_safe=False,
     maintainer="MWD telemetry maintainers",
     maintainer_email="maintainers@mwd-telemetry.example",
