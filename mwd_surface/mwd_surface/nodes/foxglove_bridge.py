@@ -25,15 +25,29 @@ class FoxgloveBridge:
     """
 
     def __init__(self, context: SurfaceContext, settings: FoxgloveSettings) -> None:
-        self._node, self._alarm_log = context.node, context.alarm_log
-        self._server = FoxgloveServer(settings, context.node.get_namespace()) if settings.enabled else None
+        self._node, self._alarm_log, self._now_ns = context.node, context.alarm_log, context.now_ns
+        self._simulated = bool(context.node.get_parameter("use_sim_time").value)
+        name = context.node.get_namespace()
+        self._server = FoxgloveServer(settings, name, simulated_clock=self._simulated) if settings.enabled else None
         self._error = ""
         self._tried_at = -_RETRY_S
 
     @property
     def put(self) -> Any:
         """Function that takes every message; None where the server is switched off."""
-        return self._server.put if self._server is not None else None
+        if self._server is None:
+            return None
+        return self._put_simulated if self._simulated else self._server.put
+
+    def _put_simulated(self, topic: str, type_name: str, data: bytes, _received_ns: int, *, latched: bool) -> None:
+        """Hand over a message at the time of the graph, where that is not the time of the wall."""
+        if self._server is not None:
+            self._server.put(topic, type_name, data, self._now_ns(), latched=latched)
+
+    def update(self) -> None:
+        """Tell clients the time of the graph where it is a simulated one; called twenty times a second."""
+        if self._server is not None and self._simulated:
+            self._server.set_time(self._now_ns())
 
     def advertise(self, topic: str, type_name: str) -> None:
         """Advertise a topic to viewers before its first message."""

@@ -308,6 +308,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._downlink.update(now)
         self._control.update(now)
         self._page.update(now)
+        self._foxglove.update()
 
     def _update_slow(self) -> None:
         now = time.monotonic()

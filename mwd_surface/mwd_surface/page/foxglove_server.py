@@ -16,6 +16,7 @@ from typing import Any
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.definitions import DefinitionError, Definitions, installed
 from mwd_surface.loopback import is_loopback
+from mwd_surface.page.foxglove_relay import HandshakeRelay
 
 
 class FoxgloveError(Exception):
@@ -54,6 +55,8 @@ class FoxgloveServer:
         What a client shows as the source.
     definitions : Definitions, optional
         Where schema texts come from; by default this installation's.
+    simulated_clock : bool
+        The time is not that of the wall: clients are told it (`set_time`).
 
     Raises
     ------
@@ -61,7 +64,14 @@ class FoxgloveServer:
         The address is not loopback and `allow_network` is not set.
     """
 
-    def __init__(self, settings: FoxgloveSettings, name: str, definitions: Definitions | None = None) -> None:
+    def __init__(
+        self,
+        settings: FoxgloveSettings,
+        name: str,
+        definitions: Definitions | None = None,
+        *,
+        simulated_clock: bool = False,
+    ) -> None:
         if not settings.allow_network and not is_loopback(settings.host):
             raise FoxgloveError(
                 f"host: {settings.host} can be reached from other machines; set allow_network if that is meant"
@@ -71,6 +81,8 @@ class FoxgloveServer:
         self._sdk: Any = None
         self._context: Any = None
         self._server: Any = None
+        self._relay: HandshakeRelay | None = None
+        self._simulated_clock = simulated_clock
         self._channels: dict[tuple[str, str], Any] = {}
         self._last: dict[int, tuple[bytes, int]] = {}
         self._lock = threading.Lock()
@@ -101,20 +113,24 @@ class FoxgloveServer:
         try:
             self._server = self._sdk.start_server(
                 name=self._name,
-                host=settings.host,
-                port=settings.port,
+                # Clients come by the relay, which knows both names of the protocol.
+                host="127.0.0.1",
+                port=0,
                 context=self._context,
+                capabilities=[self._sdk.websocket.Capability.Time] if self._simulated_clock else [],
                 server_listener=self._listener(),
                 message_backlog_size=settings.backlog,
             )
+            self._relay = HandshakeRelay(settings.host, settings.port, self._server.port)
         except (RuntimeError, OSError, ValueError) as error:
+            self.stop()
             self._channels, self._context = {}, None
             raise FoxgloveError(f"{settings.host}:{settings.port}: {error}") from error
 
     @property
     def address(self) -> str:
         """``ws://host:port`` of the running server; empty when it does not run."""
-        return f"ws://{self._settings.host}:{self._server.port}" if self._server is not None else ""
+        return f"ws://{self._settings.host}:{self._relay.port}" if self._relay is not None else ""
 
     def advertise(self, topic: str, type_name: str) -> None:
         """Show a topic to viewers before its first message; full name, and ``package/msg/Name``."""
@@ -149,8 +165,16 @@ class FoxgloveServer:
                 self._last[channel.id()] = (data, log_ns)
         channel.log(data, log_time=log_ns)
 
+    def set_time(self, now_ns: int) -> None:
+        """Tell clients the time, ns since the epoch, where it is not that of the wall."""
+        if self._server is not None and self._simulated_clock:
+            self._server.broadcast_time(now_ns)
+
     def stop(self) -> None:
         """Close all connections; the port is free a moment later. Nothing happens if it is not running."""
+        relay, self._relay = self._relay, None
+        if relay is not None:
+            relay.stop()
         server, self._server = self._server, None
         if server is None:
             return

@@ -4,6 +4,7 @@
 import asyncio
 import contextlib
 import json
+import socket
 import struct
 import time
 
@@ -11,10 +12,11 @@ import aiohttp
 import pytest
 
 from mwd_surface.bags.definitions import installed
+from mwd_surface.page.foxglove_relay import NEW, OLD, renamed
 from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveServer, FoxgloveSettings
 
 TEMPERATURE, LIST = "sensor_msgs/msg/Temperature", "mwd_msgs/msg/SurveyList"
-MESSAGE, TEXT, BINARY = 1, aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY
+MESSAGE, TIME, TEXT, BINARY = 1, 2, aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BINARY
 
 
 @pytest.fixture
@@ -31,6 +33,7 @@ class Client:
 
     def __init__(self, talk):
         self.talk, self.info, self.channels, self.messages = talk, {}, {}, []
+        self.times = []
 
     async def until(self, true):
         async with asyncio.timeout(5.0):
@@ -42,6 +45,8 @@ class Client:
                         self.info = table
                     elif table["op"] == "advertise":
                         self.channels |= {c["topic"]: c for c in table["channels"]}
+                elif reported.type == BINARY and reported.data[0] == TIME:
+                    self.times += struct.unpack_from("<Q", reported.data, 1)
                 elif reported.type == BINARY and reported.data[0] == MESSAGE:
                     subscription, stamp = struct.unpack_from("<IQ", reported.data, 1)
                     self.messages.append((subscription, stamp, reported.data[13:]))
@@ -53,15 +58,16 @@ class Client:
         await self.talk.send_json({"op": "subscribe", "subscriptions": [one]})
 
 
-def watched(server, script):
+def watched(server, script, protocol="foxglove.sdk.v1"):
     """Run `script(client)` against the server."""
 
     async def run():
         address = server.address.replace("ws:", "http:")
         async with (
             aiohttp.ClientSession() as session,
-            session.ws_connect(address, protocols=["foxglove.sdk.v1"]) as talk,
+            session.ws_connect(address, protocols=[protocol]) as talk,
         ):
+            assert talk.protocol == protocol
             client = Client(talk)
             await client.until(lambda c: c.info)
             await script(client)
@@ -70,7 +76,8 @@ def watched(server, script):
     return asyncio.run(run())
 
 
-def test_a_client_gets_the_bytes_the_stamp_and_the_schema_of_a_recording(server):
+@pytest.mark.parametrize("protocol", ["foxglove.sdk.v1", "foxglove.websocket.v1"])
+def test_a_client_gets_the_bytes_the_stamp_and_the_schema_of_a_recording(server, protocol):
     data = bytes(range(48))
     server.put("/w1/imu/temperature", TEMPERATURE, data, 5)
 
@@ -87,12 +94,67 @@ def test_a_client_gets_the_bytes_the_stamp_and_the_schema_of_a_recording(server)
                 except TimeoutError:
                     continue
 
-    client = watched(server, script)
+    client = watched(server, script, protocol)
     assert client.info["name"] == "/w1"
     channel = client.channels["/w1/imu/temperature"]
     assert (channel["encoding"], channel["schemaName"], channel["schemaEncoding"]) == ("cdr", TEMPERATURE, "ros2msg")
     assert channel["schema"] == installed().definition(TEMPERATURE).text
     assert client.messages[0] == (7, 1_795_000_000_123_456_789, data)
+
+
+@pytest.mark.parametrize("offered", [[], ["chat.v1"]])
+def test_a_client_of_another_protocol_is_refused(server, offered):
+    async def knock():
+        address = server.address.replace("ws:", "http:")
+        async with aiohttp.ClientSession() as session, session.ws_connect(address, protocols=offered):
+            pass
+
+    with pytest.raises(aiohttp.WSServerHandshakeError, match="400"):
+        asyncio.run(knock())
+
+
+def test_one_that_says_nothing_of_a_handshake_does_not_keep_others_out(server):
+    host, _, port = server.address.removeprefix("ws://").partition(":")
+    with socket.create_connection((host, int(port))) as dumb:
+        dumb.sendall(b"\0" * 100_000)
+
+        async def script(client):
+            assert client.info["name"] == "/w1"
+
+        watched(server, script)
+
+
+def test_clients_are_told_a_time_that_is_not_the_wall_s():
+    pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (pip install foxglove-sdk)")
+    simulated = FoxgloveServer(FoxgloveSettings(enabled=True, port=0), "/w1", simulated_clock=True)
+    simulated.start()
+
+    async def script(client):
+        assert "time" in client.info["capabilities"]
+        while not client.times:
+            simulated.set_time(5_000_000_000)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(0.05):
+                    await client.until(lambda c: c.times)
+
+    assert set(watched(simulated, script, "foxglove.websocket.v1").times) == {5_000_000_000}
+    simulated.stop()
+
+
+def test_the_time_of_the_wall_is_not_told(server):
+    async def script(client):
+        assert "time" not in client.info["capabilities"]
+
+    watched(server, script)
+
+
+def test_only_the_header_of_the_protocol_is_changed():
+    head = b"GET /?foxglove.websocket.v1 HTTP/1.1\r\nsec-websocket-protocol: foxglove.websocket.v1, x\r\n\r\n"
+    changed, was = renamed(head, OLD, NEW)
+    assert was
+    assert changed == head.replace(b"ol: foxglove.websocket.v1", b"ol: foxglove.sdk.v1")
+    both = b"Sec-WebSocket-Protocol: foxglove.sdk.v1,foxglove.websocket.v1\r\n\r\n"
+    assert renamed(both, OLD, NEW) == (both, False)
 
 
 def test_one_who_comes_late_gets_the_last_of_a_latched_topic(server):

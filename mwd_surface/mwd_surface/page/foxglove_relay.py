@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Lets clients of the older name of Foxglove's protocol in: a relay that changes one word of the handshake.
+
+The server of the SDK takes `foxglove.sdk.v1` alone. Its messages are those of `foxglove.websocket.v1`; only the name
+of the subprotocol is another one (foxglove/ros-foxglove-bridge, issue 382). The relay changes the name on the way in
+and back on the way out, and passes every byte after the handshake as it is.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import threading
+
+NEW, OLD = b"foxglove.sdk.v1", b"foxglove.websocket.v1"
+_HEADER = re.compile(rb"^sec-websocket-protocol:[^\r\n]*", re.IGNORECASE | re.MULTILINE)
+_HANDSHAKE_S = 10.0
+_CHUNK = 1 << 16
+
+
+def renamed(head: bytes, old: bytes, new: bytes) -> tuple[bytes, bool]:
+    """
+    Change the name of the subprotocol in the head of a request or an answer; return it, and whether it was changed.
+
+    A head that has the new name already is left as it is: that side speaks it.
+    """
+    line = _HEADER.search(head)
+    if line is None or new in line.group() or old not in line.group():
+        return head, False
+    return head[: line.start()] + line.group().replace(old, new) + head[line.end() :], True
+
+
+class HandshakeRelay:
+    """
+    Listens on an address and passes connections to a server on this machine's loopback.
+
+    Parameters
+    ----------
+    host, port : str, int
+        To listen on; port 0: any that is free.
+    inner_port : int
+        Of the server.
+
+    Attributes
+    ----------
+    port : int
+        It listens on.
+
+    Raises
+    ------
+    OSError
+        The address cannot be listened on.
+    """
+
+    def __init__(self, host: str, port: int, inner_port: int) -> None:
+        self._inner_port = inner_port
+        self._connections: set[asyncio.Task[None]] = set()
+        self._loop = asyncio.new_event_loop()
+        try:
+            server = self._loop.run_until_complete(asyncio.start_server(self._relay, host, port))
+        except OSError:
+            self._loop.close()
+            raise
+        self.port = int(server.sockets[0].getsockname()[1])
+        self._server = server
+        self._thread = threading.Thread(target=self._run, name="foxglove-relay", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Close all connections."""
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        self._loop.run_forever()
+        self._loop.run_until_complete(self._close())
+        self._loop.close()
+
+    async def _close(self) -> None:
+        self._server.close()
+        for task in self._connections:
+            task.cancel()
+        await asyncio.gather(*self._connections, return_exceptions=True)
+
+    async def _relay(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        if task is None:
+            raise RuntimeError("a connection is served in a task of the loop")
+        self._connections.add(task)
+        inner: asyncio.StreamWriter | None = None
+        try:
+            async with asyncio.timeout(_HANDSHAKE_S):
+                request, old = renamed(await reader.readuntil(b"\r\n\r\n"), OLD, NEW)
+                answers, inner = await asyncio.open_connection("127.0.0.1", self._inner_port)
+                inner.write(request)
+                answer = await answers.readuntil(b"\r\n\r\n")
+            writer.write(renamed(answer, NEW, OLD)[0] if old else answer)
+            ways = [asyncio.ensure_future(_pass(*way)) for way in ((reader, inner), (answers, writer))]
+            try:
+                await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+            finally:
+                for way in ways:
+                    way.cancel()
+                await asyncio.gather(*ways, return_exceptions=True)
+        except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
+            # No handshake, or the other side has gone: nobody is left to tell.
+            return
+        finally:
+            for one in (writer, inner):
+                if one is not None:
+                    one.close()
+            self._connections.discard(task)
+
+
+async def _pass(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    """Pass bytes on until the end; a slow reader holds the sender up, so that the server drops its oldest."""
+    while data := await reader.read(_CHUNK):
+        writer.write(data)
+        await writer.drain()
