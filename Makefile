@@ -41,11 +41,11 @@ test-ubuntu:
 	@$(PYTEST) $(ONLY)
 
 bench: setup
-	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check -r .ci/bench.lock
+	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check --require-hashes -r .ci/bench.lock
 	@$(CLEAN) $(BIN)/python tests/benchmarks/bench.py $(if $(ONLY),--only $(ONLY))
 
 docs: setup
-	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check -r .ci/docs.lock
+	@$(BIN)/python -m pip install -q --no-deps --disable-pip-version-check --require-hashes -r .ci/docs.lock
 	@$(CLEAN) $(BIN)/python -m sphinx -W -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
 

@@ -75,3 +75,22 @@ def test_every_source_file_says_its_licence():
     texts = {path: path.read_text(encoding="utf-8") for path in sources if not path.is_symlink()}
     silent = [str(path.relative_to(ROOT)) for path, text in texts.items() if text.strip() and LICENCE not in text]
     assert silent == [], f"begin with: {LICENCE}"
+
+
+LOCKS = sorted((ROOT / ".ci").glob("*.lock"))
+HASH = re.compile(r"--hash=sha256:[0-9a-f]{64}")
+
+
+@pytest.mark.parametrize("lock", LOCKS, ids=lambda path: path.stem)
+def test_every_locked_package_has_one_version_and_its_hashes(lock):
+    pins = [line.split() for line in lock.read_text().splitlines() if not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.!+]+", pin) for pin, *_ in pins)
+    assert len({pin.split("==")[0].lower().replace("_", "-") for pin, *_ in pins}) == len(pins)
+    assert all(hashes and all(map(HASH.fullmatch, hashes)) for _, *hashes in pins)
+
+
+def test_locked_packages_are_installed_with_their_hashes_required():
+    users = [path for path in (ROOT / ".ci" / "setup", ROOT / "Makefile") if path.exists()]
+    lines = [line for path in users for line in path.read_text().splitlines() if '"-r"' in line or " -r .ci/" in line]
+    assert len(lines) == 3
+    assert all("--require-hashes" in line for line in lines)
