@@ -16,6 +16,7 @@ from typing import Any
 from mwd_estimation.assembly.assembly import Assembly, read_assembly
 from mwd_estimation.assembly.sag import SagCorrection, correction_of
 from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth, time_alignment_state
+from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gravity import accelerometer_only
@@ -246,8 +247,14 @@ def check(settings: EstimatorSettings) -> None:
     Raises
     ------
     ValueError
-        As `reference`.
+        As `reference`, or the temperatures of the tool's calibration are the wrong way round.
     """
+    tool = settings.tool
+    if tool.calibrated_low_c > tool.calibrated_high_c:
+        raise SettingsError(
+            f"tool.calibrated_low_c: {tool.calibrated_low_c:g} degC is above tool.calibrated_high_c "
+            f"({tool.calibrated_high_c:g} degC); exchange the two"
+        )
     first_year, _ = earth.years(settings.place.model)
     day = datetime.datetime(math.ceil(first_year) + 1, 1, 1, tzinfo=datetime.UTC)
     reference(settings, round(day.timestamp()) * 10**9)
@@ -320,6 +327,16 @@ def sag_correction(tool: Tool) -> SagCorrection:
     return correction_of(described)
 
 
+def calibrated_range(tool: Tool) -> CalibratedRange:
+    """Temperatures the tool was calibrated at, and the growth of its errors beyond them."""
+    return CalibratedRange(
+        low_c=tool.calibrated_low_c,
+        high_c=tool.calibrated_high_c,
+        accelerometer_mps2_per_c=tool.accelerometer.bias_ug_per_c / 1e6 * STANDARD_GRAVITY,
+        magnetometer_t_per_c=tool.magnetometer.bias_nt_per_c * 1e-9,
+    )
+
+
 def station_params(settings: EstimatorSettings) -> StationSettings:
     """Parameters of the calculation of a station."""
     tool, survey, verdict = settings.tool, settings.survey, settings.verdict
@@ -330,6 +347,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
         misalignment_z_deg=tool.misalignment_z_deg,
         toolface_offset_deg=tool.toolface_offset_deg,
         errors=sensor_errors(settings),
+        calibrated=calibrated_range(tool),
         quality=QualitySettings(
             limits=verdict.limits, far_deg=verdict.far_deg, far_probability=verdict.far_probability
         ),

@@ -17,6 +17,7 @@ import numpy as np
 
 from mwd_estimation import derivation
 from mwd_estimation.bin_stage import Numbering
+from mwd_estimation.core.calibrated_range import TemperatureWatch
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
@@ -70,6 +71,8 @@ class Pipeline:
     ----------
     noise_notes : list of str
         A sentence for each vector whose stated noise is larger than the tool's and is taken (`set_noise`).
+    temperature : TemperatureWatch
+        Temperatures beyond those of the calibration, where the sigma of surveys is widened.
     """
 
     def __init__(
@@ -83,6 +86,7 @@ class Pipeline:
         self._given = reference
         self._with_noise = settings
         self.noise_notes: list[str] = []
+        self.temperature = TemperatureWatch(derivation.calibrated_range(settings.tool))
         self.reset()
 
     def reset(self) -> None:
@@ -111,6 +115,7 @@ class Pipeline:
 
     def push_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""
+        self.temperature.take(samples["temperature"])
         self._estimate.take_temperature(self._clocks.beside("temperature", samples))
 
     def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:

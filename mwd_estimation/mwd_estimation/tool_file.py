@@ -14,7 +14,7 @@ from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
-# Terms of a grade that a simulated sensor has and no filter here asks for.
+# Terms of a grade that a simulated sensor has and that not every block here asks for.
 _SIMULATED_ONLY = {
     "": ("name", "source", "temperature_c", "calibrated_at_c", "adc_hz"),
     "gyro": (

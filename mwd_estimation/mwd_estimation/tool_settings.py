@@ -108,6 +108,15 @@ class Accelerometer:
         low=0.0,
         high=1e5,
     )
+    bias_ug_per_c: float = setting(
+        10.0,
+        "Growth of the bias beyond the temperatures of calibration, 1 sigma. Raising it widens the sigmas of surveys "
+        "there. From calibrations at several temperatures.",
+        unit="ug/degC",
+        low=0.0,
+        high=1e4,
+        expert=True,
+    )
     scale_ppm: float = setting(
         500.0,
         "Scale error of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and limits of "
@@ -144,6 +153,15 @@ class Magnetometer:
         unit="nT",
         low=0.0,
         high=10000.0,
+    )
+    bias_nt_per_c: float = setting(
+        1.0,
+        "Growth of the bias beyond the temperatures of calibration, 1 sigma. Raising it widens the sigmas of surveys "
+        "there. From calibrations at several temperatures.",
+        unit="nT/degC",
+        low=0.0,
+        high=1e3,
+        expert=True,
     )
     scale_ppm: float = setting(
         1600.0,
@@ -188,6 +206,22 @@ class Tool:
         unit="mrad",
         low=0.0,
         high=500.0,
+    )
+    calibrated_low_c: float = setting(
+        -40.0,
+        "Lowest temperature of the calibration. Surveys below it have wider sigmas, and a warning says so. Set it from "
+        "the calibration's report.",
+        unit="degC",
+        low=-273.0,
+        high=300.0,
+    )
+    calibrated_high_c: float = setting(
+        175.0,
+        "Highest temperature of the calibration. Surveys above it have wider sigmas, and a warning says so. Set it "
+        "from the calibration's report.",
+        unit="degC",
+        low=-273.0,
+        high=1000.0,
     )
     lever_m: float = setting(
         0.03,

@@ -176,13 +176,14 @@ def _own_sigma(station: Station) -> float:
 
 
 def _measured(average: StillAverage, reference: Reference | None, settings: StationSettings) -> Measured:
+    hot_f, hot_b = settings.calibrated.variances(average.temperature)
     return measured(
         average.imu.mean[3:],
         average.mag.mean if average.mag is not None else np.full(3, np.nan),
         reference,
         settings,
-        covariance_f=average.imu.covariance[3:, 3:],
-        covariance_b=average.mag.covariance if average.mag is not None else None,
+        covariance_f=average.imu.covariance[3:, 3:] + hot_f * np.eye(3),
+        covariance_b=average.mag.covariance + hot_b * np.eye(3) if average.mag is not None else None,
     )
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mwd_estimation.assembly.sag import SagCorrection
+from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.survey.posterior.hypotheses import Priors
@@ -32,5 +33,6 @@ class StationSettings:
         0.0, "Added to both toolfaces: sensor housing against scribe line", unit="deg", low=-360.0, high=360.0
     )
     errors: SensorErrors = setting(SensorErrors, "What calibration leaves in the sensors")
+    calibrated: CalibratedRange = setting(CalibratedRange, "What the sensors may be off at other temperatures")
     quality: QualitySettings = setting(QualitySettings, "Limits of the verdict")
     priors: Priors = setting(Priors, "How probable each disturbance is before any reading")

@@ -13,6 +13,7 @@ from mwd_estimation.nodes.inputs import InputTopics
 from mwd_estimation.pipeline import EstimatorSettings, Pipeline, Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.input_covariance import judge
+from mwd_sensors.ros.diagnostics import WARN
 from mwd_sensors.ros.message_buffer import ReceivedMessage
 
 PLACE = Place(field="fixed", total_nt=45826.0, dip_deg=-17.45, declination_deg=0.0)
@@ -202,3 +203,16 @@ def test_without_a_gyro_a_still_tool_gives_surveys_and_the_gyro_is_named():
     assert any("gyro" in reason.names for reason in survey.station.reasons)
     assert "gyro" in str(pipeline.sensor_faults) or survey.station.verdict != "accept"
     assert np.isfinite(output.attitude["inclination"]).all()
+
+
+@pytest.mark.fault_case(23)
+def test_a_tool_hotter_than_its_calibration_is_warned_of_until_it_has_cooled():
+    pipeline, heat = Pipeline(EstimatorSettings(place=PLACE)), wire.TEMPERATURE.empty(1)
+    heat["temperature"] = 190.0
+    pipeline.push_temperature(heat)
+    (shown,) = diagnostics.input_diagnostics(pipeline)
+    assert shown.message == "190 degC is outside of the calibration: sigma of surveys is widened"
+    assert shown.level == WARN
+    heat["temperature"] = 90.0
+    pipeline.push_temperature(heat)
+    assert diagnostics.input_diagnostics(pipeline) == []

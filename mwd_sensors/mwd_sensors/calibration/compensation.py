@@ -16,8 +16,6 @@ from mwd_sensors.core.arrays import Array, Samples
 
 # Temperatures remembered: samples that come late still find theirs.
 _KEPT = 4096
-# Beyond the temperatures of the calibration its slopes still hold for so much, degC.
-_MARGIN = 10.0
 
 
 class Compensation:
@@ -27,33 +25,22 @@ class Compensation:
     Parameters
     ----------
     calibration : Calibration
-    celsius_range : (float, float), optional
-        Temperatures it was measured at, degC; None: not known.
 
     Attributes
     ----------
     without_temperature : int
         IMU samples corrected before any temperature was known.
-    outside : (float, float) or None
-        Lowest and highest temperature so far that are outside of the range, degC; None while there was none.
     """
 
-    def __init__(self, calibration: Calibration, celsius_range: tuple[float, float] | None = None) -> None:
-        self.calibration, self._range = calibration, celsius_range
+    def __init__(self, calibration: Calibration) -> None:
+        self.calibration = calibration
         self.without_temperature = 0
-        self.outside: tuple[float, float] | None = None
         self._stamps: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self._celsius: Array = np.empty(0)
 
     def push_temperature(self, samples: Samples) -> None:
         """Take samples of the layout `wire.TEMPERATURE`; what is not finite is left out."""
         good = samples[np.isfinite(samples["temperature"])]
-        if self._range is not None:
-            low, high = self._range
-            beyond = good["temperature"][(good["temperature"] < low - _MARGIN) | (good["temperature"] > high + _MARGIN)]
-            if len(beyond):
-                known = [*beyond.tolist(), *(self.outside or ())]
-                self.outside = min(known), max(known)
         stamps = np.concatenate([self._stamps, good["stamp_ns"]])
         order = np.argsort(stamps, kind="stable")[-_KEPT:]
         self._stamps = stamps[order]

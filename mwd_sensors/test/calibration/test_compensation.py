@@ -4,7 +4,6 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from mwd_sensors.calibration.compensation import Compensation
@@ -110,18 +109,3 @@ def test_what_it_remembers_is_bounded():
     compensation.push_temperature(temperature)
     assert len(compensation._stamps) == 4096
     assert compensation._stamps[-1] == 9_999 * S
-
-
-@pytest.mark.fault_case(23)
-def test_temperatures_outside_of_the_calibration_are_noted():
-    compensation = Compensation(CALIBRATION, (20.0, 85.0))
-    heat = wire.TEMPERATURE.empty(3)
-    heat["temperature"] = (20.0, 90.0, np.nan)
-    compensation.push_temperature(heat)
-    assert compensation.outside is None
-    heat["temperature"] = (120.0, 150.0, 5.0)
-    compensation.push_temperature(heat)
-    assert compensation.outside == (5.0, 150.0)
-    unknown = Compensation(CALIBRATION)
-    unknown.push_temperature(heat)
-    assert unknown.outside is None

@@ -162,7 +162,7 @@ def _run(
     given, wanted = given_settings(InputSettings, options), given_settings(OutputSettings, options)
     compensation = None
     if calibration is not None:
-        compensation = Compensation(calibration_run.read(calibration), calibration_run.temperatures(calibration))
+        compensation = Compensation(calibration_run.read(calibration))
     began = time.monotonic()
     with (
         Bag(path) as opened,
@@ -171,6 +171,8 @@ def _run(
     ):
         recorded = recorded_settings(opened)
         estimator, remark = with_a_model(settings(recorded.estimator), opened.start_ns)
+        if calibration is not None:
+            estimator = calibration_run.within_calibration(estimator, calibration)
         summary = batch.process(opened, output, estimator, given, progress, compensation, wanted, recorded)
     if remark:
         summary.warnings.insert(0, remark)

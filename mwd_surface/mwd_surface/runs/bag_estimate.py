@@ -238,12 +238,6 @@ class BagEstimate:
             summary.warnings.append(
                 f"{compensation.without_temperature} samples were calibrated before any temperature was known"
             )
-        if compensation is not None and compensation.outside is not None:
-            low, high = compensation.outside
-            summary.warnings.append(
-                f"the tool was at {low:.0f} to {high:.0f} degC, outside of its calibration: biases there are not known,"
-                " raise tool.accelerometer.bias_ug and tool.magnetometer.bias_nt or calibrate at that temperature"
-            )
         refuse_wrong_unit(self.topics, summary.faults)
         self._reject_wrong_mount()
         summary.mag_used = self._use_mag

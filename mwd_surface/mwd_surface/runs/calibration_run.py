@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from mwd_estimation.settings import EstimatorSettings
 from mwd_sensors.calibration import tumble
 from mwd_sensors.calibration.triad_calibration import Calibration, as_table, from_table
 from mwd_sensors.core import wire
@@ -29,6 +30,8 @@ UNITS = {"ahrs": "imu/data_raw", "precision": "gyro/data_raw"}
 _MAG, _TEMPERATURE = "imu/mag", "imu/temperature"
 # A run of calibration is minutes; this is a day at 100 Hz.
 _MOST_SAMPLES = 8_640_000
+# Beyond the temperatures of the calibration its slopes still hold for so much, degC.
+_MARGIN = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -175,14 +178,17 @@ def read(path: Path, unit: str = "ahrs") -> Calibration:
         raise SettingsError(f"{path}: {error}") from error
 
 
-def temperatures(path: Path) -> tuple[float, float] | None:
-    """Lowest and highest temperature, degC, of the run a calibration was made of; None where its file does not say."""
+def within_calibration(settings: EstimatorSettings, path: Path) -> EstimatorSettings:
+    """Settings with the temperatures, degC, of the run a calibration was made of; as they are where it does not say."""
     table = read_yaml(path)
     about = table.get("about") if isinstance(table, dict) else None
     given = about.get("temperature_c") if isinstance(about, dict) else None
     if not isinstance(given, list) or len(given) != 2 or not all(isinstance(one, (int, float)) for one in given):
-        return None
-    return float(given[0]), float(given[1])
+        return settings
+    low, high = min(given) - _MARGIN, max(given) + _MARGIN
+    return dataclasses.replace(
+        settings, tool=dataclasses.replace(settings.tool, calibrated_low_c=low, calibrated_high_c=high)
+    )
 
 
 def _run(source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str, str]) -> Run:

@@ -133,6 +133,12 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         by_s, at_s = (left_ns - begun_ns) * 1e-9, (left_ns - summary.start_ns) * 1e-9
         warnings.append(f"time went back {times} by {by_s:.1f} s, {at_s:.1f} s after the start: the estimate restarted")
     warnings += pipeline.noise_notes
+    if pipeline.temperature.outside is not None:
+        low, high = pipeline.temperature.outside
+        warnings.append(
+            f"the tool was at {low:.0f} to {high:.0f} degC, outside of its calibration: sigma of surveys there is "
+            "widened by tool.accelerometer.bias_ug_per_c and tool.magnetometer.bias_nt_per_c"
+        )
     if pipeline.clock_note:
         warnings.append(f"{pipeline.clock_note} from then on; stamp both sensors when they measure")
     if pipeline.counters.spikes:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from mwd_estimation.settings import EstimatorSettings
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.calibration.rests import rests
 from mwd_sensors.calibration.triad_calibration import as_table
@@ -103,6 +104,16 @@ def test_the_file_keeps_every_figure(tmp_path):
     _, _, found, _ = tumbled()
     calibration_run.write(tmp_path / "new" / "cal.yaml", found, {"from": "here", "gravity_mps2": 9.8})
     assert as_table(calibration_run.read(tmp_path / "new" / "cal.yaml")) == as_table(found)
+
+
+@pytest.mark.fault_case(23)
+def test_the_temperatures_of_the_run_bound_those_of_the_tool_with_what_its_slopes_still_hold_for(tmp_path):
+    _, _, found, _ = tumbled()
+    calibration_run.write(tmp_path / "cal.yaml", found, {"temperature_c": [25.0, 85.0]})
+    tool = calibration_run.within_calibration(EstimatorSettings(), tmp_path / "cal.yaml").tool
+    assert (tool.calibrated_low_c, tool.calibrated_high_c) == (15.0, 95.0)
+    calibration_run.write(tmp_path / "old.yaml", found, {})
+    assert calibration_run.within_calibration(EstimatorSettings(), tmp_path / "old.yaml") == EstimatorSettings()
 
 
 def test_people_see_residuals_and_errors_with_their_units():
