@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from mwd_msgs.msg import RigAcknowledge, RigCommand
+from mwd_msgs.msg import ControlState, RigAcknowledge, RigCommand
 
 from mwd_sensors.core import wire
 from mwd_sensors.ros import qos
@@ -40,6 +40,7 @@ class RigCommands:
         self._refusal = ""
         self._answers = node.add_publisher(RigAcknowledge, "rig/acknowledge", qos.STATE)
         node.add_subscription(RigCommand, "rig/command", self.obey, qos.STATE)
+        node.add_subscription(ControlState, "control/state", self.on_control, qos.STATE)
 
     def obey(self, message: RigCommand) -> None:
         """Carry out a command, or say why not."""
@@ -64,6 +65,12 @@ class RigCommands:
         answer.header.stamp = stamp(self._node.get_clock().now().nanoseconds)
         answer.header.frame_id = self._node.frame(wire.RIG_FRAME)
         self._answers.publish(answer)
+
+    def on_control(self, message: ControlState) -> None:
+        """Take the limit of the torque that the lease in force has; without a lease the top drive's own holds."""
+        sonde = self._sonde()
+        if sonde is not None and sonde.string is not None:
+            sonde.string.limit_torque(message.torque_limit if message.lease else 0.0)
 
     def _command(self, message: RigCommand, *, repeated: bool) -> None:
         sonde = self._sonde()

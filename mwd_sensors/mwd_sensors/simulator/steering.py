@@ -31,6 +31,7 @@ HOLD, ROTATE, ORIENT, PUMP, RELEASE = range(5)
 _SCHEDULE = -1
 _RPM = math.pi / 30.0
 _LINES = 24  # sines of the motor's unsteady torque
+_YIELD = 10.0  # 1/s; how fast a top drive gives way at the limit of its torque
 _LEAST_SLIDE = 1e-5  # rad/s; below this a string that does not slide along stands still
 
 
@@ -48,6 +49,8 @@ class State:
         What it asks: rad/s, rad; and how long it holds, s.
     then : int
         Mode after that time: HOLD or RELEASE.
+    limit : float
+        Largest torque that the top drive gives while it turns on command, N m.
     """
 
     drive: float
@@ -59,6 +62,7 @@ class State:
     target: float
     left: float
     then: int
+    limit: float
 
 
 _STATE = dtype_of(State)
@@ -75,6 +79,7 @@ class Params(NamedTuple):
     decay: float
     fastest: float
     ramp: float
+    yields: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,6 +103,7 @@ class Steering:
     most_rpm: float = setting(200.0, "fastest the top drive turns", unit="r/min", low=1.0, high=600.0)
     orient_rpm: float = setting(10.0, "fastest it turns to an angle", unit="r/min", low=0.1, high=60.0)
     ramp_rpm_s: float = setting(20.0, "its change of speed in a second", unit="r/min/s", low=0.1, high=1000.0)
+    most_nm: float = setting(50000.0, "largest torque it gives on command", unit="N m", low=100.0, high=2e5)
     most_turn_deg: float = setting(720.0, "largest turn it takes at once", unit="deg", low=1.0, high=36000.0)
 
     def __post_init__(self) -> None:
@@ -184,6 +190,8 @@ class String:
             decay=steering.decay_rpm * _RPM,
             fastest=steering.orient_rpm * _RPM,
             ramp=steering.ramp_rpm_s * _RPM,
+            # By as much as the damping allows, so that string and damping together stay below the limit.
+            yields=min(_YIELD, steering.stiffness_nm_rad / max(steering.damping_nms, 1e-9)),
         )
         # A run that starts under way starts wound up.
         start = np.zeros(1)
@@ -192,7 +200,7 @@ class String:
         drag = steering.kinetic_nm + (steering.static_nm - steering.kinetic_nm) * fall
         wound = (motor + math.copysign(drag, speed) * (speed != 0.0)) / steering.stiffness_nm_rad
         self._state = np.zeros(1, _STATE)
-        self._state[0] = (toolface + wound, speed, toolface, speed, _SCHEDULE, 0.0, 0.0, 0.0, HOLD)
+        self._state[0] = (toolface + wound, speed, toolface, speed, _SCHEDULE, 0.0, 0.0, 0.0, HOLD, steering.most_nm)
 
     def command(self, command: Command) -> None:
         """
@@ -217,6 +225,11 @@ class String:
         """Let the time of the turn in force, s, begin anew."""
         if self._state[0].mode == ORIENT:
             self._state[0].left = valid_for
+
+    def limit_torque(self, limit: float) -> None:
+        """Give at most this torque, N m, from now on while turning on command; 0: as much as the top drive can."""
+        most = self.steering.most_nm
+        self._state[0].limit = min(limit, most) if limit > 0.0 else most
 
     @property
     def quill(self) -> float:
@@ -284,6 +297,10 @@ def advance(
                 wanted = -wanted
         before = wanted if s.mode == _SCHEDULE else s.drive_rate
         speed, end = before + min(max(wanted - before, -p.ramp * dt), p.ramp * dt), s.end_rate
+        if s.mode == ROTATE or s.mode == ORIENT:
+            # At the limit of its torque a top drive turns no faster than the string gives way, whatever is asked.
+            wound, most = s.drive - s.end, s.limit / p.stiffness
+            speed = min(max(speed, end - (most + wound) * p.yields), end + (most - wound) * p.yields)
         torque = p.stiffness * (s.drive - s.end) + p.damping * (before - end)
         # Friction over speed, taken at the speed before; its part of the step is implicit, so that sticking is stable.
         drag = p.kinetic + p.more * math.exp(-abs(end) / p.decay)

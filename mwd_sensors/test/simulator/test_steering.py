@@ -181,3 +181,28 @@ def test_a_release_gives_the_string_back_at_once():
 def test_a_flow_below_zero_is_refused():
     with pytest.raises(ValueError, match="flow_rate"):
         steering.check(Command(steering.PUMP, flow_rate=-1.0), EASY)
+
+
+@pytest.mark.parametrize("damping", [0.0, 23.0, 500.0])
+@pytest.mark.parametrize("speed", [120.0, -120.0])
+def test_a_top_drive_gives_no_more_torque_than_the_limit_and_stalls_there(speed, damping):
+    stuck = Steering(static_nm=90_000.0, kinetic_nm=90_000.0, motor_nm=0.0, damping_nms=damping)
+    played = Played(stuck, rop=0.0)
+    played.string.limit_torque(6000.0)
+    played.string.command(Command(ROTATE, rotary_speed=speed * RPM, valid_for=1e6))
+    played.play(30.0)
+    assert np.abs(played.drive[:, 1]).max() <= 6000.0 * 1.001
+    assert played.drive[-1, 1] == pytest.approx(math.copysign(6000.0, speed), rel=0.01)
+    assert played.drive[-1, 0] == pytest.approx(0.0, abs=0.01)
+    played.string.limit_torque(8000.0)
+    assert played.play(10.0).drive[-1, 1] == pytest.approx(math.copysign(8000.0, speed), rel=0.01)
+
+
+def test_a_torque_limit_that_is_not_reached_changes_no_bit():
+    free, limited = Played(Steering()), Played(Steering())
+    limited.string.limit_torque(20_000.0)
+    for played in (free, limited):
+        played.string.command(Command(ROTATE, rotary_speed=60.0 * RPM, valid_for=1e6))
+        played.play(20.0)
+    assert np.abs(free.drive[:, 1]).max() < 20_000.0
+    assert np.array_equal(free.drive, limited.drive)
