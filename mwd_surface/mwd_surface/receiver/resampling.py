@@ -2,6 +2,8 @@
 """
 Samples of any rate, jitter and gaps onto an even grid counted from the first stamp: the same bits however they are cut.
 
+A single sample far off its neighbours (an electrical spike) is replaced by what they give: the filter would spread it.
+
 Each value of the grid is the mean of the samples round it, weighted by a low-pass kernel and by the time each sample
 stands for. Samples that come much faster than the grid are averaged in bins first.
 """
@@ -19,6 +21,11 @@ from mwd_sensors.core.compiled import compiled
 # what a pulse of 2 TU has above it is 2 % of its energy.
 _HALF_STEPS = 10.0
 _CUT_OFF = 0.2
+# A spike is off its neighbours by so many times the usual deviation, and they by these shares of it the other way: an
+# interpolated neighbour takes in two thirds of it. A pulse, however steep, has neighbours on its own side.
+_SPIKE, _SPIKE_SHARES = 8.0, (0.4, 0.9)
+_SCALE_SAMPLES, _MOST_GROWTH = 64.0, 8.0
+_AROUND = 3  # samples to either side that decide
 # Input rates beyond this multiple of the grid's are averaged down.
 _MOST_OVERSAMPLED = 6.0
 
@@ -77,6 +84,8 @@ class Resampler:
         self._bin = 0.0
         self._early: list[tuple[float, float]] = []
         self._bin_sum = np.zeros(4)
+        self._raw = np.zeros((2, 0))
+        self._scale = np.zeros(1)
         self.origin: float | None = None
 
     @property
@@ -109,6 +118,7 @@ class Resampler:
         """Rest of the grid, up to the last sample; as `push`."""
         if self._spacing == 0.0 and len(self._early) > 2:
             self._begin()
+        self._add(*self._raw[:, self._ready :])
         if len(self._time) < 3:
             return np.zeros(0), np.zeros(0)
         return self._until(self._time[-2])
@@ -148,20 +158,62 @@ class Resampler:
         self._binned(whole, value)
 
     def _binned(self, time: Array, value: Array) -> None:
+        last = self._raw[0, -1] if self._raw.shape[1] else -math.inf
+        before = np.maximum.accumulate(np.concatenate([[last], time]))[:-1]
+        self._raw = np.concatenate([self._raw, np.stack([time, value])[:, time > before]], axis=1)
+        if self._raw.shape[1] > 2 * _AROUND:
+            despiked = self._raw[1].copy()
+            _despike(self._raw[1], self._scale, despiked)
+            begin = self._ready
+            self._add(self._raw[0, begin:-_AROUND], despiked[begin:-_AROUND])
+            self._raw = self._raw[:, -2 * _AROUND :]
+
+    @property
+    def _ready(self) -> int:
+        """First sample that was not handed on; the first of all have no neighbours and stay as they are."""
+        return 0 if len(self._time) == 0 and self._bin_sum[2] == 0.0 else _AROUND
+
+    def _add(self, time: Array, value: Array) -> None:
         if self._bin > 0.0 and len(time):
             time, value = self._means(time, value)
-        last = self._time[-1] if len(self._time) else -math.inf
-        if len(time):
-            before = np.maximum.accumulate(np.concatenate([[last], time]))[:-1]
-            rises = time > before
-            self._time = np.concatenate([self._time, time[rises]])
-            self._value = np.concatenate([self._value, value[rises]])
+        self._time, self._value = np.concatenate([self._time, time]), np.concatenate([self._value, value])
 
     def _means(self, time: Array, value: Array) -> tuple[Array, Array]:
         """Mean time and value of each bin that is complete; the sums of the open one are carried on."""
         out_time, out_value = np.zeros(len(time) + 1), np.zeros(len(time) + 1)
         made = _bin_means(time, value, (self.origin or 0.0, self._bin), self._bin_sum, out_time, out_value)
         return out_time[:made], out_value[:made]
+
+
+@compiled
+def _despike(value: Array, scale: Array, out: Array) -> None:
+    """
+    Replace spikes by the cubic through their four neighbours.
+
+    Parameters
+    ----------
+    value : ndarray, shape (n,)
+        Samples; of the first and last three only the neighbours' use is made.
+    scale : ndarray, shape (1,)
+        Usual deviation of a sample from that cubic, carried on.
+    out : ndarray, shape (n,)
+        Samples, changed where there is a spike.
+    """
+    for j in range(_AROUND, len(value) - _AROUND):
+        off = _deviation(value, j)
+        usual = max(scale[0], 1e-6 * abs(value[j - 1]))
+        if abs(off) > _SPIKE * usual:
+            before, after = -_deviation(value, j - 1) / off, -_deviation(value, j + 1) / off
+            low, high = _SPIKE_SHARES
+            if low < before < high and low < after < high:
+                out[j] = value[j] - off
+        scale[0] += (min(abs(off), _MOST_GROWTH * usual) - scale[0]) / _SCALE_SAMPLES
+
+
+@compiled
+def _deviation(value: Array, j: int) -> float:
+    """Deviation of a sample from the cubic through its four neighbours."""
+    return float(value[j] - (4.0 * (value[j - 1] + value[j + 1]) - value[j - 2] - value[j + 2]) / 6.0)
 
 
 @compiled

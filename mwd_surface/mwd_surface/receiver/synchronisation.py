@@ -15,7 +15,14 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.channel_estimate import BEFORE, SAMPLES_PER_TU, basis, coefficients, normal_equations
+from mwd_surface.receiver.channel_estimate import (
+    BEFORE,
+    SAMPLES_PER_TU,
+    basis,
+    coefficients,
+    normal_equations,
+    reconstruct,
+)
 from mwd_surface.receiver.pump_lines import pump_noise
 from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
 
@@ -28,6 +35,9 @@ _TAIL = 20
 # ten thousand; 6 dB a bit give 20 in the mean, 9 in one case of fifty. What passes by chance costs a trial: the packets
 # behind it decide whether it is a transmission.
 _THRESHOLD = 8.0
+# Soon after flow-on there is too little pressure before the sync to learn the noise from: pulses in it hide themselves,
+# so that one with a score as low as this is taken out, and the noise learnt anew.
+_PROMISING, _ROUNDS = 2.0, 2
 # Energy of the five pulses over noise that is tried: 5 to 20 dB a bit.
 _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
 # Chi square with 4 degrees of freedom of the pulses' sizes about their mean; the estimated response adds to it.
@@ -72,7 +82,11 @@ def search(
     SyncFound or None
         None where nothing looks like one.
     """
-    moved = _settled(pressure[:begin]) if whitener is None else 0
+    moved, early = 0, whitener is None and begin < _LEAST_NOISE
+    if early:
+        moved = min(_settled(pressure), max(begin - BEFORE, 0))
+    elif whitener is None:
+        moved = _settled(pressure[:begin])
     pressure, known, begin, end = pressure[moved:], known[moved:], begin - moved, end - moved
     pressure = pressure - pump_noise(pressure, known)
     if whitener is None:
@@ -80,8 +94,23 @@ def search(
         whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)
     if whitener is None:
         return None
-    found = _found(pressure, known, tool, (begin, end), whitener)
-    return None if found is None else dataclasses.replace(found, at=found.at + moved)
+    found = _found(pressure, known, tool, (begin, end), whitener, _PROMISING if early else _THRESHOLD)
+    for _ in range(_ROUNDS if early else 0):
+        found = None if found is None else _refined(pressure, known, tool, (begin, end), found)
+    if found is None or found.score < _THRESHOLD:
+        return None
+    return dataclasses.replace(found, at=found.at + moved)
+
+
+def _refined(
+    pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], found: SyncFound
+) -> SyncFound | None:
+    """Sync found anew with noise learnt from the same pressure without the pulses found."""
+    train, pulses = np.zeros(len(pressure)), np.empty(len(pressure))
+    train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = 1.0
+    reconstruct(train, found.response, pulses)
+    whitener = steady_filter(pressure - pulses, known, ORDER, FLOOR)
+    return None if whitener is None else _found(pressure, known, tool, span, whitener, _PROMISING)
 
 
 def _settled(pressure: Array) -> int:
@@ -97,9 +126,9 @@ def _settled(pressure: Array) -> int:
 
 
 def _found(
-    pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array
+    pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array, least: float
 ) -> SyncFound | None:
-    """Best sync in pressure whose noise is known; span: range of its first sample."""
+    """Best sync in pressure whose noise is known; span: range of its first sample; least: score."""
     begin, end = span
     whitened = np.empty(len(pressure))
     filtered(pressure, whitener, whitened)
@@ -117,7 +146,7 @@ def _found(
     explained, total, score = _explained(whitened, shapes, edges, first, count)
     freedom = len(shapes)
     at = int(np.argmax(score))
-    if score[at] < _THRESHOLD:
+    if score[at] < least:
         return None
     # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
     found = _fitted(whitened, shapes, edges, first + at)

@@ -228,3 +228,23 @@ def test_a_receiver_that_starts_amid_a_transmission_reads_from_the_next_sync():
         assert len(both) == len(second)
         assert all(s.raw == w.raw and w.status == BELIEVED for s, w in both)
         assert not [w for w in words if w.status == BELIEVED and w.start_s < 300.0]
+
+
+def test_short_pulses_soon_after_flow_on_are_found():
+    """Seven seconds of pumps behind their start teach too little of the noise: the pulses must not hide in it."""
+    tool = dataclasses.replace(TOOL, pulse_width_s=0.3, transmit_delay_s=10.0)
+    sent = transmit(tool, ((20.0, 130.0),), 3)
+    run = link_run(MudChannel(well=Well(depth_m=2000.0), flow_off_s=((-100.0, 20.0),)), sent, 135.0, 3)
+    both = pairs(run, decode(tool, run.time_s, run.pressure_pa).words, tool, 2000.0)
+    assert len(both) == len(sent.words)
+    assert all(s.raw == w.raw for s, w in both if w.status == BELIEVED)
+    assert np.mean([w.status == BELIEVED for _, w in both]) > 0.5
+
+
+def test_electrical_spikes_cost_no_word():
+    run = simulated("0.5")
+    random = np.random.default_rng(5)
+    spiked = run.pressure_pa.copy()
+    spiked[random.choice(len(spiked), len(spiked) // 300, replace=False)] += 2e6
+    words = decode(FAST, run.time_s, spiked).words
+    assert [(w.raw, w.status) for w in words] == [(w.raw, w.status) for w in reception("0.5").words]

@@ -62,3 +62,17 @@ def test_values_between_those_of_a_grid_are_those_of_the_tone():
     out = np.empty(80)
     interpolate(grid, 10.3, 1.7, out)
     assert out == pytest.approx(np.sin(0.5 * (10.3 + 1.7 * np.arange(80))), abs=1e-4)
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0])
+def test_spikes_of_single_samples_are_taken_out_and_steps_stay(rate):
+    time = np.arange(0.0, 40.0, 1.0 / rate)
+    step = np.floor(time / 5.0)
+    clean = np.sin(0.7 * time) + step + 0.01 * np.random.default_rng(3).normal(size=len(time))
+    spiked = clean.copy()
+    spiked[211::97] += 50.0
+    # A cubic through four neighbours has little more noise than a sample.
+    assert np.abs(resampled(time, spiked)[0] - resampled(time, clean)[0]).max() < 0.05
+    # Of a step no sample is changed: the low-pass filter is linear.
+    twice = resampled(time, 2.0 * step + time)[0]
+    assert twice == pytest.approx(resampled(time, step + time)[0] + resampled(time, step)[0], abs=1e-9)
