@@ -42,10 +42,22 @@ class Graph:
         self.environment = environment
         self.running: dict[str, subprocess.Popen[bytes]] = {}
 
-    def start(self, node: str, namespace: str = "", *, arguments: Sequence[str] = (), **parameters: Any) -> str:
-        """Start a node as `ros2 run` would, with more arguments of ROS if given; its name in this graph comes back."""
+    def start(
+        self,
+        node: str,
+        namespace: str = "",
+        *,
+        arguments: Sequence[str] = (),
+        before: Sequence[str] = (),
+        **parameters: Any,
+    ) -> str:
+        """
+        Start a node as `ros2 run` would; its name in this graph comes back.
+
+        arguments: more of ROS. before: words of a command that runs the node in another namespace.
+        """
         program = str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node)
-        return self._start([program, "--ros-args", *arguments], node, namespace, parameters)
+        return self._start([*before, program, "--ros-args", *arguments], node, namespace, parameters)
 
     def command(self, node: str, namespace: str = "", **parameters: Any) -> str:
         """Start a node as `mwd node` does."""
