@@ -111,10 +111,10 @@ def _lose_velocity(s: Record, axis: int, y: float) -> None:
 @compiled
 def correct(s: Record, size: int) -> None:
     """Put the correction into the nominal values: exp(tilt and change of heading) from the left, the rest by adding."""
-    # What a clipped gyro missed was about the tool axis: the heading, which is free, turns with it.
-    yaw = 0.0
-    C, e = s.C, s.correction
-    if size == ERRORS:
+    # What a clipped gyro missed was about the tool axis: the heading, which is free, turns with it, and so it does when
+    # the force puts that right afterwards. A turn about the level axis would add half its square to the inclination.
+    C, e, yaw = s.C, s.correction, 0.0
+    if s.clipping.seen:
         yaw = (e[TILT] * C[0, 0] + e[TILT + 1] * C[1, 0]) * C[2, 0] / max(C[0, 0] ** 2 + C[1, 0] ** 2, 0.01)
     a, b, c = 0.5 * e[TILT], 0.5 * e[TILT + 1], 0.5 * yaw
     qx, qy, qz, qw = s.q[0], s.q[1], s.q[2], s.q[3]

@@ -54,10 +54,11 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     """
     Move the nominal values and the sums by one sample; returns the square of the acceleration, (m/s^2)^2.
 
-    w: measured rate, rad/s; f: measured specific force, m/s^2, in the axes at the end of the interval of dt seconds.
+    w: measured rate, rad/s; f: measured specific force, m/s^2, of the interval of dt seconds that ends at the sample.
     """
     scaled = w[0] - s.bias[0]
-    wx = scaled * (1.0 - s.scale) + s.missing
+    seen = scaled * (1.0 - s.scale)
+    wx = seen + s.missing
     wy, wz = w[1] - s.bias[1] - s.askew[0] * scaled, w[2] - s.bias[2] - s.askew[1] * scaled
     px, py, pz = wx * dt, wy * dt, wz * dt
     if p.coning > 0.0:
@@ -68,10 +69,15 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     if p.sampled:
         px += 0.5 * (s.last_w[0] - w[0]) * dt
     rotate(s, px, py, pz)
+    # A force over the interval is turned to its end by what the unit itself did not turn it: one that integrates did so
+    # by the rate it read, one that averages did not. A mean over a turn of 2 h is short by sin(h) / h.
+    h = 0.0 if p.sampled else 0.5 * dt * ((w[0] if p.coning == 0.0 else 0.0) - seen)
+    keep = 1.0 - h * h / 3.0
+    fy, fz = keep * f[1] - h * f[2], keep * f[2] + h * f[1]
     C, sums = s.C, s.sums
-    ax = C[0, 0] * f[0] + C[0, 1] * f[1] + C[0, 2] * f[2]
-    ay = C[1, 0] * f[0] + C[1, 1] * f[1] + C[1, 2] * f[2]
-    az = C[2, 0] * f[0] + C[2, 1] * f[1] + C[2, 2] * f[2]
+    ax = C[0, 0] * f[0] + C[0, 1] * fy + C[0, 2] * fz
+    ay = C[1, 0] * f[0] + C[1, 1] * fy + C[1, 2] * fz
+    az = C[2, 0] * f[0] + C[2, 1] * fy + C[2, 2] * fz
     sums.force[0] += ax * dt
     sums.force[1] += ay * dt
     sums.force[2] += az * dt

@@ -194,6 +194,42 @@ def test_roll_is_found_again_after_the_gyro_clipped():
     assert np.median(got.sigma_toolface[late & clipped]) > np.radians(5.0)
 
 
+def test_roll_lost_to_a_clipped_gyro_does_not_raise_the_inclination():
+    runs = []
+    for seed in range(311, 315):
+        stamps, gyro, accel, down = drilled("gyroclip", 60.0, seed)
+        p = bounded.Params(gravity_sigma=0.002)
+        got = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
+        late = stamps - stamps[0] > 10_000_000_000
+        error = got.inclination - np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
+        runs.append((error[late], got.sigma_inclination[late]))
+        assert np.degrees(np.mean(error[late])) < 0.05
+    found = consistency(runs, confidence=0.999)
+    assert found.inside, found
+
+
+@pytest.mark.parametrize("rpm", [60.0, 155.0, 300.0])
+@pytest.mark.parametrize("scale", [0.0, 0.003])
+@pytest.mark.parametrize("integrated", [False, True])
+def test_forces_are_turned_to_the_end_of_their_interval_by_what_the_unit_did_not(rpm, scale, integrated):
+    n, inside, rate_hz, inclination = 4000, 20, 100.0, np.radians(60.0)
+    speed = rpm * np.pi / 30.0
+    t = np.arange(n * inside + 1) / (rate_hz * inside)
+    down = frames.mat_nt(inclination, 0.3, speed * t)[:, 2, :]
+    forces = -G0 * 0.5 * (down[1:] + down[:-1]).reshape(n, inside, 3)
+    if integrated:
+        # The unit turns each force to the end of the interval by the rate that it reads.
+        before = (1.0 + scale) * speed * (np.arange(inside)[::-1] + 0.5) / (rate_hz * inside)
+        y, z = forces[..., 1].copy(), forces[..., 2].copy()
+        forces[..., 1] = np.cos(before) * y + np.sin(before) * z
+        forces[..., 2] = np.cos(before) * z - np.sin(before) * y
+    rates = np.column_stack([np.full(n, (1.0 + scale) * speed), np.zeros((n, 2))])
+    p = bounded.Params(coning=0.0 if integrated else 1.0)
+    stamps = np.arange(1, n + 1, dtype=np.int64) * 10_000_000
+    got = bounded.run(p, bounded.initial(p), stamps, rates, forces.mean(axis=1))
+    assert error_deg(got, down[inside::inside])[2000:].max() < 0.004
+
+
 def test_point_samples_of_vibration_are_seen_as_aliased_and_integrated_ones_are_not():
     rng = np.random.default_rng(5)
     n = 3000
