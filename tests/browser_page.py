@@ -129,7 +129,7 @@ def survey(sequence, **changes):
         azimuth=1.0,
         north=int(North.GRID),
         covariance=(1e-6, 0, 0, 0, 1e-4, 0, 0, 0, 1e-6),
-        azimuth_method="corrected",
+        azimuth_method="fused",
         g_total=9.82,
         b_total=50e-6,
         dip=1.2,

@@ -36,7 +36,7 @@ def survey(k, inc_deg, azi_deg, **changes):
     magnetic = (azi_deg - 2.0) % 360.0
     methods = (
         AzimuthEstimate("raw", 1, math.radians(magnetic + 0.8), math.radians(1.0), 0.0, "axial interference"),
-        AzimuthEstimate("corrected", 1, math.radians(magnetic), SIGMA_A, 1.0),
+        AzimuthEstimate("corrected", 1, math.radians(magnetic), SIGMA_A),
         AzimuthEstimate("gyro", 1, 0.0, -1.0, 0.0, "rotating"),
     )
     values = {
@@ -56,7 +56,7 @@ def survey(k, inc_deg, azi_deg, **changes):
         "gravity_toolface": 1.0,
         "magnetic_toolface": 2.0,
         "covariance": (SIGMA_I**2, 0.0, 0.0, 0.0, SIGMA_A**2, 0.0, 0.0, 0.0, 1e-6),
-        "azimuth_method": "corrected",
+        "azimuth_method": "fused",
         "azimuths": methods,
         "g_total": 9.819 + 0.002 * math.sin(k),
         "b_total": 5.03e-5 + 9e-8 * math.cos(1.7 * k),

@@ -67,7 +67,7 @@ def surveys(north):
             magnetic_field_covariance=(1e-16, 0.0, 0.0, 0.0, 1e-16, 0.0, 0.0, 0.0, 1e-16),
             covariance=(1e-6, 0.0, 0.0, 0.0, 4e-5, 0.0, 0.0, 0.0, 1e-6),
             temperature=63.5,
-            azimuth_method="corrected",
+            azimuth_method="fused",
             azimuths=(AzimuthEstimate("raw", 1, azimuth + 0.01, 0.02),),
             g_total=9.8191234,
             b_total=5.0312345e-5,

@@ -13,8 +13,8 @@ class AzimuthMethod(StrEnum):
 
     RAW and SINGLE_STATION read one magnetic station (single-station, or short-collar, correction of the axial
     interference); MULTI_STATION corrects it by the stations of its run; GYRO is a north seek at the station,
-    GYRO_PROPAGATED the last station's azimuth turned on by the gyros; FUSED is a weighted mean of several, and NONE
-    means that there is no azimuth.
+    GYRO_PROPAGATED the last station's azimuth turned on by the gyros. FUSED is the posterior of all that was measured,
+    even of one magnetometer alone: what took part says the weight of each azimuth. NONE means that there is none.
     """
 
     RAW = "raw"

@@ -13,11 +13,11 @@ from collections.abc import Iterable
 
 from mwd_sensors.core.constants import CELSIUS_ZERO
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
 
-METHODS = ("raw", "corrected", "msa", "gyro", "fused")
 _DEG = 180.0 / math.pi
 _AXES = ("x", "y", "z")
 
@@ -53,7 +53,7 @@ def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = ()) -> str:
     """Every survey of the list, used or not, by number: time, depth, six axes, totals, azimuths, judgements."""
     lines = [f"# {label}: {value}" for label, value in header]
     ordered = sorted(surveys.records, key=lambda r: r.survey.sequence)
-    methods = tuple(dict.fromkeys((*METHODS, *(a.method for r in ordered for a in r.survey.azimuths))))
+    methods = tuple(dict.fromkeys(a.method for r in ordered for a in r.survey.azimuths))
     columns = [*_COLUMNS, *(f"azimuth_{m}_deg" for m in methods), *(f"sigma_azimuth_{m}_deg" for m in methods)]
     lines.append(",".join([*columns, *_TEXTS]))
     lines.extend(",".join(_raw_cells(record, methods)) for record in ordered)
@@ -112,6 +112,7 @@ _COLUMNS = (
     "sigma_azimuth_deg",
     "axial_interference_nt",
     "sigma_axial_interference_nt",
+    "gyro_share",
 )
 _TEXTS = (
     "azimuth_reference",
@@ -160,7 +161,7 @@ def _decided(record: SurveyRecord, north: North) -> list[str]:
 
 
 def _raw_cells(record: SurveyRecord, methods: tuple[str, ...]) -> list[str]:
-    s = record.survey
+    s, source = record.survey, azimuth_source(record.survey)
     causes = zip(s.hypotheses, s.hypothesis_odds, strict=True)
     magnetic = s.magnetic_field_covariance[0] >= 0.0
     known = {a.method: a for a in s.azimuths if a.sigma >= 0.0}
@@ -190,6 +191,7 @@ def _raw_cells(record: SurveyRecord, methods: tuple[str, ...]) -> list[str]:
         _known(s.sigma_azimuth, 4, _DEG),
         fixed(s.axial_interference * 1e9, 1) if s.sigma_axial_interference >= 0.0 else "",
         _known(s.sigma_axial_interference, 1, 1e9),
+        fixed(source.gyro_share, 3) if source.known else "",
         *(fixed(known[m].azimuth * _DEG, 4, 360.0) if m in known else "" for m in methods),
         *(fixed(known[m].sigma * _DEG, 4) if m in known else "" for m in methods),
         quoted(North(s.north).name.lower()),

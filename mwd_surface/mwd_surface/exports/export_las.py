@@ -13,7 +13,9 @@ import re
 
 import numpy as np
 
+from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.survey_record import Verdict
 
 NULL = -999.25
@@ -45,8 +47,8 @@ def las(table: SurveyTable) -> str:
     """
     The file as text (UTF-8 when encoded).
 
-    VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; the last curve, KIND, says what
-    a station is: 0 tie-on, 1 survey, 2 projected to the bit.
+    VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; GYSH and AXCO say what the
+    azimuth is made of. The last curve, KIND, says what a station is: 0 tie-on, 1 survey, 2 projected to the bit.
     """
     import lasio
 
@@ -81,6 +83,9 @@ def las(table: SurveyTable) -> str:
         formats[len(formats)] = "%.0f"
         data = np.array([float(_VERDICTS[word]) if word else np.nan for word in given])
         file.append_curve(mnemonic, data, descr=f"verdict {what}, {_VERDICT_WORDS}")
+    for mnemonic, decimals, descr, data in _azimuth_sources(table):
+        formats[len(formats)] = f"%.{decimals}f"
+        file.append_curve(mnemonic, data, descr=descr)
     kinds = {"tie-on": 0.0, "survey": 1.0, "projected": 2.0}
     formats[len(formats)] = "%.0f"
     file.append_curve("KIND", np.array([kinds[k] for k in table.path.kind]), descr="0 tie-on, 1 survey, 2 projected")
@@ -97,6 +102,18 @@ def las(table: SurveyTable) -> str:
         header_width=40,
     )
     return text.getvalue()
+
+
+def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
+    """Mnemonic, decimals, description and values, shape (n,), of what each azimuth is made of; nan: not known."""
+    sources = [AzimuthSource(known=False) if r is None else azimuth_source(r.survey) for r in table.records]
+    known = np.array([one.known for one in sources], dtype=bool)
+    shares = np.array([one.gyro_share for one in sources])
+    axial = np.array([float(one.axial_corrected) for one in sources])
+    return [
+        ("GYSH", 3, "share of the gyro in the azimuth, 0 to 1", np.where(known, shares, np.nan)),
+        ("AXCO", 0, "axial interference corrected, 0 no, 1 yes", np.where(known, axial, np.nan)),
+    ]
 
 
 def _value(text: str) -> str:

@@ -17,14 +17,12 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
 
 NAMESPACE = "http://www.witsml.org/schemas/1series"
 _DEG = 180.0 / math.pi
 _NAME, _COMMENT, _UID = 64, 4000, 64
-# Methods that take axial interference off, and those that know it from the stations of the run together.
-_OF_RUN = ("msa", "fused")
-_AXIAL = ("corrected", *_OF_RUN)
 _STATION = {
     "tvd_m": ("tvd", "m"),
     "inclination_deg": ("incl", "dega"),
@@ -150,14 +148,14 @@ def _type(table: SurveyTable, record: SurveyRecord | None, kind: str) -> str:
         return "tie in point"
     if record.tool in ("gyro north seeking", "gyro MWD", "magnetic multi-shot"):
         return record.tool
-    return "gyro MWD" if record.survey.azimuth_method == "gyro" else "magnetic MWD"
+    return "gyro MWD" if azimuth_source(record.survey).mostly_gyro else "magnetic MWD"
 
 
 def _measured(s: Survey, model: str) -> list[str]:
-    parts = [
-        _text("axialMagInterferenceCorUsed", "true" if s.azimuth_method in _AXIAL else "false"),
-        _text("MSACorUsed", "true" if s.azimuth_method in _OF_RUN else "false"),
-    ]
+    source = azimuth_source(s)
+    parts = [_text("axialMagInterferenceCorUsed", _flag(source.axial_corrected))]
+    if source.multi_station is not None:
+        parts.append(_text("MSACorUsed", _flag(source.multi_station)))
     if s.g_reference > 0.0:
         parts.append(_measure("gravTotalFieldReference", fixed(s.g_reference, 6), "m/s2"))
     if s.has_reference:
@@ -209,10 +207,15 @@ def _note(record: SurveyRecord | None, kind: str) -> str:
         return "projected to the bit, not surveyed"
     if record is None:
         return ""
-    s = record.survey
+    s, made_of = record.survey, azimuth_source(record.survey).words
     names = ("inclination", "azimuth", "toolface")
     each = ", ".join(f"{name} {word}" for name, word in zip(names, s.verdicts, strict=True))
-    notes = [f"automatic verdict {Verdict(s.verdict).word} ({each})", *([s.action] if s.action else []), *record.flags]
+    notes = [
+        f"automatic verdict {Verdict(s.verdict).word} ({each})",
+        *([f"azimuth: {made_of}"] if made_of else []),
+        *([s.action] if s.action else []),
+        *record.flags,
+    ]
     if record.operator_name:
         notes.append(f"judged by {record.operator_name}: {record.reason or 'no reason given'}")
     if record.comment:
@@ -222,6 +225,10 @@ def _note(record: SurveyRecord | None, kind: str) -> str:
 
 def _text(tag: str, text: str, longest: int = 256) -> str:
     return f"<{tag}>{escape(plain(text)[:longest].strip() or 'unknown')}</{tag}>"
+
+
+def _flag(value: bool) -> str:
+    return "true" if value else "false"
 
 
 def _measure(tag: str, number: str, uom: str) -> str:

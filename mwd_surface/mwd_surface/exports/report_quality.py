@@ -11,6 +11,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.report_plots import quality_view
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, TINTS, Drawing, Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable, fixed, utc
+from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import Total, totals
 from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, SurveyRecord, Verdict
 
@@ -190,7 +191,7 @@ def azimuths(table: SurveyTable) -> Section | None:
         cells = [str(s.sequence), _depth(record), fixed(known * _DEG, 2, 360.0) if known is not None else ""]
         cells += [
             fixed(s.sigma_azimuth * _DEG, 2) if s.sigma_azimuth >= 0.0 else "",
-            METHODS.get(s.azimuth_method, s.azimuth_method),
+            azimuth_source(s).words or METHODS.get(s.azimuth_method, s.azimuth_method),
         ]
         for method in methods:
             cells += _by_method(s, by.get(method), north)

@@ -14,6 +14,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_surface.live.settings import Limits
 from mwd_surface.page.plain import number, numbers
+from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.position_covariance import ellipse, in_section
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_record import ROTARY, Judgement, North, Survey, SurveyRecord, Verdict
@@ -51,7 +52,7 @@ def survey_row(record: SurveyRecord, north: North, limits: Limits | None = None)
         "azimuth": number(azimuth),
         "sigma_azimuth": _known(s.sigma_azimuth),
         "azimuth_north": NORTH_WORDS[azimuth_north],
-        "method": s.azimuth_method,
+        "method": azimuth_source(s).words or s.azimuth_method,
         **placed,
         "g_total": _known(s.g_total, 1e-9),
         "b_total": _known(s.b_total),

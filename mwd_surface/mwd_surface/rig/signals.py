@@ -29,7 +29,7 @@ class Signal:
     name : str
         In our own values.
     unit : str
-        SI; angles in rad.
+        SI; angles in rad, 1 for a ratio.
     meaning : str
         In words.
     source : str
@@ -175,6 +175,14 @@ SIGNALS: tuple[Signal, ...] = (
         "AxialInterference",
         (_COMPUTED,),
         modbus=28,
+    ),
+    Signal(
+        "survey_gyro_share",
+        "1",
+        "share of the gyro in its azimuth, 0 to 1",
+        SURVEY,
+        "SurveyGyroShare",
+        (_COMPUTED,),
     ),
     Signal(
         "gravity_toolface",

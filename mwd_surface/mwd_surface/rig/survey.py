@@ -11,13 +11,14 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_estimation.core.status import Status
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core.constants import CELSIUS_ZERO
+from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Three, Verdict
 from mwd_surface.surveys.well_path import Definitive
 
 LAST = 32
-_CORRECTING = ("corrected", "msa", "gyro")
 _UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED
 
 
@@ -27,8 +28,8 @@ class AcceptedSurvey:
     One station in use. m, rad, rad/m, m/s^2, T, degC; stamp_ns: of the measurement, decided_ns: when it came into use.
 
     azimuth: from the north of the well. azimuth_uncorrected: magnetic, before correction for interference, or None.
-    corrected: an azimuth corrected for interference, or not magnetic, is used. overridden: in use on a person's word
-    against the automatic verdict. remark: why the azimuth deserves doubt, in words; empty otherwise.
+    source: what the azimuth is made of. overridden: in use on a person's word against the automatic verdict.
+    remark: why the azimuth deserves doubt, in words; empty otherwise.
     """
 
     sequence: int
@@ -57,8 +58,7 @@ class AcceptedSurvey:
     magnetic_field: Three | None
     verdict: Verdict
     overridden: bool
-    corrected: bool
-    method: str
+    source: AzimuthSource
     remark: str = ""
 
     @property
@@ -78,7 +78,7 @@ def accepted_surveys(surveys: SurveyList, last: int = LAST) -> tuple[AcceptedSur
 
 
 def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
-    s = record.survey
+    s, source = record.survey, azimuth_source(record.survey)
     magnetic = s.magnetic_field_covariance[0] >= 0.0
     n, e, d = (float(v) for v in path.positions[k])
     return AcceptedSurvey(
@@ -108,31 +108,24 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
         magnetic_field=s.magnetic_field if magnetic else None,
         verdict=Verdict(s.verdict),
         overridden=record.judgement == Judgement.ACCEPTED and s.verdict != Verdict.ACCEPT,
-        corrected=_is_corrected(s),
-        method=s.azimuth_method,
-        remark=_remark(s, path.north),
+        source=source,
+        remark=_remark(s, source, path.north),
     )
 
 
 def _uncorrected(s: Survey) -> float | None:
     """Azimuth from magnetic north of the method without correction; that of the survey where no other was made."""
     for estimate in s.azimuths:
-        if estimate.method == "raw" and estimate.sigma >= 0.0:
+        if estimate.method == AzimuthMethod.RAW and estimate.sigma >= 0.0:
             return s.turned(estimate.azimuth, North(estimate.north), North.MAGNETIC)
-    return s.azimuth_from(North.MAGNETIC) if s.azimuth_method in ("", "raw") else None
+    return s.azimuth_from(North.MAGNETIC) if s.azimuth_method in ("", AzimuthMethod.RAW) else None
 
 
-def _is_corrected(s: Survey) -> bool:
-    if s.azimuth_method == "fused":
-        return s.sigma_axial_interference >= 0.0
-    return s.azimuth_method in _CORRECTING
-
-
-def _remark(s: Survey, north: North) -> str:
+def _remark(s: Survey, source: AzimuthSource, north: North) -> str:
     if s.azimuth_from(north) is None:
         return "no azimuth of its own: that of the station above is used"
     doubt = Status(s.status) & _UNCORRECTED
-    if doubt and not _is_corrected(s):
+    if doubt and not source.corrected:
         return "the azimuth is not corrected for interference"
     return ""
 

@@ -279,6 +279,7 @@ def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigVa
         "survey_sigma_inclination": (survey.sigma_inclination, None),
         "survey_sigma_azimuth": (survey.sigma_azimuth, None),
         "survey_interference": (survey.axial_interference, None),
+        "survey_gyro_share": (survey.source.gyro_share if survey.source.known else None, None),
     }
     age = max(0.0, (now_ns - survey.stamp_ns) / NANOSECONDS)
     whole = Condition.OVERRIDE if survey.overridden else Condition.GOOD

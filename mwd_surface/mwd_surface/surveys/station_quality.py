@@ -15,11 +15,10 @@ import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
 from mwd_surface.live.settings import Limits
+from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_record import STATIC, Survey, Verdict
 
 GOOD, DOUBTFUL, REJECT, NO_REFERENCE = "good", "doubtful", "reject", "no reference"
-# Azimuths that are taken from the field as it is read, or not from the field at all.
-_AS_READ = ("", "none", "raw", "gyro", "carried")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +72,7 @@ def _earth_field(s: Survey) -> tuple[float, float, bool]:
     """Return total field, T, and dip, rad, as the verdict takes them, and whether they are corrected."""
     # Of a hole so steep that the toolface is not determined the verdict takes the field as it is read.
     steep = s.kind == STATIC and s.verdict_toolface == Verdict.NOT_DETERMINED
-    corrected = s.azimuth_method not in _AS_READ and s.sigma_axial_interference >= 0.0 and not steep
+    corrected = azimuth_source(s).without_axial and not steep
     if not corrected or s.b_total < 0.0 or not any(s.specific_force):
         return s.b_total, s.dip, False
     b_t = np.array(s.magnetic_field) - np.array([s.axial_interference, 0.0, 0.0])

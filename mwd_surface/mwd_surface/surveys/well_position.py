@@ -15,9 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.error_terms import CovarianceUnavailableError, ErrorReference
 from mwd_surface.surveys.plan import Plan, interpolated, nearest
 from mwd_surface.surveys.programme import Programme, ProgrammeStations, read_programme
@@ -130,7 +132,8 @@ def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None])
     for k, record in enumerate(records):
         if record is not None:
             survey = record.survey
-            leg, tool, methods[k] = record.leg, record.tool, survey.azimuth_method
+            leg, tool = record.leg, record.tool
+            methods[k] = AzimuthMethod.GYRO if azimuth_source(survey).mostly_gyro else survey.azimuth_method
             if survey.sigma_inclination > 0.0 and survey.sigma_azimuth > 0.0:
                 sigmas[k] = survey.sigma_inclination, survey.sigma_azimuth
         legs[k], tools[k] = leg, tool

@@ -78,7 +78,7 @@ def test_the_lights_judge_the_field_without_the_interference_the_azimuth_was_cor
         b_total=float(np.linalg.norm(measured)),
         axial_interference=2e-6,
         sigma_axial_interference=1e-7,
-        azimuth_method="corrected",
+        azimuth_method="fused",
     )
     _, field, dip = quality_lights(listed(shot).records[0], Limits())["lights"]
     assert (field["light"], field["corrected"], dip["light"]) == ("good", True, "good")

@@ -42,7 +42,7 @@ def test_a_judgement_against_the_verdict_is_published_and_is_a_change():
 def test_the_uncorrected_azimuth_is_the_magnetic_one_of_the_raw_method():
     last = accepted_surveys(surveys())[-1]
     assert math.degrees(last.azimuth_uncorrected) == pytest.approx(75.0 + 0.4 * 12 - 2.0 + 0.8)
-    assert last.corrected
+    assert last.source.corrected
 
 
 def test_the_uncorrected_azimuth_stays_known_where_a_reference_turns_azimuths_to_another_north():
@@ -60,7 +60,7 @@ def test_the_uncorrected_azimuth_stays_known_where_a_reference_turns_azimuths_to
     [
         ("raw", Status.UNCORRECTED, "not corrected"),
         ("raw", Status.CORRECTION_REFUSED, "not corrected"),
-        ("corrected", Status.CORRECTED, ""),
+        ("fused", Status.CORRECTED, ""),
         ("gyro", Status.MAG_DISTURBED, ""),
     ],
 )

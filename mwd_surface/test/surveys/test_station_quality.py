@@ -30,7 +30,7 @@ def disturbed(**changes):
 
 
 def test_a_corrected_azimuth_is_judged_by_the_field_without_the_string():
-    _, field, angle = totals(disturbed(azimuth_method="corrected"))
+    _, field, angle = totals(disturbed(azimuth_method="fused"))
     assert field.corrected
     assert field.deviation == pytest.approx(0.0, abs=1e-12)
     assert field.read == disturbed().b_total

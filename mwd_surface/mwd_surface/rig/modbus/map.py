@@ -174,7 +174,7 @@ def status_bits(values: RigValues) -> int:
         StatusBit.SURVEY_ACCEPTED: survey is not None,
         StatusBit.QUALITY_DOUBTFUL: survey is not None and survey.verdict == Verdict.DOUBTFUL,
         StatusBit.QUALITY_BAD: survey is not None and survey.verdict == Verdict.REJECT,
-        StatusBit.INTERFERENCE_CORRECTED: survey is not None and survey.corrected,
+        StatusBit.INTERFERENCE_CORRECTED: survey is not None and survey.source.corrected,
         StatusBit.RECORDING: values.recording,
         StatusBit.MAGNETIC_MODE: values.mode != GRAVITY,
         StatusBit.GRAVITY_MODE: values.mode == GRAVITY,

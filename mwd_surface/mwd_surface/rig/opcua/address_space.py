@@ -22,6 +22,7 @@ NAMESPACE = f"http://ddhub.no/{MANIFEST}/Variables/"
 UNITS_NAMESPACE = "http://www.opcfoundation.org/UA/units/un/cefact"
 # Unit: its UNECE common code and the name in full.
 UNITS: dict[str, tuple[str, str]] = {
+    "1": ("C62", "one"),
     "rad": ("C81", "radian"),
     "rad/m": ("C84", "radian per metre"),
     "rad/s": ("2A", "radian per second"),
@@ -71,6 +72,7 @@ VARIABLES: tuple[Variable, ...] = (
     Variable("ToolfaceAge", "Double", "s", "age of the toolface in force"),
     Variable("Rotating", "Boolean", "", "the string rotates: the toolface is that of one moment"),
     Variable("SurveySequence", "UInt32", "", "number of the last accepted survey"),
+    Variable("SurveyAzimuthSource", "String", "", "what the azimuth of the last accepted survey is made of"),
     Variable("SurveyQuality", "UInt32", "", "verdict on the last accepted survey: 0 good, 1 doubtful, 2 bad"),
     Variable("NorthReference", "String", "", "north of azimuths: magnetic, true or grid"),
     Variable("SondeLink", "Boolean", "", "data of the sonde arrives"),
@@ -123,6 +125,8 @@ def variable_values(values: RigValues) -> dict[str, VariableValue]:
     table["Rotating"] = VariableValue(values.rotating, face, toolface.stamp_ns)
     number, verdict, stamp = (0, 0, 0) if survey is None else (survey.sequence, int(survey.verdict), survey.stamp_ns)
     table["SurveySequence"] = VariableValue(number, taken, stamp)
+    made_of = "" if survey is None else survey.source.words
+    table["SurveyAzimuthSource"] = VariableValue(made_of, taken, stamp)
     table["SurveyQuality"] = VariableValue(verdict, taken, stamp)
     table["NorthReference"] = VariableValue(values.north, state, now)
     table["SondeLink"] = VariableValue(values.sonde_link, state, now)

@@ -24,6 +24,7 @@ from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.value import RigValue
 from mwd_surface.rig.values import RigValues
 from mwd_surface.rig.wits.format import Frame, checked_text, number_text, plain_text
+from mwd_surface.surveys.azimuth_source import AzimuthSource
 
 UNITS = ("metric", "fps")
 SPARES = ("totals", "mwdstd-raw6", "none")
@@ -78,7 +79,6 @@ _LIVE_ITEMS = {
     record: [(s.wits, s) for s in sorted(SIGNALS, key=lambda s: s.wits or 0) if s.wits and s.wits // 100 == record]
     for record in (8, 9)
 }
-_TYPES = {"corrected": "MAG-AX", "msa": "MAG-MS", "gyro": "GYRO", "fused": "MAG+GYRO"}
 _SAME_TIME_NS = 600 * NANOSECONDS
 _DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7
 # Sequence numbers count from the seconds since then, so that they grow over a restart without a file.
@@ -134,7 +134,7 @@ class RecordWriter:
         # The hole depth of now does not belong to an old survey.
         if hole.condition.usable and abs(hole.stamp_ns - survey.stamp_ns) < _SAME_TIME_NS:
             items += self._numbers(((711, hole.value * self._length),))
-        items.append((712, _TYPES.get(survey.method, "MWD")))
+        items.append((712, _survey_type(survey.source)))
         uncorrected = survey.azimuth_uncorrected
         items += self._numbers(((713, survey.inclination * _DEG),))
         items += self._angle(714, uncorrected) + self._angle(715, survey.azimuth)
@@ -238,6 +238,15 @@ class RecordWriter:
             if text:
                 items.append((code, text))
         return items
+
+
+def _survey_type(source: AzimuthSource) -> str:
+    """Text of item 0712: what the azimuth is made of."""
+    if source.by_gyro:
+        return "MAG+GYRO" if source.magnetic else "GYRO"
+    if source.multi_station:
+        return "MAG-MS"
+    return "MAG-AX" if source.axial_corrected else "MWD"
 
 
 def activity_code(values: RigValues) -> int | None:
