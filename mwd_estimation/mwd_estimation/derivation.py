@@ -353,7 +353,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
         ),
         priors=Priors(
             axial=verdict.magnetised_string,
-            cross_axial=0.4 * verdict.magnetised_string,
+            cross_axial=0.2 * verdict.magnetised_string,
             reference=verdict.wrong_reference,
             external=verdict.external_field,
         ),

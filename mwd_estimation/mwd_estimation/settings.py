@@ -149,7 +149,7 @@ class Verdict:
         expert=True,
     )
     far_probability: float = setting(
-        0.006,
+        0.007,
         "An azimuth is doubtful that is farther off than far_deg with a larger probability. Raising it accepts more "
         "stations beside interference, and more of them are far off.",
         low=0.0001,
@@ -157,7 +157,7 @@ class Verdict:
         expert=True,
     )
     magnetised_string: float = setting(
-        0.15,
+        0.3,
         "Probability, before any reading, that the string is magnetised beyond its tool code. Raising it widens the "
         "sigma of first stations; set it for a collar known to be magnetic.",
         low=0.0,

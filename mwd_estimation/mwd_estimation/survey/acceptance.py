@@ -61,7 +61,7 @@ class QualitySettings:
     )
     far_deg: float = setting(10.0, "Error of an azimuth that a well must not have", unit="deg", low=0.1, high=90.0)
     far_probability: float = setting(
-        0.006, "An azimuth is doubtful that is farther off with a larger probability", low=1e-4, high=0.5
+        0.007, "An azimuth is doubtful that is farther off with a larger probability", low=1e-4, high=0.5
     )
     max_correction_sigma_deg: float = setting(
         3.0, "A single-station correction whose azimuth is less certain is refused", unit="deg", low=0.1, high=90.0

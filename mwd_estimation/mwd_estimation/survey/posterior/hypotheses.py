@@ -38,7 +38,7 @@ class Priors:
     """How probable each disturbance is before any reading, and how large; the rest is a sound tool in a sound place."""
 
     axial: float = setting(
-        0.15,
+        0.3,
         "Probability that the string is magnetised along its axis beyond the tool code. Raising it widens the sigma "
         "of stations whose attitude hides such a field.",
         low=0.0,
