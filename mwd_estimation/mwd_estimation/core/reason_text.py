@@ -119,6 +119,8 @@ WORDS: dict[Code, str] = {
     "run: check latitude, longitude and date of the place, or the reference given",
     Code.SENSOR_DEFECT: "a sensor is probably out of calibration ({value:.0f %}: wrong scale of a magnetometer, or "
     "accelerometers turned in their mount): check the tool at surface, change it",
+    Code.MOUNT_MAY_BE_TURNED: "inclination may be off by {value:.1f deg} (1 sigma): the dip fits accelerometers turned "
+    "in their mount as well; survey again at another toolface, check the tool at surface",
     Code.READINGS_REPEATED: "the readings are to the last digit those of station {value:.0f} of this run: old data "
     "played again; survey anew",
     Code.UNCERTAIN_STRING: _UNCERTAIN + "drill-string interference does not show well enough at this attitude; "

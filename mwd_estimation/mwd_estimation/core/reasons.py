@@ -57,6 +57,7 @@ class ReasonCode(StrEnum):
     FIELD_UNEXPLAINED = "field_unexplained"
     FIELD_OF_ANOTHER_PLACE = "field_of_another_place"
     SENSOR_DEFECT = "sensor_defect"
+    MOUNT_MAY_BE_TURNED = "mount_may_be_turned"
     READINGS_REPEATED = "readings_repeated"
     UNCERTAIN_STRING = "uncertain_string"
     UNCERTAIN_EXTERNAL = "uncertain_external"

@@ -33,8 +33,8 @@ from mwd_sensors.core.frames import magnetic_toolface, mat_nt, wrap_tau
 _DISTURBED = 0.5
 # An attitude determines the azimuth where a sound tool errs by the angle of `QualitySettings.far_deg` at so many sigma.
 _DETERMINED = 6.0
-# A defect this probable makes the inclination doubtful.
-_DEFECT = 0.2
+# A larger 1 sigma of the inclination by accelerometers that may be turned in their mount, rad, makes it doubtful.
+_TURNED = math.radians(0.3)
 # Chi-square of three degrees of freedom exceeded by chance once in 10 000: nothing explains the field.
 _UNEXPLAINED = 21.1
 # A larger sigma of the high side, rad: near the vertical it is not determined.
@@ -130,9 +130,8 @@ def _of_inclination(station: Station, finding: Finding | None, settings: Station
     gravity = Deviations(apart.gravity, math.nan, math.nan, apart.covariance, apart.standard)
     judgement = acceptance.judge(gravity, settings.quality.limits)
     level.add(judgement.verdict, *judgement.reasons)
-    defect = 0.0 if finding is None else finding.hypotheses.get(Hypothesis.SENSOR, 0.0)
-    if defect > _DEFECT:
-        level.add(DOUBTFUL, Reason(Code.SENSOR_DEFECT, defect))
+    if finding is not None and finding.mount > _TURNED:
+        level.add(DOUBTFUL, Reason(Code.MOUNT_MAY_BE_TURNED, finding.mount))
     return level
 
 
@@ -161,8 +160,8 @@ def _judge_azimuth(
     if finding.repeats is not None:
         azimuth.add(DOUBTFUL, Reason(Code.READINGS_REPEATED, float(finding.repeats)))
     far, quality = math.radians(settings.quality.far_deg), settings.quality
-    risk = finding.beyond(far)
-    sound = math.hypot(finding.nominal, math.sqrt(float(station.alignment[1, 1])))
+    alignment = math.sqrt(float(station.alignment[1, 1]))
+    risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
     if risk > quality.far_probability and _DETERMINED * sound > far:
         # A string magnetised along its axis is no defect of a vertical hole; of a field that something else disturbs,
         # the totals tell how far.

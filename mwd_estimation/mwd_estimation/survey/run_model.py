@@ -139,9 +139,9 @@ class Finding:
         """The density as people read it."""
         return circle.read(self.angles, self.density)
 
-    def beyond(self, width: float) -> float:
-        """Probability that the azimuth is farther from the published one than this, rad."""
-        return circle.beyond(self.angles, self.density, self.circle.mean, width)
+    def beyond(self, width: float, alignment: float) -> float:
+        """Probability that the azimuth is farther from the published one than this, rad; 1 sigma of alignment, rad."""
+        return circle.beyond(self.angles, self.density, self.circle.mean, width, alignment)
 
     def continued(self, azimuth: float, sigma: float, shared: float = 0.0) -> Finding:
         """

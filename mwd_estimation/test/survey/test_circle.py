@@ -52,6 +52,22 @@ def test_an_improbable_large_error_widens_sigma_beyond_the_standard_deviation():
     assert found.sigma > 1.3 * math.sqrt(0.98 * 0.01**2 + 0.02 * 0.1**2)
 
 
+def test_an_error_less_probable_than_one_in_a_hundred_is_no_part_of_sigma_but_of_the_probability_beyond():
+    def density(a):
+        return 0.997 * gaussian(a, 2.0, 0.01) + 0.003 * gaussian(a, 2.0, 0.25)
+
+    angles = angles_of(density)
+    assert circle.read(angles, density(angles)).sigma == pytest.approx(0.01, rel=0.1)
+    assert circle.beyond(angles, density(angles), 2.0, 0.25) == pytest.approx(0.003 * 0.317, rel=0.05)
+
+
+@pytest.mark.parametrize("smear", [0.02, 0.1])
+def test_an_error_that_the_density_does_not_hold_adds_to_the_probability_beyond(smear):
+    angles = angles_of(lambda a: gaussian(a, 2.0, 0.05))
+    found = circle.beyond(angles, gaussian(angles, 2.0, 0.05), 2.0, 0.12, smear)
+    assert found == pytest.approx(math.erfc(0.12 / math.hypot(0.05, smear) / math.sqrt(2.0)), rel=0.03)
+
+
 def test_nothing_known_is_a_sigma_of_half_a_circle():
     found = circle.read(circle.coarse(), np.ones(360))
     assert found.sigma > 0.9 * math.pi / 3.0

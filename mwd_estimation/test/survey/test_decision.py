@@ -179,8 +179,8 @@ def test_a_place_typed_wrong_is_told_from_steel_and_named_first():
     assert "check latitude" in reason_text.text(station.headline)
 
 
-def test_a_mount_that_may_be_turned_widens_the_inclination_of_a_station_that_speaks_for_it():
-    def sigma(turn):
+def test_a_mount_that_may_be_turned_widens_the_inclination_and_makes_it_doubtful():
+    def last(turn):
         decide = decision()
         for k in range(4):
             still = average(k + 1, 0.6 + 0.2 * k, 0.5)
@@ -188,9 +188,12 @@ def test_a_mount_that_may_be_turned_widens_the_inclination_of_a_station_that_spe
             mean = np.concatenate([np.zeros(3), [c * f_t[0] + s * f_t[2], f_t[1], c * f_t[2] - s * f_t[0]]])
             still = dataclasses.replace(still, imu=Average(mean, still.imu.covariance, 800))
             station = decide.begin(still, k + 1, REFERENCE, None).survey.station
-        return station.sigma_inclination
+        return station
 
-    assert sigma(0.03) > 1.1 * sigma(0.0)
+    turned, sound = last(0.03), last(0.0)
+    assert turned.sigma_inclination > 1.1 * sound.sigma_inclination
+    assert (turned.verdicts.inclination, sound.verdicts.inclination) == ("doubtful", "accept")
+    assert "at another toolface" in " ".join(reason_text.texts(turned.reasons))
 
 
 def test_the_propagated_azimuth_chooses_between_azimuths_that_fit_and_adds_nothing_else():

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stations of a run: a linear problem has its exact answer, what is shared is not averaged away, gyros are judged."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -41,6 +42,12 @@ def test_a_sound_tool_alone_has_the_sigma_of_the_linear_problem(inclination, azi
     found = read(model.evidence(one))
     assert abs(wrap_pi(found.mean - azimuth)) < 0.05 * found.sigma
     assert found.sigma == pytest.approx(model.nominal_sigma(one, azimuth), rel=0.08)
+
+
+def test_a_field_turned_about_the_vertical_is_too_improbable_to_widen_the_sigma_of_sound_stations():
+    one = station(1.0, 2.0, 0.7)
+    alone, turned = (RunFilter(dataclasses.replace(ALONE, turned=share), SIGMAS) for share in (0.0, 0.003))
+    assert read(turned.evidence(one)).sigma == pytest.approx(read(alone.evidence(one)).sigma, rel=0.1)
 
 
 def test_the_declination_is_never_averaged_away():

@@ -76,6 +76,15 @@ def test_magnetic_toolface_near_vertical_is_the_heading_of_the_scribe_line():
     assert shot.verdicts == Verdicts("accept", "not_determined", "not_determined")
 
 
+@pytest.mark.parametrize(("inc", "verdict"), [(2.5, "not_determined"), (10.0, "accept")])
+def test_an_azimuth_that_the_lie_of_the_tool_in_the_hole_leaves_open_is_not_determined(inc, verdict):
+    shot = station(*readings(inc, 200, 25), REFERENCE)
+    assert shot.verdict == shot.verdicts.inclination == "accept"
+    assert shot.verdicts.azimuth == verdict
+    # The tool's own axis is known.
+    assert station(*readings(inc, 200, 25), REFERENCE, StationSettings(errors=BENCH)).verdicts.azimuth == "accept"
+
+
 def test_the_reading_whose_mirror_was_once_accepted_is_doubtful_with_both_azimuths_and_their_odds():
     reference = Reference(61e-6, -70 * DEG, 13 * DEG, None, 9.81, "test")
     shot = station([-0.30117, -2.19084, 9.55549], np.array([19019.8, -14296.8, 54757.3]) * 1e-9, reference)

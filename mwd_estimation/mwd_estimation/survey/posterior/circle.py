@@ -7,6 +7,7 @@ import dataclasses
 import math
 
 import numpy as np
+from scipy.special import ndtr
 
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
@@ -17,6 +18,8 @@ _VALLEY = 0.5
 _HELD, _SIGMAS = 0.99, 2.576
 # A mode with less probability than this is not named.
 _LEAST = 0.003
+# A smaller 1 sigma of what is not in the density, rad, is none.
+_EXACT = 1e-9
 # Coarse grid, and the fine one about each of its peaks: half width and spacing, rad.
 _COARSE = np.arange(360) * math.tau / 360.0
 _HALF, _FINE = math.radians(2.5), math.radians(0.05)
@@ -45,10 +48,15 @@ class Circle:
     alternatives: tuple[tuple[float, float], ...]
 
 
-def beyond(angles: Array, density: Array, centre: float, width: float) -> float:
-    """Probability of an angle farther than `width` from `centre`, rad; angles and density as of `read`."""
-    mass = density * widths(angles)
-    return float(mass[np.abs(wrap_pi(angles - centre)) > width].sum() / mass.sum())
+def beyond(angles: Array, density: Array, centre: float, width: float, smear: float = 0.0) -> float:
+    """
+    Probability of an angle farther than `width` from `centre`, rad; angles and density as of `read`.
+
+    smear: 1 sigma of an independent normal error that is not in the density, rad.
+    """
+    mass, off = density * widths(angles), wrap_pi(angles - centre)
+    beside = np.array([off - width, -off - width]) / max(smear, _EXACT)
+    return float(mass @ ndtr(beside).sum(axis=0) / mass.sum())
 
 
 def coarse() -> Array:
@@ -117,9 +125,8 @@ def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, flo
         return 0.0, float(peak), math.pi
     away = wrap_pi(angles - peak)
     mean = float(mass @ away) / share
-    spread = math.sqrt(float(mass @ (away - mean) ** 2) / share)
     off = np.abs(away - mean)
     order = np.argsort(off)
-    held = np.searchsorted(np.cumsum(mass[order]), _HELD * share)
-    wide = float(off[order[min(int(held), len(order) - 1)]]) / _SIGMAS
-    return share, float(wrap_tau(peak + mean)), max(spread, wide)
+    held = order[: int(np.searchsorted(np.cumsum(mass[order]), _HELD * share)) + 1]
+    spread = math.sqrt(float(mass[held] @ off[held] ** 2) / float(mass[held].sum()))
+    return share, float(wrap_tau(peak + mean)), max(spread, float(off[held[-1]]) / _SIGMAS)
