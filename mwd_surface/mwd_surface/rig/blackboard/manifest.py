@@ -23,6 +23,7 @@ _UNCERTAINTY = "GaussianUncertainty"
 _SIGMA = "sigma_"
 # Quantity by the unit of the signal table; a blackboard holds SI, so that a temperature goes out in kelvin.
 QUANTITIES = {
+    "1": "ProportionStandardQuantity",
     "rad": "PlaneAngleDrillingQuantity",
     "rad/m": "CurvatureDrillingQuantity",
     "rad/s": "AngularVelocityDrillingQuantity",
