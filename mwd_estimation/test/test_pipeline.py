@@ -2,6 +2,8 @@
 """The estimator as a whole: same bits for any cut, honest labels, surveys against the simulated truth."""
 
 import dataclasses
+import gc
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -362,3 +364,22 @@ def test_innovations_count_what_the_field_check_rejects_however_the_stream_is_cu
     assert after["magnetic_azimuth"].disturbed >= 0.8 * after["magnetic_field"].rejected
     assert before["magnetic_azimuth"].used > 100
     assert 0.0 < before["gravity_inclination"].test_ratio < 20.0
+
+
+@pytest.mark.fault_case(70)
+def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey():
+    pipeline, surveys, sizes = Pipeline(EstimatorSettings(), REFERENCE), 0, []
+    imu, mag = _samples(seconds=30.0, rate=10.0, still_after=12.0)
+    tracemalloc.start()
+    for _ in range(30):
+        outputs = _run(imu, mag, pipeline, range(100, 3000, 100))
+        surveys += sum(len(output.surveys) for output in outputs)
+        imu["stamp_ns"] += 30 * 10**9
+        mag["stamp_ns"] += 30 * 10**9
+        del outputs
+        gc.collect()
+        sizes.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert surveys >= 29
+    # Of 72 h, at one survey every 30 s, no more than 20 MB.
+    assert (sizes[-1] - sizes[9]) / 20 * 72 * 120 < 20e6

@@ -44,7 +44,8 @@ _BASE_PORT, _PER_DOMAIN = 7400, 250
 def node_words(name: str, namespace: str, parameters: Mapping[str, Any], before: Sequence[str] = ()) -> list[str]:
     """Words that run a node of the graph in this Python; before: of ROS, ahead of its parameters."""
     words = [sys.executable, "-P", "-m", "mwd_surface.cli", "node", name, "--ros-args", "-r", f"__ns:=/{namespace}"]
-    return [*words, *before, *parameter_words(parameters)]
+    # The log file of ROS would hold the same lines again, and nothing bounds it.
+    return [*words, "--disable-external-lib-logs", *before, *parameter_words(parameters)]
 
 
 def parameter_words(parameters: Mapping[str, Any]) -> list[str]:

@@ -6,6 +6,8 @@ Each runs in a process group of its own, so that a Ctrl-C on the terminal reache
 all a process started. One that dies although its supervisor lives is started again after a pause that doubles, and then
 slowly for ever, while the others go on; one that ends with status 0 is done. A process asks to die with its supervisor
 by `die_with_supervisor`.
+
+The output of each is in its log, which is bounded: the part before is kept once, as .1.log.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import contextlib
 import ctypes
 import dataclasses
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -28,6 +31,7 @@ _SETTLED = 20.0  # s of life after which a crash counts as the first again
 _MOST_CRASHES = 5  # in a row before a process counts as failing
 _SLOW_PAUSE = 30.0  # s between attempts to start a failing process
 _PATIENCE, _TERM_PATIENCE = 10.0, 2.0  # s; a node that hangs ends itself before, and says where
+_MOST_LOG = 20_000_000  # bytes
 _PR_SET_PDEATHSIG = 1
 
 
@@ -110,6 +114,7 @@ class Supervisor:
         """Look after every process; to be called several times a second."""
         now = self._clock()
         for child in self._children.values():
+            _bound(child.order.log)
             if child.process is not None:
                 status = child.process.poll()
                 if status is not None:
@@ -206,6 +211,15 @@ def die_with_supervisor(environment: Mapping[str, str]) -> None:
         if os.getppid() != int(supervisor):
             # It died before the line above.
             os.kill(os.getpid(), signal.SIGTERM)
+
+
+def _bound(log: Path) -> None:
+    """Begin a log anew once it is full; what a process writes between copying and cutting is lost."""
+    # On a full disk the log stays as it is.
+    with contextlib.suppress(OSError):
+        if log.stat().st_size > _MOST_LOG:
+            shutil.copyfile(log, log.with_suffix(".1.log"))
+            os.truncate(log, 0)
 
 
 def last_words(log: Path, most: int = 400) -> str:

@@ -188,6 +188,26 @@ def test_a_deaf_process_is_killed_and_named(make, tmp_path, monkeypatch):
     assert not supervisor.runs("a")
 
 
+@pytest.mark.fault_case(70)
+def test_the_log_of_a_process_that_writes_for_ever_is_bounded_and_its_end_is_kept(make, tmp_path, monkeypatch):
+    monkeypatch.setattr(supervise, "_MOST_LOG", 100_000)
+    supervisor, log = make(), tmp_path / "a.log"
+    supervisor.start(
+        order(tmp_path, "a", "import itertools\nfor k in itertools.count(): print(f'line {k:8d}', flush=True)")
+    )
+    before = log.with_name("a.1.log")
+    for _ in range(3):
+        until(lambda: log.stat().st_size > 100_000)
+        supervisor.watch()
+        assert before.stat().st_size > 100_000
+        # Lines that were under way when the log was cut are all that is lost.
+        until(lambda: log.stat().st_size > 10_000)
+        lines = [int(line.split()[1]) for line in log.read_text().splitlines()[1:-1]]
+        assert lines == list(range(lines[0], lines[0] + len(lines)))
+    supervisor.kill()
+    assert {path.name for path in tmp_path.iterdir()} == {"a.log", "a.1.log"}
+
+
 def test_what_a_process_started_ends_with_it(make, tmp_path):
     supervisor = make()
     supervisor.start(order(tmp_path, "a", PARENT))
