@@ -41,13 +41,20 @@ def new(
 
 
 @tool.command()
-def check(configuration: Configuration) -> None:
+def check(
+    configuration: Configuration,
+    channel: Annotated[
+        Path | None,
+        typer.Option(help="Pressure (CSV, WAV, recording) of such a tool: what pulse width does its channel allow?"),
+    ] = None,
+) -> None:
     """
     Say what a tool configuration means: time on air, survey time, toolface rate, steps of the words.
 
     \b
-    Example:
+    Examples:
       mwd tool check tool.yaml
+      mwd tool check tool.yaml --channel pressure.csv
     """
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
@@ -76,6 +83,41 @@ def check(configuration: Configuration) -> None:
             f" {word.step(item.bits):.3g}, sigma {word.sigma_of(item.bits):.3g}{unprotected}",
             markup=False,
         )
+    if channel is not None:
+        for line in _channel_lines(read, channel):
+            console.print(line, markup=False)
+
+
+def _channel_lines(read: ToolConfiguration, file: Path) -> list[str]:
+    """What pulse widths the channel of a file of pressure allows, pulses of this tool being heard in it."""
+    import numpy as np
+
+    from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
+    from mwd_surface.receiver import pressure_files, pulse_widths
+    from mwd_surface.receiver.link import NEEDED_DB
+    from mwd_surface.receiver.pulse_receiver import PulseReceiver
+
+    if read.code not in PULSE_CODES:
+        raise ValueError(f"--channel: {read.code} sends no pulses; leave it out")
+    pressure = pressure_files.read(file)
+    receiver = PulseReceiver(read)
+    got = receiver.push(pressure.time_s, pressure.pressure_pa)
+    got.add(receiver.finish())
+    if receiver.channel is None:
+        raise ValueError(f"--channel {file}: {receiver.why_nothing()}")
+    ebn0_db = float(np.mean([frame.ebn0_db for frame in got.frames]))
+    found = pulse_widths.margins(receiver.channel, read.pulse_width_s, ebn0_db)
+    enough = [one.width_s for one in found if one.ebn0_db >= NEEDED_DB]
+    verdict = (
+        f"shortest pulse width that leaves 19 of 20 words right: {min(enough):g} s"
+        if enough
+        else f"no pulse width up to {found[0].width_s:g} s leaves 19 of 20 words right"
+    )
+    return [
+        f"channel of {file.name}, energy of a bit over noise density (19 of 20 words need {NEEDED_DB:g} dB):",
+        *(f"  pulses of {one.width_s:g} s: {one.ebn0_db:.1f} dB" for one in found),
+        verdict,
+    ]
 
 
 def _signal_line(read: ToolConfiguration) -> str:

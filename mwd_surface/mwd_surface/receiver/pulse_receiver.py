@@ -10,7 +10,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
-from mwd_surface.receiver import synchronisation
+from mwd_surface.receiver import segment, synchronisation
 from mwd_surface.receiver.belief import Temper
 from mwd_surface.receiver.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
@@ -41,6 +41,11 @@ class PulseReceiver(SampledReceiver):
     ----------
     tool : ToolConfiguration
 
+    Attributes
+    ----------
+    channel : Channel or None
+        Response to a pulse and noise, as the last pass of a sequence showed them.
+
     Raises
     ------
     ValueError
@@ -67,6 +72,7 @@ class PulseReceiver(SampledReceiver):
         self._reason = ""
         self._syncs = 0
         self.last_sync_s = -math.inf
+        self.channel: segment.Channel | None = None
 
     def successor(self, tool: ToolConfiguration) -> PulseReceiver:
         """Return a receiver of the same tool, told to send otherwise: what parities taught of its words is kept."""
@@ -159,6 +165,8 @@ class PulseReceiver(SampledReceiver):
 
     def _add(self, done: Reception, more: Reception) -> None:
         """Take what a step completed: a pass at most, settled by the surveys before."""
+        if more.frames and self._active is not None:
+            self.channel = self._active.channel
         more.words = self._surveys.settle(more.words)
         self._reason = next((frame.reason for frame in reversed(more.frames) if frame.reason), self._reason)
         done.add(more)
@@ -192,7 +200,7 @@ class PulseReceiver(SampledReceiver):
         pressure, known = self._grid.samples(float(STEPS_PER_TU * first_tu), float(pace), count)
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
-        whitener = self._active.whitener if self._active is not None else None
+        whitener = self._active.channel.whitener if self._active is not None else None
         found = synchronisation.search(pressure, known, self._tool, low - guard, high + guard, whitener)
         if found is None or found.at >= high:
             return

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.arrays import Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -245,9 +245,9 @@ class Transmission:
         return self._clock.at(self._heard_at)
 
     @property
-    def whitener(self) -> Array:
-        """Prediction error filter of the noise, pulses taken out."""
-        return self._channel.whitener
+    def channel(self) -> segment.Channel:
+        """Response to a pulse, and noise with the pulses taken out."""
+        return self._channel
 
     def _rows(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
         """Packets of some words, and their time on air, TU."""

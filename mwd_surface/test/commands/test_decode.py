@@ -49,6 +49,15 @@ def test_a_configuration_is_explained(folder):
     assert "Azm:12 0 to 360 deg, step 0.0879" in said
 
 
+def test_the_channel_says_what_pulse_width_it_allows(folder):
+    said = run("tool", "check", folder / "tool.yaml", "--channel", folder / "well" / "pressure.csv")
+    assert "pulses of 0.8 s: " in said
+    assert "shortest pulse width that leaves 19 of 20 words right: 0." in said
+    run("tool", "new", "-o", folder / "siren.yaml", "--code", "psk")
+    with pytest.raises(ValueError, match="psk sends no pulses"):
+        run("tool", "check", folder / "siren.yaml", "--channel", folder / "well" / "pressure.csv")
+
+
 def test_a_configuration_is_not_overwritten(folder):
     with pytest.raises(FileExistsError):
         run("tool", "new", "-o", folder / "tool.yaml")
