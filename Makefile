@@ -6,6 +6,7 @@
 # make fuzz   generated input against every parser, for long (the suite does it for short)
 # make soak   an hour of the graph at ten times its pace with kills; memory, files and recordings are counted
 # make sbom   the locked packages as CycloneDX
+# make deb    out/mwd_*.deb: ROS 2, messages, packages and mwd in /opt/mwd, for machines of this distribution
 # make docs   the site, in docs/_build/html
 # make pictures  the pictures of the page in README and docs, from the run of `make run`
 PYTHON ?= python3
@@ -15,7 +16,7 @@ CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO
 # A file of tests stays with one worker: its fixtures are made once.
 PYTEST = $(CLEAN) $(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
-.PHONY: run test test-ubuntu check setup lint config docs pictures lock bench fuzz soak sbom clean
+.PHONY: run test test-ubuntu check setup lint config docs pictures lock bench fuzz soak sbom deb clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -51,6 +52,9 @@ docs: setup
 
 pictures: setup
 	@$(CLEAN) $(BIN)/python docs/pictures.py
+
+deb: setup
+	@$(CLEAN) $(BIN)/python .ci/deb
 
 config: setup
 	@$(BIN)/python .ci/config
