@@ -65,7 +65,8 @@ class Emulator:
         self._answers: collections.deque[Answer] = collections.deque()
         self._counter = 0
         self._before_ns = 0
-        self._unit_ns = 0
+        # The unit's time: that of a sample, when it was due, and seconds of the samples in one of the wall clock.
+        self._unit_ns, self._began, self._rate = 0, 0.0, 0.0
         self.sent = 0
 
     def play(self, blocks: Iterable[Mapping[str, Samples]], rate: float = 1.0) -> None:
@@ -74,21 +75,27 @@ class Emulator:
 
         rate: seconds of the samples in one of the wall clock; 0: as fast as the line takes them.
         """
-        began, first_ns = 0.0, 0
         for reading in _in_order(blocks):
+            if not self._began:
+                self._unit_ns = reading.stamp_ns
+                while not self._sending:
+                    self._obey(_WAIT_S)
+                self._began, self._rate = time.monotonic(), rate
             while not self._sending:
                 self._obey(_WAIT_S)
-            if not began:
-                began, first_ns = time.monotonic(), reading.stamp_ns
             if rate > 0.0:
-                due = began + (reading.stamp_ns - first_ns) * 1e-9 / rate
-                while (left := due - time.monotonic()) > 0.0:
+                while (left := (reading.stamp_ns - self._time_ns()) * 1e-9 / rate) > 0.0:
                     self._obey(min(left, _WAIT_S))
-            self._unit_ns = reading.stamp_ns
+            else:
+                self._unit_ns = reading.stamp_ns
             self._send(self._encoded(reading))
             self._answer()
             self.sent += 1
         self._drain()
+
+    def _time_ns(self) -> int:
+        """Time of the unit: it runs, whether a sample is due or not; as fast as the line takes them, the last one's."""
+        return self._unit_ns + int((time.monotonic() - self._began) * self._rate * 1e9)
 
     def close(self) -> None:
         """Take the line away."""
@@ -155,7 +162,7 @@ class Emulator:
             if name in ("start", "stop"):
                 self._sending = name == "start"
                 continue
-            told = Answer("time", "", host_ns, self._unit_ns) if name == "time" else Answer("info", NAME)
+            told = Answer("time", "", host_ns, self._time_ns()) if name == "time" else Answer("info", NAME)
             self._answers.append(told)
 
 

@@ -21,7 +21,7 @@ from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, Answer, Reading
 from mwd_sensors.drivers.unit_clock import UnitClock
 
 _RETRY_S = 1.0
-_EXCHANGE_S = 1.0  # between two requests of the unit's time
+_EXCHANGE_S, _FIRST_S = 1.0, 0.1  # between two requests of the unit's time, and before it is known
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +127,7 @@ class SerialProbe:
         try:
             data = self._line.read(max(self._line.in_waiting, 1))
             if moment >= self._next_exchange:
-                self._next_exchange = moment + _EXCHANGE_S
+                self._next_exchange = moment + (_EXCHANGE_S if self.clock.jumps >= 0 else _FIRST_S)
                 self._exchange(now_ns)
         except OSError as error:
             self._lose(error)

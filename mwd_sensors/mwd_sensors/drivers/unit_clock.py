@@ -24,9 +24,9 @@ class UnitClock:
     Attributes
     ----------
     offset_ns : int
-        In force; 0 before the first observation.
+        In force; 0 before it is known.
     jumps : int
-        Times that the offset changed at once.
+        Times that the offset changed at once; -1 before it is known.
     """
 
     def __init__(self) -> None:
@@ -41,13 +41,20 @@ class UnitClock:
         """
         Take that the unit's clock showed `unit_ns` when the host's showed `host_ns`, on_the_way_ns before.
 
-        A unit that starts again is followed at once, a clock that was set once several observations agree on it.
+        The offset is known once several observations agree on it: a unit that has just been switched on may tell another
+        time first, and stamps that jump later cost the estimator all it has found. A unit that starts again is followed
+        at once, a clock that was set once several observations agree on it.
         on_the_way_ns: known delay, such as half of the time of an exchange, ns.
         """
         offset = host_ns - on_the_way_ns - unit_ns
-        restarted = self.jumps < 0 or unit_ns < self._unit_ns - _STEP_NS
+        known, restarted = self.jumps >= 0, unit_ns < self._unit_ns - _STEP_NS
         self._unit_ns = unit_ns
-        if restarted:
+        if not known:
+            self._agree(host_ns, offset)
+            if len(self._off) < _AGREEING:
+                return
+            self._jump(min(one for _, one in self._off))
+        elif restarted:
             self._jump(offset)
         elif abs(offset - self.offset_ns) > _STEP_NS:
             self._doubt(host_ns, offset)
@@ -61,12 +68,16 @@ class UnitClock:
 
     def _doubt(self, host_ns: int, offset: int) -> None:
         """Take an observation that is off; jump where enough of them agree."""
-        self._off = [one for one in self._off if abs(one[1] - offset) <= _ALIKE_NS]
-        self._off.append((host_ns, offset))
+        self._agree(host_ns, offset)
         if len(self._off) >= _AGREEING and abs(host_ns - self._off[0][0]) >= _LASTING_NS:
             self._jump(min(one for _, one in self._off))
         # Not for ever: a message comes each few milliseconds.
         self._off = [self._off[0], *self._off[1:][-_AGREEING:]] if self._off else []
+
+    def _agree(self, host_ns: int, offset: int) -> None:
+        """Take an observation, and forget earlier ones that differ from it."""
+        self._off = [one for one in self._off if abs(one[1] - offset) <= _ALIKE_NS]
+        self._off.append((host_ns, offset))
 
     def _jump(self, offset: int) -> None:
         self._seen.clear()

@@ -81,7 +81,7 @@ def test_a_scenario_is_played_though_most_of_its_blocks_have_no_temperature():
 def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments():
     sent = {"imu/data_raw": measured()["imu/data_raw"]}
     with Emulator("xsens") as emulator:
-        probe = SerialProbe(LineSettings(port=emulator.device, protocol="xsens"))
+        probe = SerialProbe(LineSettings(port=emulator.device, protocol="xsens", clock="unit"))
         probe.poll(time.time_ns())
         assert probe.connected
         player = threading.Thread(target=emulator.play, args=([sent], 0.0))
@@ -89,7 +89,6 @@ def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments():
         # The interval of the first packet is not known.
         got = received(probe, len(sent["imu/data_raw"]) - 1)
         player.join()
-        assert probe.clock.jumps >= 0
         probe.close()
     mine = samples_of("imu/data_raw", got)
     for field in ("angular_velocity", "linear_acceleration"):
@@ -186,6 +185,35 @@ def observed(clock, first, count, offset_s, step_s=1.0, way=0):
     for k in range(first, first + count):
         unit_ns = round(k * step_s * 1e9)
         clock.observe(unit_ns, unit_ns + round(offset_s * 1e9), way)
+
+
+def test_the_offset_of_a_unit_whose_first_answers_are_off_is_known_once_it_stays_and_never_jumps():
+    clock = UnitClock()
+    observed(clock, 0, 2, 900.0, step_s=0.1)
+    assert (clock.jumps, clock.offset_ns) == (-1, 0)
+    observed(clock, 1, 2, 5.0, step_s=0.1)
+    assert clock.jumps == -1
+    observed(clock, 3, 20, 5.0)
+    assert (clock.jumps, clock.offset_ns) == (0, 5_000_000_000)
+
+
+def test_the_time_of_the_emulated_unit_runs_before_and_between_its_samples():
+    sent = measured(1.0)
+
+    def slowly():
+        yield {topic: samples[:50] for topic, samples in sent.items()}
+        time.sleep(1.0)
+        yield {topic: samples[50:] for topic, samples in sent.items()}
+
+    with Emulator("binary", wait_for_start=True) as emulator:
+        probe = SerialProbe(LineSettings(port=emulator.device))
+        player = threading.Thread(target=emulator.play, args=(slowly(), 1.0))
+        player.start()
+        got = received(probe, 150)
+        player.join()
+        assert probe.clock.jumps == 0
+        assert got[0].stamp_ns + probe.offset_ns == pytest.approx(time.time_ns(), abs=8e9)
+        probe.close()
 
 
 def test_a_host_that_was_held_up_does_not_move_the_clock_of_the_unit():
