@@ -48,16 +48,20 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument(argument, default_value=topic, description=description),
             SetRemap(topic, LaunchConfiguration(argument)),
         ]
+    # All arguments before the first file: what is set for an included file stays set after it.
+    actions += [
+        DeclareLaunchArgument(
+            f"{node}_params_file",
+            default_value=LaunchConfiguration("params_file"),
+            description=f"Parameter file of the {node} node, in place of params_file",
+        )
+        for node in NODES
+    ]
     source_of = {node: source for source, node in SOURCES.items()}
     for node, package in NODES.items():
         share = FindPackageShare(package)
         wanted = EqualsSubstitution(LaunchConfiguration("source"), source_of.get(node, LaunchConfiguration("source")))
-        actions += [
-            DeclareLaunchArgument(
-                f"{node}_params_file",
-                default_value=LaunchConfiguration("params_file"),
-                description=f"Parameter file of the {node} node, in place of params_file",
-            ),
+        actions.append(
             IncludeLaunchDescription(
                 PathJoinSubstitution([share, "launch", f"{node}.launch.py"]),
                 launch_arguments={
@@ -67,6 +71,6 @@ def generate_launch_description() -> LaunchDescription:
                     "params_file": LaunchConfiguration(f"{node}_params_file"),
                 }.items(),
                 condition=IfCondition(wanted),
-            ),
-        ]
+            )
+        )
     return LaunchDescription(actions)

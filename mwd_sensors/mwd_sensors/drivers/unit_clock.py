@@ -41,9 +41,9 @@ class UnitClock:
         """
         Take that the unit's clock showed `unit_ns` when the host's showed `host_ns`, on_the_way_ns before.
 
-        The offset is known once several observations agree on it: a unit that has just been switched on may tell another
-        time first, and stamps that jump later cost the estimator all it has found. A unit that starts again is followed
-        at once, a clock that was set once several observations agree on it.
+        The offset is known once several observations agree on it: a unit that has just been switched on may tell
+        another time first, and stamps that jump later cost the estimator all it has found. A unit that starts again is
+        followed at once, a clock that was set once several observations agree on it.
         on_the_way_ns: known delay, such as half of the time of an exchange, ns.
         """
         offset = host_ns - on_the_way_ns - unit_ns
