@@ -29,7 +29,6 @@ from mwd_estimation.place import reference_of
 from mwd_estimation.precision_settings import PrecisionGyro
 from mwd_estimation.settings import EstimatorSettings
 from mwd_estimation.survey import tool_code
-from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.survey.posterior.hypotheses import Priors
 from mwd_estimation.survey.rotary_survey import Params as RotaryParams
 from mwd_estimation.survey.static_survey import Params as StillParams
@@ -348,9 +347,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
         toolface_offset_deg=tool.toolface_offset_deg,
         errors=sensor_errors(settings),
         calibrated=calibrated_range(tool),
-        quality=QualitySettings(
-            limits=verdict.limits, far_deg=verdict.far_deg, far_probability=verdict.far_probability
-        ),
+        quality=verdict,
         priors=Priors(
             axial=verdict.magnetised_string,
             cross_axial=0.2 * verdict.magnetised_string,

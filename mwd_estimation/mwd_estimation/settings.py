@@ -16,6 +16,7 @@ from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity_settings import EXPERT, NoExpert
 from mwd_estimation.place import Place
+from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import from_mapping, setting, to_mapping
@@ -120,7 +121,7 @@ class Survey:
 
 
 @dataclasses.dataclass(frozen=True)
-class Verdict:
+class Verdict(QualitySettings):
     """When a survey is accepted, doubtful or rejected, and what may disturb it before any reading."""
 
     # Settings of before, and what does their work now.
@@ -133,29 +134,6 @@ class Verdict:
         "least_sigma_deg": "verdict.far_deg: with the default probability its sigma is a third of it",
     }
 
-    limits: str = setting(
-        "toolcode",
-        "Limits on total gravity, total field and dip: toolcode (from the errors of the tool at this attitude), "
-        "service (2.5 mG, 300 nT, 0.45 deg), iscwsa (300 nT, 0.25 deg).",
-        choices=("toolcode", "service", "iscwsa"),
-    )
-    far_deg: float = setting(
-        10.0,
-        "Error of the azimuth that the well must not have. Lowering it accepts only more certain azimuths: a sigma of "
-        "some third of it.",
-        unit="deg",
-        low=0.1,
-        high=90.0,
-        expert=True,
-    )
-    far_probability: float = setting(
-        0.007,
-        "An azimuth is doubtful that is farther off than far_deg with a larger probability. Raising it accepts more "
-        "stations beside interference, and more of them are far off.",
-        low=0.0001,
-        high=0.5,
-        expert=True,
-    )
     magnetised_string: float = setting(
         0.3,
         "Probability, before any reading, that the string is magnetised beyond its tool code. Raising it widens the "

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
-from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.reference_field import NORTHS, Reference, north_correction
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_estimation.survey.survey import Survey
@@ -36,13 +36,8 @@ def to_magnetic(north: str, reference: Reference | None) -> float | None:
 
     A tool's string is read by people who expect magnetic north: declination and convergence are added at the surface.
     """
-    if north == "magnetic":
-        return 0.0
-    if reference is None or reference.declination is None:
-        return None
-    if north == "grid":
-        return (reference.convergence or 0.0) - reference.declination
-    return -reference.declination if north == "true" else None
+    correction = north_correction(reference, north) if north in NORTHS else None
+    return None if correction is None else -correction
 
 
 def of_attitude(row: Samples, reference: Reference | None) -> Readings:

@@ -46,28 +46,46 @@ LIMITS = {
     # Rule of thumb of the ISCWSA e-book: 300 nT, 0.25 deg; it names none for gravity.
     "iscwsa": Limits("iscwsa", 2.5e-3 * STANDARD_GRAVITY, 300e-9, math.radians(0.25)),
 }
+# A single-station correction whose azimuth is less certain is refused, and one nearer to vertical, rad.
+_LEAST_CERTAIN = math.radians(3.0)
+NEAR_VERTICAL = math.radians(1.0)
 # Beyond these many sigma of the tool code a station is doubtful, rejected.
 TOOLCODE_DOUBTFUL, TOOLCODE_REJECT = 2.0, 3.0
 
 
+def _described(limits: Limits) -> str:
+    """Name of fixed limits and the figures in use: 2.5 mG, 300 nT, .45 deg."""
+    gravity, field, dip = limits.gravity / STANDARD_GRAVITY * 1e3, limits.field * 1e9, math.degrees(limits.dip)
+    return f"{limits.name} ({gravity:g} mG, {field:g} nT, {dip:g} deg)"
+
+
 @dataclass(frozen=True)
 class QualitySettings:
-    """What a station may deviate before it is doubtful or rejected."""
+    """When a survey is accepted or doubtful; the same for the tool's own surveys and those of a telemetry link."""
 
     limits: str = setting(
         "toolcode",
-        "Limits on total gravity, total field and dip: by the errors stated, at this attitude, or fixed",
+        "Limits on total gravity, total field and dip: toolcode (from the errors of the tool at this attitude), "
+        + ", ".join(_described(limits) for limits in LIMITS.values())
+        + ".",
         choices=("toolcode", *LIMITS),
     )
-    far_deg: float = setting(10.0, "Error of an azimuth that a well must not have", unit="deg", low=0.1, high=90.0)
+    far_deg: float = setting(
+        10.0,
+        "Error of the azimuth that the well must not have. Lowering it accepts only more certain azimuths: a sigma of "
+        "some third of it.",
+        unit="deg",
+        low=0.1,
+        high=90.0,
+        expert=True,
+    )
     far_probability: float = setting(
-        0.007, "An azimuth is doubtful that is farther off with a larger probability", low=1e-4, high=0.5
-    )
-    max_correction_sigma_deg: float = setting(
-        3.0, "A single-station correction whose azimuth is less certain is refused", unit="deg", low=0.1, high=90.0
-    )
-    min_azimuth_inclination_deg: float = setting(
-        1.0, "Nearer to vertical than this the azimuth is not corrected", unit="deg", low=0.0, high=20.0
+        0.007,
+        "An azimuth is doubtful that is farther off than far_deg with a larger probability. Raising it accepts more "
+        "stations beside interference, and more of them are far off.",
+        low=0.0001,
+        high=0.5,
+        expert=True,
     )
 
 
@@ -180,26 +198,25 @@ def totals(deviations: Deviations, limits: str) -> list[Reason]:
     return beyond + ([Reason(Code.WITHIN_LIMITS, causes=within)] if within else [])
 
 
-def correction_refusal(correction: AxialCorrection, inclination: float, settings: QualitySettings) -> Reason | None:
+def correction_refusal(correction: AxialCorrection, inclination: float) -> Reason | None:
     """
     Why an axial correction of one station must not be used; None where it may.
 
     correction: of one station (arrays of shape ()); inclination in rad.
     """
     from_vertical = min(inclination, math.pi - inclination)
-    least = math.radians(settings.min_azimuth_inclination_deg)
-    if not from_vertical >= least:
-        return Reason(Code.CORRECTION_NEAR_VERTICAL, from_vertical, least)
+    if not from_vertical >= NEAR_VERTICAL:
+        return Reason(Code.CORRECTION_NEAR_VERTICAL, from_vertical, NEAR_VERTICAL)
     if correction.chi_square > CHI1_LIMIT:
         return Reason(Code.CROSS_AXIAL_MISFIT, float(correction.chi_square), CHI1_LIMIT)
     if correction.mirror:
         first, second = (float(angle) for angle in correction.both)
         return Reason(Code.TWO_AZIMUTHS_FIT_FIELD, values=(first, second))
-    sigma, most = float(correction.sigma_azimuth), math.radians(settings.max_correction_sigma_deg)
-    if not sigma <= most:
+    sigma = float(correction.sigma_azimuth)
+    if not sigma <= _LEAST_CERTAIN:
         from_horizontal = abs(0.5 * math.pi - inclination)
         from_east_west = abs(math.asin(min(1.0, abs(math.cos(float(correction.azimuth))))))
-        return Reason(Code.CORRECTION_UNCERTAIN, sigma, most, (from_horizontal, from_east_west))
+        return Reason(Code.CORRECTION_UNCERTAIN, sigma, _LEAST_CERTAIN, (from_horizontal, from_east_west))
     return None
 
 

@@ -80,7 +80,7 @@ def judged(
     if finding is not None and found is not None:
         station = _as_found(station, finding, found)
     # Near the vertical the string's field does not turn the azimuth, and the totals are those of the reading.
-    taken_off = station.interference if station.corrected and not _upright(readings, settings) else 0.0
+    taken_off = station.interference if station.corrected and not _upright(readings) else 0.0
     apart = deviations(
         readings.f_h, readings.b_h, station.reference, readings.covariance, settings.errors, taken_off,
         readings.has_field,
@@ -202,9 +202,8 @@ def _judge_totals(azimuth: _Findings, station: Station, settings: StationSetting
     azimuth.add(judgement.verdict, *judgement.reasons)
 
 
-def _upright(readings: Readings, settings: StationSettings) -> bool:
-    least = math.radians(settings.quality.min_azimuth_inclination_deg)
-    return math.sin(readings.inclination) < math.sin(least)
+def _upright(readings: Readings) -> bool:
+    return math.sin(readings.inclination) < math.sin(acceptance.NEAR_VERTICAL)
 
 
 def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
@@ -248,7 +247,8 @@ def _finished(
         likely = [(str(name), odds) for name, odds in named if odds >= _NAMED]
         names, values = tuple(name for name, _ in likely), tuple(odds for _, odds in likely)
         remarks.append(Reason(Code.HYPOTHESES, values=values, names=names))
-    remarks += acceptance.totals(station.deviations, settings.quality.limits)
+    totals = acceptance.totals(station.deviations, settings.quality.limits)
+    remarks += [total for total in totals if total not in reasons]
     return replace(station, quantities=quantities, verdict=verdict, reasons=(*reasons, *remarks))
 
 

@@ -140,7 +140,7 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
         own = min(math.sqrt(covariance[1, 1] - alignment[1, 1]), _UNKNOWN_SIGMA)
         methods = (
             MethodAzimuth(AzimuthMethod.RAW, azimuth, own),
-            *_corrected(readings, reference, settings, north),
+            *_corrected(readings, reference, north),
         )
     else:
         covariance[1, :] = covariance[:, 1] = 0.0
@@ -183,9 +183,7 @@ def _expected(settings: StationSettings) -> float:
     return settings.errors.axial_interference_nt * 1e-9
 
 
-def _corrected(
-    readings: Readings, reference: Reference | None, settings: StationSettings, north: North
-) -> tuple[MethodAzimuth, ...]:
+def _corrected(readings: Readings, reference: Reference | None, north: North) -> tuple[MethodAzimuth, ...]:
     """The azimuth of the single-station correction, with why it is not to be used alone; none without a reference."""
     if reference is None or not reference.has_field:
         return ()
@@ -200,7 +198,7 @@ def _corrected(
     )
     if not math.isfinite(float(estimate.azimuth)):
         return ()
-    refused = acceptance.correction_refusal(estimate, readings.inclination, settings.quality)
+    refused = acceptance.correction_refusal(estimate, readings.inclination)
     azimuth = to_north(float(estimate.azimuth), north.turn)
     sigma = min(math.hypot(float(estimate.sigma_azimuth), math.sqrt(north.variance)), _UNKNOWN_SIGMA)
     return (MethodAzimuth(AzimuthMethod.SINGLE_STATION, azimuth, sigma, refused),)

@@ -10,7 +10,7 @@ import pytest
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.magnetic.axial_correction import AxialCorrection
 from mwd_estimation.survey import acceptance
-from mwd_estimation.survey.acceptance import Deviations, QualitySettings, correction_refusal, judge
+from mwd_estimation.survey.acceptance import Deviations, correction_refusal, judge
 
 DEG = math.pi / 180.0
 COVARIANCE = np.diag([0.006**2, 200e-9**2, (0.25 * DEG) ** 2])
@@ -118,5 +118,5 @@ GOOD = AxialCorrection(
     ],
 )
 def test_a_correction_that_geometry_forbids_is_refused_in_words(changes, inclination, words):
-    refused = correction_refusal(replace(GOOD, **changes), inclination * DEG, QualitySettings())
+    refused = correction_refusal(replace(GOOD, **changes), inclination * DEG)
     assert (refused is None) if words == "" else words in text(refused)

@@ -133,7 +133,9 @@ def test_fixed_limits_of_field_and_dip_hold_beside_the_posterior():
     for limits in ("service", "iscwsa"):
         settings = StationSettings(quality=QualitySettings(limits=limits))
         assert station(f_t, b_t, REFERENCE, settings).verdict == "accept"
-        assert station(f_t, b_t + np.array([0.0, 2.5e-6, -2e-6]), REFERENCE, settings).verdict == "reject"
+        beyond = station(f_t, b_t + np.array([0.0, 2.5e-6, -2e-6]), REFERENCE, settings)
+        assert beyond.verdict == "reject"
+        assert len(set(beyond.reasons)) == len(beyond.reasons)
 
 
 @pytest.mark.parametrize(("inc", "azi"), [(10, 40), (30, 90), (60, 90), (88, 30)])

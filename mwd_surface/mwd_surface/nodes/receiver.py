@@ -130,7 +130,16 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             _Input(LinkFeed(tool, self.settings.ages, self._warn), buffer, gauge_burst.TOPICS[tool.link][1])
             for tool, buffer in zip(self._tools, buffers, strict=True)
         ]
-        self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors)
+        self._surveys = LinkSurveys(self._tools, self._reference_at, self._errors, self.settings.verdict)
+
+    def changeable_at_runtime(self, name: str) -> bool:
+        """Place and verdict hold for the next survey; a link keeps the rest as long as it runs."""
+        return name.startswith(("place.", "verdict."))
+
+    def on_settings_changed(self, settings: ReceiverSettings) -> None:
+        """Judge the surveys to come by the settings of now."""
+        self._reference = None
+        self._surveys.quality = settings.verdict
 
     def _warn(self, words: str) -> None:
         self.get_logger().warning(f"{words}: the receiver begins anew")

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_estimation.pipeline import Place
+from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_sensors.core.settings import setting
 from mwd_surface.receiver.link_attitude import AgeRules
 
@@ -44,4 +45,5 @@ class ReceiverSettings:
         fixed=True,
     )
     place: Place = setting(Place, "The place of the well, its magnetic field and gravity, as of the estimator")
+    verdict: QualitySettings = setting(QualitySettings, "When a survey of the link is accepted, as of the estimator")
     ages: AgeRules = setting(AgeRules, "How values age between words")

@@ -23,7 +23,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry import meanings
-from mwd_surface.receiver.link_survey import best_north
+from mwd_surface.receiver.link_survey import north_of
 from mwd_surface.receiver.link_values import LinkValue, value_of
 from mwd_surface.receiver.words import ReceivedWord
 
@@ -177,7 +177,7 @@ class LinkAttitude:
         """
         row = wire.ATTITUDE.empty(1)
         row["stamp_ns"] = stamp_ns
-        north, turn = best_north(reference)
+        north, turn = north_of(reference)
         row["north"] = int(north)
         status = Status.ROTATING if self.rotating else Status.SLIDING
         of_tool = {"inclination": self._rules.inclination_sigma_deg, "azimuth": self._rules.azimuth_sigma_deg}

@@ -17,7 +17,7 @@ import numpy as np
 
 from mwd_estimation.core import magnetic_geometry, reason_text
 from mwd_estimation.core.error_model import SensorErrors
-from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
 from mwd_estimation.survey import acceptance
 from mwd_estimation.survey.acceptance import Deviations, QualitySettings
 from mwd_estimation.survey.station_deviations import deviation_covariance
@@ -58,6 +58,7 @@ def survey(
     link: str,
     reference: Reference | None,
     errors: SensorErrors | None = None,
+    quality: QualitySettings | None = None,
 ) -> Survey | None:
     """
     Survey of the believed words of one pass; None where the inclination is not among them.
@@ -75,25 +76,24 @@ def survey(
         Field of the place; without one the totals are not judged and the azimuth stays magnetic.
     errors : SensorErrors, optional
         Of the tool code; default: ordinary MWD.
+    quality : QualitySettings, optional
     """
     if meanings.INCLINATION not in values:
         return None
-    errors = errors or SensorErrors()
+    errors, quality = errors or SensorErrors(), quality or QualitySettings()
     inclination, azimuth = values[meanings.INCLINATION], values.get(meanings.AZIMUTH)
     f_t, b_t = _axes(values, reference)
     covariance_s = errors.covariance(f_t, b_t)
     angles = _angle_covariance(values, f_t, b_t, covariance_s, errors, reference)
-    axial = errors.axial_interference_nt * 1e-9
-    spread = deviation_covariance(f_t, b_t, reference, covariance_s, axial)
+    spread = deviation_covariance(f_t, b_t, reference, covariance_s, errors.axial_interference_nt * 1e-9)
     deviations = _deviations(values, reference, spread)
-    verdicts, reasons = _verdicts(values, deviations, angles)
-    north, turn = best_north(reference)
-    angle = 0.0 if azimuth is None else (azimuth.value + turn) % math.tau
+    verdicts, reasons = _verdicts(values, deviations, angles, quality)
+    north, turn = north_of(reference)
+    angle = 0.0 if azimuth is None else to_north(azimuth.value, turn)
     sigma = math.sqrt(angles[4]) if azimuth is not None else -1.0
-    codes = ",".join(f"{name}:{one.raw}" for name, one in sorted(values.items()))
     return Survey(
         stamp_ns=at.stamp_ns,
-        uuid=str(uuid.uuid5(_NAMESPACE, f"{link} {at.stamp_ns} {codes}")),
+        uuid=_uuid(values, at, link),
         sequence=sequence,
         inclination=inclination.value,
         azimuth=angle,
@@ -108,14 +108,19 @@ def survey(
         verdict_toolface=int(Verdict.NOT_DETERMINED),
         headline=reasons[0] if max(verdicts) != Verdict.ACCEPT else "",
         reasons=(*reasons, f"received over {link.replace('_', ' ')}"),
-        **_totals(values, deviations),
+        **_totals(values, deviations, quality),
         **_reference_fields(reference),
     )
 
 
-def _totals(values: dict[str, LinkValue], deviations: Deviations) -> dict[str, Any]:
+def _uuid(values: dict[str, LinkValue], at: SurveyTime, link: str) -> str:
+    codes = ",".join(f"{name}:{one.raw}" for name, one in sorted(values.items()))
+    return str(uuid.uuid5(_NAMESPACE, f"{link} {at.stamp_ns} {codes}"))
+
+
+def _totals(values: dict[str, LinkValue], deviations: Deviations, quality: QualitySettings) -> dict[str, Any]:
     """Totals as received, with what they may deviate."""
-    limits = np.nan_to_num(acceptance.bounds(deviations, "toolcode"), nan=-1.0)
+    limits = np.nan_to_num(acceptance.bounds(deviations, quality.limits), nan=-1.0)
     return {
         "g_total": _value(values, meanings.G_TOTAL, 0.0),
         "b_total": _value(values, meanings.B_TOTAL, -1.0),
@@ -182,41 +187,38 @@ def _deviations(values: dict[str, LinkValue], reference: Reference | None, covar
 
 
 def _verdicts(
-    values: dict[str, LinkValue], deviations: Deviations, angles: Nine
+    values: dict[str, LinkValue], deviations: Deviations, angles: Nine, quality: QualitySettings
 ) -> tuple[tuple[Verdict, Verdict], list[str]]:
     """Verdict of inclination and azimuth, and the reasons, the gravest first."""
-    field = acceptance.judge(deviations, "toolcode")
+    field = acceptance.judge(deviations, quality.limits)
     nothing = dataclasses.replace(deviations, field=math.nan, dip=math.nan)
-    gravity = acceptance.judge(nothing, "toolcode")
+    gravity = acceptance.judge(nothing, quality.limits)
     inclination, azimuth = _VERDICTS[gravity.verdict], _VERDICTS[field.verdict]
     reasons = reason_text.texts(field.reasons)
     if meanings.AZIMUTH not in values:
         azimuth = Verdict.REJECT
         reasons.insert(0, "the azimuth was not received: let the tool send the survey again")
-    elif _far_off(math.sqrt(angles[4])) > QualitySettings().far_probability:
+    elif _far_off(math.sqrt(angles[4]), quality.far_deg) > quality.far_probability:
         azimuth = max(azimuth, Verdict.DOUBTFUL)
         reasons.insert(0, f"sigma of the azimuth is {math.degrees(math.sqrt(angles[4])):.1f} deg")
     missing = [name for name, quantity in _TOTALS.items() if quantity not in values]
     if missing:
         reasons.append(f"not received, so not checked: {', '.join(missing)}")
-    return (inclination, azimuth), reasons or reason_text.texts(acceptance.totals(deviations, "toolcode"))
+    return (inclination, azimuth), reasons or reason_text.texts(acceptance.totals(deviations, quality.limits))
 
 
-def _far_off(sigma: float) -> float:
+def _far_off(sigma: float, far_deg: float) -> float:
     """Probability that an azimuth of so many rad of sigma has an error that a well must not have."""
-    return math.erfc(math.radians(QualitySettings().far_deg) / (math.sqrt(2.0) * sigma))
+    return math.erfc(math.radians(far_deg) / (math.sqrt(2.0) * sigma))
 
 
 _TOTALS = {"total gravity": meanings.G_TOTAL, "total field": meanings.B_TOTAL, "dip": meanings.DIP}
 
 
-def best_north(reference: Reference | None) -> tuple[North, float]:
+def north_of(reference: Reference | None) -> tuple[North, float]:
     """Best north that the reference leads to, and what turns a magnetic azimuth to it, rad."""
-    if reference is None or reference.declination is None:
-        return North.MAGNETIC, 0.0
-    if reference.convergence is None:
-        return North.TRUE, reference.declination
-    return North.GRID, reference.declination - reference.convergence
+    north = best_north(reference)
+    return North[north.upper()], north_correction(reference, north) or 0.0
 
 
 def _reference_fields(reference: Reference | None) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -52,6 +53,13 @@ class LinkSurveys:
         Field of the place at a stamp, ns; None where it is not configured.
     errors : SensorErrors, optional
         Of the tool code, where the tool sends no sigma.
+    quality : QualitySettings, optional
+        When a survey is accepted, as of the estimator.
+
+    Attributes
+    ----------
+    quality : QualitySettings
+        For surveys to come.
     """
 
     def __init__(
@@ -59,8 +67,10 @@ class LinkSurveys:
         tools: Sequence[ToolConfiguration],
         reference: Callable[[int], Reference | None],
         errors: SensorErrors | None = None,
+        quality: QualitySettings | None = None,
     ) -> None:
         self._reference, self._errors = reference, errors
+        self.quality = quality or QualitySettings()
         sent = {meanings.meaning_of(item.name) for tool in tools for items in tool.surveys for item in items}
         self._wanted = sent & set(_OF_SURVEY)
         longest = max(tool.transmit_delay_s + tool.head_s + 2.0 * _longest_s(tool) for tool in tools)
@@ -103,7 +113,8 @@ class LinkSurveys:
             return []
         links = " and ".join(sorted(set(station.links.values())))
         at = station.heard.at
-        found = survey(station.values, at, self._count + 1, links, self._reference(at.stamp_ns), self._errors)
+        reference = self._reference(at.stamp_ns)
+        found = survey(station.values, at, self._count + 1, links, reference, self._errors, self.quality)
         if found is None:
             return []
         station.published = known

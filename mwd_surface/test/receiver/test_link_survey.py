@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A survey from words: totals judged, sigma by the tool's own words or the tool code, within its chi-square band."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,6 +11,7 @@ from consistency import assert_consistent
 from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_sensors.core import frames
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.words import COMMON
@@ -35,8 +37,8 @@ def words(inc=40.0, azm=100.0, g=9.82 / 9.80665, b=50.0, dip=70.0, **status):
     return [word(name, value, status.get(name, BELIEVED)) for name, value in given.items()]
 
 
-def made(received, reference=REFERENCE):
-    return survey(believed(received), AT, 1, "mud_pulse", reference)
+def made(received, reference=REFERENCE, **quality):
+    return survey(believed(received), AT, 1, "mud_pulse", reference, quality=QualitySettings(**quality))
 
 
 def test_a_sound_survey_is_accepted_with_angles_from_grid_north():
@@ -57,6 +59,18 @@ def test_totals_off_the_reference_reject_the_azimuth_and_gravity_also_the_inclin
     found = made(words(**change))
     assert found.verdicts[:2] == (inclination, "reject")
     assert found.headline
+
+
+def test_the_verdict_is_by_the_settings_that_the_estimator_has_too():
+    assert made(words(dip=70.3)).verdicts[1] == "accept"
+    found = made(words(dip=70.3), limits="iscwsa")
+    assert found.verdicts[1] == "doubtful"
+    assert found.dip_limit == math.radians(0.25)
+    assert made(words(), far_probability=1e-4, far_deg=0.5).verdicts[1] == "doubtful"
+
+
+def test_a_convergence_of_zero_is_no_grid_as_in_the_tool():
+    assert made(words(), dataclasses.replace(REFERENCE, convergence=0.0)).north == North.TRUE
 
 
 def test_an_erased_azimuth_leaves_the_inclination():
