@@ -73,7 +73,7 @@ class FaultText:
 def describe(fault: SensorFault) -> FaultText:
     """Words of a fault."""
     sensor = SENSORS[fault.place // 3]
-    message, remedy = (_WORDS.get(fault.code) or _axes_words)(fault, sensor)
+    message, remedy = _WORDS[fault.code](fault, sensor)
     text = FaultText(
         _KINDS.get(fault.code, fault.code.name.lower()),
         _sensors(fault),
@@ -273,6 +273,7 @@ _WORDS: dict[FaultCode, Callable[[SensorFault, str], tuple[str, str]]] = {
         "the link plays old data: clear its buffer and take the surveys of this time again",
     ),
     FaultCode.UNIT: _unit,
+    FaultCode.AXES: _axes_words,
     FaultCode.SIGN: _sign,
     FaultCode.POINTS_UP: _sign,
     FaultCode.FRAME: _frame,

@@ -46,8 +46,22 @@ MEANINGS = {
     "dlnk": Meaning(DOWNLINK, ""),
 }
 TOOLFACES = (TOOLFACE, GRAVITY_TOOLFACE, MAGNETIC_TOOLFACE)
-_FACTORS = {"deg": math.pi / 180.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "uT": 1e-6, "nT": 1e-9}
-_SI = {"deg": "rad", "g": "m/s^2", "mg": "m/s^2", "uT": "T", "nT": "T"}
+# Units of words that have a meaning: the SI unit and the value of 1 in it. Others are used as they are (V, cps, s).
+_UNITS = {
+    "rad": ("rad", 1.0),
+    "deg": ("rad", math.pi / 180.0),
+    "m/s^2": ("m/s^2", 1.0),
+    "g": ("m/s^2", STANDARD_GRAVITY),
+    "mg": ("m/s^2", 1e-3 * STANDARD_GRAVITY),
+    "T": ("T", 1.0),
+    "mT": ("T", 1e-3),
+    "uT": ("T", 1e-6),
+    "nT": ("T", 1e-9),
+    "G": ("T", 1e-4),
+    "mG": ("T", 1e-7),
+    "degC": ("degC", 1.0),
+    "": ("", 1.0),
+}
 
 
 def meaning_of(name: str) -> str:
@@ -58,9 +72,24 @@ def meaning_of(name: str) -> str:
 
 def factor(unit: str) -> float:
     """SI value of 1 in the unit of a word; 1 for a unit that people use as it is (degC, V, cps, s)."""
-    return _FACTORS.get(unit, 1.0)
+    return _UNITS.get(unit, ("", 1.0))[1]
 
 
 def si_unit(unit: str) -> str:
     """SI unit that `factor` leads to."""
-    return _SI.get(unit, unit)
+    return _UNITS.get(unit, (unit, 1.0))[0]
+
+
+def check_unit(name: str, unit: str) -> None:
+    """
+    Refuse a unit that does not measure what a word of this name means.
+
+    Raises
+    ------
+    ValueError
+        The message lists the units that do.
+    """
+    found = MEANINGS.get(name.lower())
+    fitting = [one for one, (si, _) in _UNITS.items() if found is not None and si == found.unit]
+    if found is not None and unit not in fitting:
+        raise ValueError(f"unit: {unit!r} of {name} is not one of {', '.join(fitting) or 'none'}")

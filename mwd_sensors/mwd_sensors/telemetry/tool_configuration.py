@@ -19,7 +19,7 @@ import yaml
 from mwd_sensors.core import settings
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
-from mwd_sensors.telemetry import checksum, combinatorial, pulse_position, sequences, serial_frames
+from mwd_sensors.telemetry import checksum, combinatorial, meanings, pulse_position, sequences, serial_frames
 from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, blocks_of
 from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.pulse_position import PULSE_TU, Pulses
@@ -91,8 +91,14 @@ class ToolConfiguration:
         Raises
         ------
         ValueError
-            A sequence that cannot be read, none at all, or more of a kind than the header can number.
+            A sequence that cannot be read, none at all, or more of a kind than the header can number; a word in a unit
+            that does not fit what its name means.
         """
+        for name, word in self.words.items():
+            try:
+                meanings.check_unit(name, word.unit)
+            except ValueError as error:
+                raise ValueError(f"words.{name}.{error}") from error
         for name in ("survey_sequences", "toolface_sequences"):
             texts = getattr(self, name)
             if not texts:

@@ -55,6 +55,11 @@ def test_odd_parity_turns_the_bit():
         ({"header_bits": 2, "survey_sequences": ["Inc"] * 5}, "cannot number 5"),
         ({"header_bits": 1}, "1 bit"),
         ({"words": {"Inc": {"low": 5, "high": 1}}}, "words.Inc.*high"),
+        (
+            {"words": {"Inc": {"high": 180, "unit": "degrees"}}},
+            "words.Inc.unit: 'degrees' of Inc is not one of rad, deg",
+        ),
+        ({"words": {"MagF": {"high": 70, "unit": "deg"}}}, "words.MagF.*T, mT, uT, nT, G, mG"),
     ],
 )
 def test_a_mistake_is_refused_with_its_key(change, complaint):

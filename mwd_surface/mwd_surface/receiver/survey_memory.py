@@ -12,15 +12,25 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import SURVEY_LEVEL
 from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED, ReceivedWord
 
-# 1 sigma of the change from one survey to the next, in the unit of the word: noise and place for the first three, a
-# stand of curved hole for the others.
-_CHANGE = {"Grav": 0.002, "MagF": 0.5, "DipA": 0.4, "Inc": 3.0, "Azm": 6.0, "Temp": 5.0, "BatV": 1.0}
+# 1 sigma of the change from one survey to the next, SI (degC, V): noise and place for the first three, a stand of
+# curved hole for the others.
+_CHANGE = {
+    "Grav": 0.002 * STANDARD_GRAVITY,
+    "MagF": 0.5e-6,
+    "DipA": math.radians(0.4),
+    "Inc": math.radians(3.0),
+    "Azm": math.radians(6.0),
+    "Temp": 5.0,
+    "BatV": 1.0,
+}
 # Gravity before any survey: on earth .9976 to 1.0027 g (normal gravity, WGS 84).
-_AT_FIRST = {"Grav": (1.0, 0.004)}
+_AT_FIRST = {"Grav": (STANDARD_GRAVITY, 0.004 * STANDARD_GRAVITY)}
 # Probability that a word does not follow the survey before: disturbed magnetics, a new well, a tool that failed.
 _FREE = 0.05
 # Odds that two surveys are one sent twice, and how often words of different surveys have the same code: long words,
@@ -149,7 +159,7 @@ class SurveyMemory:
                 return free
             off = table.value(code, bits) - middle
             if table.circular:
-                off = (off + 180.0) % 360.0 - 180.0
+                off = math.remainder(off, table.high - table.low)
             density = math.exp(-0.5 * (off / sigma) ** 2) / (sigma * math.sqrt(2.0 * math.pi))
             return (1.0 - _FREE) * density * step + free
 
@@ -171,11 +181,15 @@ class SurveyMemory:
 
     def _expected(self, name: str) -> tuple[float, float] | None:
         """Value that the surveys before make probable, and its sigma; the unit is that of the word."""
-        if name not in _CHANGE or (name in _AT_FIRST and self._tool.table[name].unit != "g"):
+        if name not in _CHANGE:
             return None
+        factor = meanings.factor(self._tool.table[name].unit)
         if name in self._values:
-            return self._values[name], _CHANGE[name]
-        return _AT_FIRST.get(name)
+            return self._values[name], _CHANGE[name] / factor
+        if name not in _AT_FIRST:
+            return None
+        middle, sigma = _AT_FIRST[name]
+        return middle / factor, sigma / factor
 
 
 def _codes_of(word: ReceivedWord, bits: int) -> _Codes:

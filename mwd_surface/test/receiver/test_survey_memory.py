@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from link_runs import TOOLS, pairs, white
 
+from mwd_sensors.core.constants import STANDARD_GRAVITY as G
 from mwd_sensors.simulator.pulse_tool import Transmission, transmit
 from mwd_surface.receiver.pulse_receiver import decode
 from mwd_surface.receiver.survey_memory import SurveyMemory
@@ -98,6 +99,36 @@ def test_gravity_is_known_before_any_survey():
     words[4] = dataclasses.replace(words[4], raw=1023, confidence=0.7, status=ERASED, alternatives=((right, 0.29),))
     gravity = SurveyMemory(TOOL).settle(words)[4]
     assert (gravity.raw, gravity.status) == (right, BY_CONSISTENCY)
+
+
+@pytest.mark.parametrize(("name", "unit", "factor"), [("MagF", "nT", 1e3), ("MagF", "T", 1e-6), ("Grav", "m/s^2", G)])
+def test_the_unit_of_a_word_changes_no_choice(name, unit, factor):
+    table = TOOL.table[name]
+    other = dataclasses.replace(table, low=table.low * factor, high=table.high * factor, unit=unit)
+    tool = dataclasses.replace(TOOL, words={name: other})
+    k = [item.name for item in ITEMS].index(name)
+    chosen = []
+    for one in (TOOL, tool):
+        memory = SurveyMemory(one)
+        for frame, confidence in enumerate((0.999, 0.9)):
+            words = survey(frame=frame)
+            row = one.table[name]
+            doubt = (BELIEVED, ()) if confidence > 0.99 else (ERASED, ((CODES[k] + 1000, 0.09),))
+            words[k] = dataclasses.replace(
+                words[k],
+                unit=row.unit,
+                value=row.value(CODES[k], ITEMS[k].bits),
+                confidence=confidence,
+                status=doubt[0],
+                alternatives=doubt[1],
+            )
+            words[0] = dataclasses.replace(words[0], raw=CODES[0] + 5 * frame)
+            words[1] = dataclasses.replace(words[1], raw=CODES[1] + 5 * frame)
+            found = memory.settle(words)[k]
+        chosen.append((found.raw, found.status, found.confidence))
+    assert chosen[0][:2] == (CODES[k], BY_CONSISTENCY)
+    assert chosen[1][:2] == chosen[0][:2]
+    assert chosen[1][2] == pytest.approx(chosen[0][2], rel=1e-9)
 
 
 def test_toolface_words_are_left_alone():
