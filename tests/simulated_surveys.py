@@ -18,7 +18,7 @@ from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.runs.launch_plan import reference_parameters
 
-_BLOCK_S = 1.0
+_BLOCK_S = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
