@@ -209,7 +209,12 @@ class Sonde:
         parts = self._kept[topic]
         if not parts:
             return wire.SONDE_TOPICS[topic].empty(0)
-        samples, t = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
+        t = np.concatenate([part[1] for part in parts])
+        # Joining records field by field costs a tenth of the whole simulation: their types are one.
+        samples, at = np.empty(len(t), dtype=parts[0][0].dtype), 0
+        for part, _ in parts:
+            samples[at : at + len(part)] = part
+            at += len(part)
         # Arrival times ascend, so that a block is a slice.
         cut = int(np.searchsorted(t, until))
         parts[:] = [(samples[cut:], t[cut:])]
