@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The array types of all packages, so that a signature says what an array holds."""
+"""The array types of all packages, so that a signature says what an array holds, and how samples are joined."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,3 +27,10 @@ Bytes = NDArray[np.uint8]
 
 Samples = NDArray[np.void]
 """Structured array of samples: one named record for each, as laid out in `mwd_sensors.core.wire`."""
+
+
+def joined(parts: Sequence[Samples]) -> Samples:
+    """Join samples of one layout, at least one part."""
+    # As bare bytes: joining records looks at each of their fields.
+    kind = parts[0].dtype
+    return np.concatenate([part.view(f"V{kind.itemsize}") for part in parts]).view(kind)
