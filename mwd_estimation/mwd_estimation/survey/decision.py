@@ -22,9 +22,10 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.acceptance import ACCEPT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.fault_history import FaultHistory
+from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.judgement import judged, without_toolface
 from mwd_estimation.survey.measurement import Measured, measured
-from mwd_estimation.survey.run_model import Finding, RunModel, declination_sigma, gyro_azimuth
+from mwd_estimation.survey.run_model import RunModel, declination_sigma, gyro_azimuth
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings

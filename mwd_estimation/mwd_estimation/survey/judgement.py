@@ -19,10 +19,10 @@ from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.survey import acceptance
 from mwd_estimation.survey.acceptance import ACCEPT, DOUBTFUL, NOT_DETERMINED, REJECT, Deviations, worse
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, Readings
 from mwd_estimation.survey.posterior.circle import Circle
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
-from mwd_estimation.survey.run_model import Finding
 from mwd_estimation.survey.station_deviations import deviations, gross_faults
 from mwd_estimation.survey.station_record import Station, Verdicts
 from mwd_estimation.survey.station_settings import StationSettings

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a run says of one station: its azimuth as a density, what may disturb it, and what a gyro has to do with both.
+
+An azimuth known from the station above is weighed here, after the run: it never enters what the run learns.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.survey.posterior import circle
+from mwd_estimation.survey.posterior.hypotheses import Hypothesis
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_pi
+
+# A gyro whose probability of being wrong has risen by more than this factor is contradicted by something.
+_CONTRADICTED = 2.0
+# What is known of the azimuth from the station above: half width, rad, and the share that it leaves to all others.
+_CONTINUITY, _BROKEN = math.radians(5.0), 0.05
+# A gyro with a larger share than this makes the azimuth.
+_MOSTLY = 0.5
+# Azimuths farther apart than so many sigma, and this angle, rad, contradict each other.
+_APART, _NEAR = 3.0, math.radians(1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class GyroParts:
+    """
+    Density of an azimuth where a gyro is right, and where its bias stepped or it is wrong.
+
+    Attributes
+    ----------
+    right, doubted : ndarray, shape (n,)
+        Per rad, with their probabilities.
+    before, shown : float
+        Probability of the second before this station, and the share of it that the run itself has shown.
+    """
+
+    right: Array
+    doubted: Array
+    before: float
+    shown: float
+
+    def weighed(self, angles: Array, known: Array | float = 1.0) -> Array:
+        """
+        Density of both, with an azimuth known from elsewhere (per rad) as evidence of which is true.
+
+        That evidence is in the weights alone: the errors that both azimuths share narrow nothing.
+        """
+        width = circle.widths(angles)
+        of_right, of_doubted = float(width @ self.right), float(width @ self.doubted)
+        if not (of_right > 0.0 and of_doubted > 0.0):
+            return self.right + self.doubted
+        odds = float(width @ (self.doubted * known)) / max(float(width @ (self.right * known)), 1e-300)
+        # Where nothing contradicts the gyro, only what the run has shown to go wrong with it has a say.
+        if odds <= _CONTRADICTED * self.before * (1.0 + odds):
+            odds *= self.shown
+        return np.asarray(self.right / of_right + odds * self.doubted / of_doubted)
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """
+    A station's azimuth as a density, and what may disturb it.
+
+    Attributes
+    ----------
+    angles, density : ndarray, shape (n,)
+        From the station's north, rad; per rad, of any size.
+    hypotheses : dict of Hypothesis to float
+        Probabilities, sum 1; empty without a field.
+    nominal : float
+        1 sigma of a sound tool by itself at this attitude, rad.
+    misfit : float
+        Least chi-square of the field under the widest hypothesis.
+    by_gyro : float
+        Share of the gyro in what is known of the azimuth, 0 to 1.
+    gyro_wrong : float
+        Probability that the gyro is wrong here.
+    of_gyro : GyroParts or None
+        What the density is made of where a gyro gave an azimuth here.
+    gyro_agreed : bool
+        Whether a gyro agreed with the magnetometer at an earlier station of the run.
+    broken : tuple of (float, float) or None
+        How far this azimuth is from a propagated one that contradicts it: rad, and in sigmas.
+    axial : tuple of float
+        Field of the string along the axis and 1 sigma, T; nan where nothing is known of it.
+    mount : float
+        1 sigma of the inclination, rad, by accelerometers that may be turned in their mount.
+    repeats : int or None
+        Number in the run, from 1, of an earlier station with these very readings.
+    stations : int
+        In the run, with this one.
+    """
+
+    angles: Array
+    density: Array
+    hypotheses: dict[Hypothesis, float]
+    nominal: float
+    misfit: float = 0.0
+    by_gyro: float = 0.0
+    gyro_wrong: float = 0.0
+    of_gyro: GyroParts | None = None
+    gyro_agreed: bool = False
+    broken: tuple[float, float] | None = None
+    axial: tuple[float, float] = (math.nan, math.nan)
+    mount: float = 0.0
+    repeats: int | None = None
+    stations: int = 1
+
+    @property
+    def circle(self) -> circle.Circle:
+        """The density as people read it."""
+        return circle.read(self.angles, self.density)
+
+    def beyond(self, width: float, alignment: float) -> float:
+        """Probability that the azimuth is farther from the published one than this, rad; 1 sigma of alignment, rad."""
+        return circle.beyond(self.angles, self.density, self.circle.mean, width, alignment)
+
+    def continued(self, azimuth: float, sigma: float, shared: float = 0.0) -> Finding:
+        """
+        With what the station above and the gyros since say of the azimuth: it chooses between modes, or contradicts.
+
+        azimuth, sigma : from the same north, rad; shared : variance that both azimuths have in common, rad^2.
+        """
+        density = self.density
+        if self.of_gyro is not None:
+            if not self.gyro_agreed:
+                # The station above may lie in the same field: it is no judge between this gyro and the magnetometer.
+                return self
+            density = self.of_gyro.weighed(self.angles, _known(self.angles, azimuth, sigma))
+        density = density * _known(self.angles, azimuth, math.hypot(_CONTINUITY, sigma))
+        found = circle.read(self.angles, density)
+        off = float(wrap_pi(found.mean - azimuth))
+        apart = abs(off) / math.sqrt(max(sigma**2 + found.sigma**2 - 2.0 * shared, 1e-4 * sigma**2))
+        # Where the gyro found north here, it is the station above that was wrong, unless a gyro has borne that out.
+        trusted = self.by_gyro < _MOSTLY or self.gyro_agreed
+        broken = (off, apart) if apart > _APART and abs(off) > _NEAR and trusted else None
+        # Where an earlier gyro azimuth bore the magnetometer out, two that agree show which of the three is wrong.
+        wrong = self.gyro_wrong if broken else 0.0
+        return dataclasses.replace(self, density=density, broken=broken, gyro_wrong=wrong)
+
+
+def _known(angles: Array, azimuth: float, sigma: float) -> Array:
+    """Density of an azimuth known to a sigma, rad, with what it leaves to all others."""
+    near = np.exp(-0.5 * (wrap_pi(angles - azimuth) / sigma) ** 2) / (sigma * math.sqrt(math.tau))
+    return np.asarray((1.0 - _BROKEN) * near + _BROKEN / math.tau)
+
+
+def gyro_share(angles: Array, mass: Array, magnetic: Array | None) -> float:
+    """Share of the gyro in what all together and the magnetometer alone (None: no reading) say of the azimuth."""
+    if magnetic is None:
+        return 1.0
+    width = circle.widths(angles)
+    whole, alone = circle.read(angles, mass / width), circle.read(angles, magnetic / width)
+    if abs(float(wrap_pi(whole.mean - alone.mean))) > _APART * math.hypot(whole.sigma, alone.sigma):
+        return 1.0
+    return min(max(1.0 - (whole.sigma / alone.sigma) ** 2, 0.0), 1.0)
