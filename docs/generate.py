@@ -74,9 +74,8 @@ def supervision() -> str:
 
 def signals() -> str:
     """Every quantity that goes to a rig, and where it appears."""
-    from mwd_surface.rig.modbus.map import UNITS
     from mwd_surface.rig.signals import SIGNALS
-    from mwd_surface.rig.wits.records import SENT
+    from mwd_surface.rig.units import UNITS
 
     lines = [
         "# Signals\n",
@@ -86,8 +85,9 @@ def signals() -> str:
         "|---|---|---|---|---|---|---|---|",
     ]
     for s in SIGNALS:
-        modbus = f"{s.modbus}, {UNITS[s.unit][1]}" if s.modbus is not None else ""
-        wits = f"{s.wits:04d} {SENT[s.wits][0]}" if s.wits in SENT else f"{s.wits:04d}" if s.wits else ""
+        modbus = f"{s.modbus}, {UNITS[s.unit].modbus.symbol}" if s.modbus is not None else ""
+        item = f"{s.wits.code:04d} {s.wits.name}".rstrip() if s.wits else ""
+        wits = f"{item}, {UNITS[s.unit].metric.symbol}" if item else ""
         cells = (s.name, s.meaning, s.unit, s.source, s.opcua, modbus, wits, ", ".join(s.dwis))
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

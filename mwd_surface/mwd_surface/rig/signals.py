@@ -10,54 +10,11 @@ data they are.
 
 from __future__ import annotations
 
-import dataclasses
+from mwd_surface.rig.signal import ADVICE, BIT, CONTROL, INPUT, PLAN, RIG, SURVEY, TOOL, Signal, Wits
 
-TOOL, RIG, BIT, PLAN, SURVEY = "tool", "rig", "bit", "plan", "survey"  # sources
-CONTROL, ADVICE, INPUT = "control", "advice", "input"
 _MEASURED, _DERIVED, _CORRECTED = "Measurement", "DerivedMeasurement", "CorrectedMeasurement"
 _SET_POINT, _LIMIT = "SetPoint", "Limit"
 _COMPUTED, _ADVISED, _SIGMA = "ComputedData", "RecommendedTarget", "GaussianUncertainty"
-
-
-@dataclasses.dataclass(frozen=True)
-class Signal:
-    """
-    One quantity.
-
-    Attributes
-    ----------
-    name : str
-        In our own values.
-    unit : str
-        SI; angles in rad, 1 for a ratio.
-    meaning : str
-        In words.
-    source : str
-        TOOL, RIG, BIT (the path projected to it), PLAN (against it), SURVEY (the last accepted one), CONTROL (what the
-        owner of the lease asks of the rig), ADVICE (how to drill the next interval) or INPUT (of the surface: clocks
-        and the source of depth).
-    opcua : str
-        Variable.
-    dwis : tuple of str
-        Nouns that classify it.
-    modbus : int, optional
-        Address of its first register.
-    wits : int, optional
-        Item, of the survey, tool or rig record.
-    circle : bool
-        Its values go round a full circle.
-    """
-
-    name: str
-    unit: str
-    meaning: str
-    source: str
-    opcua: str
-    dwis: tuple[str, ...]
-    modbus: int | None = None
-    wits: int | None = None
-    circle: bool = False
-
 
 SIGNALS: tuple[Signal, ...] = (
     Signal(
@@ -68,7 +25,7 @@ SIGNALS: tuple[Signal, ...] = (
         "Inclination",
         ("Inclination", _DERIVED),
         modbus=10,
-        wits=713,
+        wits=Wits(713, "SINC", 2),
     ),
     Signal(
         "survey_azimuth",
@@ -78,7 +35,7 @@ SIGNALS: tuple[Signal, ...] = (
         "Azimuth",
         ("Azimuth", _CORRECTED),
         modbus=12,
-        wits=715,
+        wits=Wits(715, "SAZC", 2),
         circle=True,
     ),
     Signal(
@@ -89,7 +46,7 @@ SIGNALS: tuple[Signal, ...] = (
         "SurveyMeasuredDepth",
         ("MeasuredDepth", _DERIVED),
         modbus=14,
-        wits=708,
+        wits=Wits(708, "DSVM", 2),
     ),
     Signal(
         "survey_vertical_depth",
@@ -98,7 +55,7 @@ SIGNALS: tuple[Signal, ...] = (
         SURVEY,
         "SurveyTrueVerticalDepth",
         (_COMPUTED, "NorthEastTVDFrame"),
-        wits=709,
+        wits=Wits(709, "DSVV", 2),
     ),
     Signal(
         "survey_north",
@@ -107,7 +64,7 @@ SIGNALS: tuple[Signal, ...] = (
         SURVEY,
         "SurveyNorth",
         (_COMPUTED, "NorthEastTVDFrame"),
-        wits=718,
+        wits=Wits(718, "SNS", 2),
     ),
     Signal(
         "survey_east",
@@ -116,7 +73,7 @@ SIGNALS: tuple[Signal, ...] = (
         SURVEY,
         "SurveyEast",
         (_COMPUTED, "NorthEastTVDFrame"),
-        wits=719,
+        wits=Wits(719, "SEW", 2),
     ),
     Signal(
         "survey_dogleg",
@@ -125,7 +82,7 @@ SIGNALS: tuple[Signal, ...] = (
         SURVEY,
         "DogLegSeverity",
         (_COMPUTED,),
-        wits=720,
+        wits=Wits(720, "SDLS", 2),
     ),
     Signal(
         "survey_gravity",
@@ -135,7 +92,7 @@ SIGNALS: tuple[Signal, ...] = (
         "TotalGravity",
         (_DERIVED,),
         modbus=16,
-        wits=722,
+        wits=Wits(722, "", 4),
     ),
     Signal(
         "survey_field",
@@ -145,7 +102,7 @@ SIGNALS: tuple[Signal, ...] = (
         "TotalMagneticField",
         (_DERIVED,),
         modbus=18,
-        wits=723,
+        wits=Wits(723, "", 1),
     ),
     Signal(
         "survey_dip",
@@ -155,7 +112,7 @@ SIGNALS: tuple[Signal, ...] = (
         "MagneticDip",
         (_DERIVED,),
         modbus=20,
-        wits=724,
+        wits=Wits(724, "", 2),
     ),
     Signal(
         "survey_sigma_inclination",
@@ -177,12 +134,7 @@ SIGNALS: tuple[Signal, ...] = (
         modbus=28,
     ),
     Signal(
-        "survey_gyro_share",
-        "1",
-        "share of the gyro in its azimuth, 0 to 1",
-        SURVEY,
-        "SurveyGyroShare",
-        (_COMPUTED,),
+        "survey_gyro_share", "1", "share of the gyro in its azimuth, 0 to 1", SURVEY, "SurveyGyroShare", (_COMPUTED,)
     ),
     Signal(
         "gravity_toolface",
@@ -192,7 +144,7 @@ SIGNALS: tuple[Signal, ...] = (
         "GravityToolface",
         (_DERIVED,),
         modbus=4,
-        wits=717,
+        wits=Wits(717, "SGTF", 2),
         circle=True,
     ),
     Signal(
@@ -203,7 +155,7 @@ SIGNALS: tuple[Signal, ...] = (
         "MagneticToolface",
         (_DERIVED,),
         modbus=6,
-        wits=716,
+        wits=Wits(716, "SMTF", 2),
         circle=True,
     ),
     Signal(
@@ -224,7 +176,7 @@ SIGNALS: tuple[Signal, ...] = (
         "DownholeRotarySpeed",
         ("DownholeRPM", _MEASURED),
         modbus=30,
-        wits=919,
+        wits=Wits(919, "MMRP", 0),
     ),
     Signal("vibration", "m/s^2", "acceleration other than gravity", TOOL, "Vibration", (_DERIVED,)),
     Signal(
@@ -237,9 +189,23 @@ SIGNALS: tuple[Signal, ...] = (
         modbus=32,
     ),
     Signal("axial_interference", "T", "axial field of the string", TOOL, "ContinuousAxialInterference", (_COMPUTED,)),
-    Signal("bit_depth", "m", "measured depth of the bit", RIG, "BitMeasuredDepth", ("BitDepth", _MEASURED), wits=810),
     Signal(
-        "hole_depth", "m", "measured depth of the hole", RIG, "HoleMeasuredDepth", ("HoleDepth", _MEASURED), wits=808
+        "bit_depth",
+        "m",
+        "measured depth of the bit",
+        RIG,
+        "BitMeasuredDepth",
+        ("BitDepth", _MEASURED),
+        wits=Wits(810, "DBTM", 2),
+    ),
+    Signal(
+        "hole_depth",
+        "m",
+        "measured depth of the hole",
+        RIG,
+        "HoleMeasuredDepth",
+        ("HoleDepth", _MEASURED),
+        wits=Wits(808, "DMEA", 2),
     ),
     Signal(
         "projected_inclination",

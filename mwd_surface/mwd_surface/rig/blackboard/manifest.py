@@ -14,27 +14,15 @@ from collections.abc import Iterable
 from typing import Any
 
 from mwd_surface.rig.opcua.address_space import MANIFEST
-from mwd_surface.rig.signals import SIGNALS, Signal
+from mwd_surface.rig.signal import Signal
+from mwd_surface.rig.signals import SIGNALS
+from mwd_surface.rig.units import UNITS
 
 PREFIX = "http://ddhub.no/"
 NODES, VARIABLES = "Nodes", "ProvidedVariables"  # aliases within the manifest
 _PROVIDER = "MWDSurface"
 _UNCERTAINTY = "GaussianUncertainty"
 _SIGMA = "sigma_"
-# Quantity by the unit of the signal table; a blackboard holds SI, so that a temperature goes out in kelvin.
-QUANTITIES = {
-    "1": "ProportionStandardQuantity",
-    "rad": "PlaneAngleDrillingQuantity",
-    "rad/m": "CurvatureDrillingQuantity",
-    "rad/s": "AngularVelocityDrillingQuantity",
-    "m": "LengthStandardQuantity",
-    "m/s^2": "AccelerationDrillingQuantity",
-    "T": "EarthMagneticFluxDensityQuantity",
-    "degC": "TemperatureDrillingQuantity",
-    "s": "DurationDrillingQuantity",
-    "N m": "TorqueDrillingQuantity",
-    "m^3/s": "VolumetricFlowrateDrillingQuantity",
-}
 _DEPTH = "DepthDrillingQuantity"
 # Nouns of the table that are no class of the signal but a node it refers to, with the verb that does.
 _REFERRED = {"NorthEastTVDFrame": "HasReferenceFrame", "BitReferenceLocation": "IsPhysicallyLocatedAt"}
@@ -101,7 +89,8 @@ def quantity_of(signal: Signal) -> str:
     """Noun of the measurable quantity of a signal."""
     if signal.unit == "m" and "depth" in signal.meaning and "difference" not in signal.meaning:
         return _DEPTH
-    return QUANTITIES[signal.unit]
+    # A blackboard holds SI, so that a temperature goes out in kelvin.
+    return UNITS[signal.unit].quantity
 
 
 def query(noun: str) -> str:

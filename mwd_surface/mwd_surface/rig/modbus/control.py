@@ -14,7 +14,8 @@ from collections.abc import Callable, Sequence
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import SetPoint
 from mwd_surface.control.status import Decision, Permission, Request
-from mwd_surface.rig.modbus.map import CONTROLLER, UNITS, ModbusForm, float_of, long_of, long_words
+from mwd_surface.rig.modbus.map import CONTROLLER, ModbusForm, float_of, long_of, long_words
+from mwd_surface.rig.units import UNITS
 
 REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4
 COMMAND, COMMAND_COUNT = 120, 12
@@ -82,9 +83,9 @@ class ControlRegisters:
             words[3],
             long_of(words[:2], self._form),
             words[2],
-            rotary_speed=speed / UNITS["rad/s"][0],
-            turn=turn / UNITS["rad"][0],
-            flow_rate=flow / UNITS["m^3/s"][0],
+            rotary_speed=speed / UNITS["rad/s"].modbus.factor,
+            turn=turn / UNITS["rad"].modbus.factor,
+            flow_rate=flow / UNITS["m^3/s"].modbus.factor,
             valid_for=valid_for,
         )
         taken, _ = self._authority.command(point, self._clock())

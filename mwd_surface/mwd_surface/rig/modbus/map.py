@@ -13,7 +13,6 @@ import math
 import struct
 from collections.abc import Sequence
 
-from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.inputs import HAND, SONDE, InputTable
@@ -21,6 +20,7 @@ from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.derived_values import rig_input
 from mwd_surface.rig.signals import SIGNALS
+from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.values import RigValues
 from mwd_surface.surveys.advice import AdviceMode
 from mwd_surface.surveys.survey_record import Verdict
@@ -35,21 +35,9 @@ _DEG = 180.0 / math.pi
 _RPM = 30.0 / math.pi
 _LARGEST = 3.4e38
 _NAN: tuple[int, ...] = (0x7FC0, 0x0000)
-# Factor to the unit of the registers, by the SI unit.
-UNITS: dict[str, tuple[float, str]] = {
-    "rad": (_DEG, "deg"),
-    "rad/s": (_RPM, "rpm"),
-    "m": (1.0, "m"),
-    "s": (1.0, "s"),
-    "m/s^2": (1.0 / STANDARD_GRAVITY, "g"),
-    "T": (1e9, "nT"),
-    "degC": (1.0, "degC"),
-    "N m": (1.0, "N m"),
-    "m^3/s": (60000.0, "L/min"),
-}
 # Address of a float: the value it holds, factor to its unit, and where it turns over.
 FLOATS: dict[int, tuple[str, float, float]] = {
-    signal.modbus: (signal.name, UNITS[signal.unit][0], 360.0 if signal.circle else 0.0)
+    signal.modbus: (signal.name, UNITS[signal.unit].modbus.factor, 360.0 if signal.circle else 0.0)
     for signal in SIGNALS
     if signal.modbus is not None
 }

@@ -14,26 +14,13 @@ from mwd_surface.live.inputs import SONDE
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.derived_values import rig_input
 from mwd_surface.rig.signals import SIGNALS
+from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import RigValues
 
 MANIFEST = "MWDSurveyManifest"
 NAMESPACE = f"http://ddhub.no/{MANIFEST}/Variables/"
 UNITS_NAMESPACE = "http://www.opcfoundation.org/UA/units/un/cefact"
-# Unit: its UNECE common code and the name in full.
-UNITS: dict[str, tuple[str, str]] = {
-    "1": ("C62", "one"),
-    "rad": ("C81", "radian"),
-    "rad/m": ("C84", "radian per metre"),
-    "rad/s": ("2A", "radian per second"),
-    "m": ("MTR", "metre"),
-    "m/s^2": ("MSK", "metre per second squared"),
-    "T": ("D33", "tesla"),
-    "degC": ("CEL", "degree Celsius"),
-    "s": ("SEC", "second"),
-    "N m": ("NU", "newton metre"),
-    "m^3/s": ("MQS", "cubic metre per second"),
-}
 # OPC 10000-4, annex A, by the state of a value.
 STATUS_CODES: dict[Condition, int] = {
     Condition.GOOD: 0x00000000,
@@ -100,7 +87,7 @@ VARIABLES: tuple[Variable, ...] = (
 def unit_id(unit: str) -> int:
     """Number of a unit in EUInformation: the characters of its UNECE code (OPC 10000-8, section 5.6.3)."""
     number = 0
-    for character in UNITS[unit][0]:
+    for character in UNITS[unit].unece:
         number = number << 8 | ord(character)
     return number
 

@@ -9,7 +9,6 @@ from mwd_surface import __version__
 from mwd_surface.rig.opcua.address_space import (
     MANIFEST,
     NAMESPACE,
-    UNITS,
     UNITS_NAMESPACE,
     VARIABLES,
     Variable,
@@ -17,6 +16,7 @@ from mwd_surface.rig.opcua.address_space import (
     variable_values,
 )
 from mwd_surface.rig.opcua.data_value import EPOCH
+from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.values import nothing_yet
 
 SAMPLING_MS = 100.0  # values are written at most that often
@@ -75,7 +75,7 @@ async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identi
             NamespaceUri=UNITS_NAMESPACE,
             UnitId=unit_id(variable.unit),
             DisplayName=ua.LocalizedText(variable.unit),
-            Description=ua.LocalizedText(UNITS[variable.unit][1]),
+            Description=ua.LocalizedText(UNITS[variable.unit].name),
         )
         await node.add_property(0, "EngineeringUnits", unit)
     return node

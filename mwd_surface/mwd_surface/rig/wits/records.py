@@ -12,71 +12,60 @@ from __future__ import annotations
 import dataclasses
 import datetime as dt
 import math
-from collections.abc import Sequence
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.exports.survey_table import fixed
 from mwd_surface.live.toolface import GRAVITY
+from mwd_surface.rig.signal import SURVEY, Wits
 from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.survey import AcceptedSurvey
-from mwd_surface.rig.value import RigValue
-from mwd_surface.rig.values import RigValues
-from mwd_surface.rig.wits.format import Frame, checked_text, number_text, plain_text
+from mwd_surface.rig.units import FOOT, GALLON, POUND_FORCE, UNITS
+from mwd_surface.rig.value import Condition, RigValue
+from mwd_surface.rig.values import RigValues, survey_values
+from mwd_surface.rig.wits.format import Frame, checked_text, plain_text
 from mwd_surface.surveys.azimuth_source import AzimuthSource
 
-UNITS = ("metric", "fps")
+SYSTEMS = ("metric", "fps")
 SPARES = ("totals", "mwdstd-raw6", "none")
-_FOOT = 0.3048
-_DEG = 180.0 / math.pi
 _RPM = 30.0 / math.pi
-# Deg per 30 m and per 100 ft, of rad/m.
-_DOGLEG = {"metric": 30.0 * _DEG, "fps": 100.0 * _FOOT * _DEG}
-_LENGTH = {"metric": 1.0, "fps": 1.0 / _FOOT}
-_POUND_FORCE = 4.4482216152605  # N
 # Of record 1: code, name in RigState, and what one unit of it is in SI, metric and FPS.
 RECORD_1: dict[int, tuple[str, float, float]] = {
-    108: ("bit_depth", 1.0, _FOOT),
-    110: ("hole_depth", 1.0, _FOOT),
-    112: ("block_position", 1.0, _FOOT),
-    113: ("rate_of_penetration", 1.0 / 3600.0, _FOOT / 3600.0),
-    114: ("hookload", 1e4, 1e3 * _POUND_FORCE),
-    116: ("weight_on_bit", 1e4, 1e3 * _POUND_FORCE),
-    118: ("torque", 1e3, 1e3 * _POUND_FORCE * _FOOT),
+    108: ("bit_depth", 1.0, FOOT),
+    110: ("hole_depth", 1.0, FOOT),
+    112: ("block_position", 1.0, FOOT),
+    113: ("rate_of_penetration", 1.0 / 3600.0, FOOT / 3600.0),
+    114: ("hookload", 1e4, 1e3 * POUND_FORCE),
+    116: ("weight_on_bit", 1e4, 1e3 * POUND_FORCE),
+    118: ("torque", 1e3, 1e3 * POUND_FORCE * FOOT),
     120: ("rotary_speed", 1.0 / _RPM, 1.0 / _RPM),
     121: ("pressure", 1e3, 6894.757293168),
-    130: ("flow_rate", 1e-3 / 60.0, 3.785411784e-3 / 60.0),
+    130: ("flow_rate", 1e-3 / 60.0, GALLON / 60.0),
 }
-# What we send: code, short name, decimals in metric and FPS units (None: text or whole number).
-SENT: dict[int, tuple[str, int | None]] = {
-    701: ("WID", None),
-    702: ("SKNO", None),
-    703: ("RID", None),
-    704: ("SQID", None),
-    705: ("DATE", None),
-    706: ("TIME", None),
-    707: ("ACTC", None),
-    708: ("DSVM", 2),
-    709: ("DSVV", 2),
-    711: ("DMEA", 2),
-    712: ("STYP", None),
-    713: ("SINC", 2),
-    714: ("SAZU", 2),
-    715: ("SAZC", 2),
-    716: ("SMTF", 2),
-    717: ("SGTF", 2),
-    718: ("SNS", 2),
-    719: ("SEW", 2),
-    720: ("SDLS", 2),
-    721: ("SWLK", 2),
-    808: ("DMEA", 2),
-    810: ("DBTM", 2),
-    919: ("MMRP", 0),
+# Items without a value: code and short name.
+TEXTS: dict[int, str] = {
+    701: "WID",
+    702: "SKNO",
+    703: "RID",
+    704: "SQID",
+    705: "DATE",
+    706: "TIME",
+    707: "ACTC",
+    712: "STYP",
 }
-# Records of live signals: codes and signals, by their numbers.
+_WITS_SIGNALS = tuple(s for s in SIGNALS if s.wits is not None)
+# Values that we send, by code: unit, item, and whether it goes round a full circle.
+SENT: dict[int, tuple[str, Wits, bool]] = {s.wits.code: (s.unit, s.wits, s.circle) for s in _WITS_SIGNALS if s.wits} | {
+    711: ("m", Wits(711, "DMEA", 2), False),
+    714: ("rad", Wits(714, "SAZU", 2), True),
+    721: ("rad/m", Wits(721, "SWLK", 2), False),
+}
+# Of the accepted survey, in its record; spare items follow what the session agreed on.
+_OF_SURVEY = {s.wits.code: s.name for s in _WITS_SIGNALS if s.wits and s.wits.name and s.source == SURVEY}
+# Records of live signals: codes and names of values, by their numbers.
 _LIVE_ITEMS = {
-    record: [(s.wits, s) for s in sorted(SIGNALS, key=lambda s: s.wits or 0) if s.wits and s.wits // 100 == record]
+    record: sorted((s.wits.code, s.name) for s in _WITS_SIGNALS if s.wits and s.wits.code // 100 == record)
     for record in (8, 9)
 }
 _SAME_TIME_NS = 600 * NANOSECONDS
@@ -89,7 +78,7 @@ _SEQUENCE_EPOCH = 1_577_836_800  # 2020-01-01
 class Wits0Format:
     """How records are written; both sides must agree on all of it."""
 
-    units: str = setting("metric", "units of the session", choices=UNITS, fixed=True)
+    units: str = setting("metric", "units of the session", choices=SYSTEMS, fixed=True)
     spares: str = setting(
         "totals",
         "items 0722 to 0727: totals (g, nT, deg, quality 0 to 2, degC), six axes (mgn, nT), or none",
@@ -121,31 +110,24 @@ class RecordWriter:
     def __init__(self, form: Wits0Format) -> None:
         self.form = form
         self._sequence: dict[int, int] = {}
-        self._length = _LENGTH[form.units]
 
     def survey(self, values: RigValues, survey: AcceptedSurvey) -> Items:
         """Record 7 of an accepted survey, at the time of its measurement."""
-        turn = _DOGLEG[self.form.units]
-        items = self._head(7, values, survey.stamp_ns, None)
-        items += self._numbers(
-            ((708, survey.measured_depth * self._length), (709, survey.vertical_depth * self._length))
-        )
+        known = survey_values(survey, survey.stamp_ns)
+        numbers: dict[int, float | None] = {
+            code: None if known[name].condition == Condition.WAITING else known[name].value
+            for code, name in _OF_SURVEY.items()
+        }
         hole = values.values["hole_depth"]
         # The hole depth of now does not belong to an old survey.
         if hole.condition.usable and abs(hole.stamp_ns - survey.stamp_ns) < _SAME_TIME_NS:
-            items += self._numbers(((711, hole.value * self._length),))
-        items.append((712, _survey_type(survey.source)))
-        uncorrected = survey.azimuth_uncorrected
-        items += self._numbers(((713, survey.inclination * _DEG),))
-        items += self._angle(714, uncorrected) + self._angle(715, survey.azimuth)
-        items += self._numbers(
-            (
-                (718, survey.position_north * self._length),
-                (719, survey.position_east * self._length),
-                (720, survey.dogleg_severity * turn),
-                (721, survey.turn_rate * turn),
-            )
-        )
+            numbers[711] = hole.value
+        numbers |= {714: survey.azimuth_uncorrected, 721: survey.turn_rate}
+        items = self._head(7, values, survey.stamp_ns, None)
+        found = [(712, _survey_type(survey.source))]
+        for code, number in numbers.items():
+            found += self._number(code, number)
+        items += sorted(found)
         return items + self._spares(survey)
 
     def toolface(self, values: RigValues) -> Items:
@@ -154,7 +136,7 @@ class RecordWriter:
         code = 717 if values.mode == GRAVITY else 716
         usable = value.condition.usable and (self.form.toolface_while_rotating or not values.rotating)
         if usable:
-            item = self._angle(code, value.value)
+            item = self._number(code, value.value)
         elif self.form.null_text and value.stamp_ns:
             item = [(code, self.form.null_text)]
         else:
@@ -173,10 +155,10 @@ class RecordWriter:
         """A record of live signals: the items that the signal table gives it."""
         items: Items = []
         stamp = 0
-        for code, signal in _LIVE_ITEMS[record]:
-            value = values.values[signal.name]
+        for code, name in _LIVE_ITEMS[record]:
+            value = values.values[name]
             if value.condition.usable:
-                items += self._numbers(((code, value.value * (self._length if signal.unit == "m" else _RPM)),))
+                items += self._number(code, value.value)
                 stamp = max(stamp, value.stamp_ns)
             elif self.form.null_text and value.stamp_ns:
                 items.append((code, self.form.null_text))
@@ -202,41 +184,33 @@ class RecordWriter:
         self._sequence[record] = number
         return number
 
-    def _numbers(self, numbers: Sequence[tuple[int, float | None]]) -> Items:
-        items: Items = []
-        for code, value in numbers:
-            text = number_text(value, SENT[code][1] or 0)
-            if text is not None:
-                items.append((code, text))
-            elif self.form.null_text:
-                items.append((code, self.form.null_text))
-        return items
+    def _number(self, code: int, value: float | None) -> Items:
+        """A value in SI as an item in the unit of the session; None: left out, or the null of the session."""
+        unit, item, circle = SENT[code]
+        scale = UNITS[unit].metric if self.form.units == "metric" else UNITS[unit].fps
+        # What rounds to 360 deg is 0.
+        text = fixed(None if value is None else scale.of(value), item.decimals, 360.0 if circle else 0.0)
+        return self._item(code, text)
 
-    def _angle(self, code: int, value: float | None) -> Items:
-        """An angle of a full circle in degrees; what rounds to 360 is 0."""
-        text = fixed(None if value is None else value * _DEG, 2, 360.0)
-        return [(code, text)] if text else self._numbers(((code, None),))
+    def _item(self, code: int, text: str) -> Items:
+        """Text as an item; empty: left out, or the null of the session."""
+        text = text or self.form.null_text
+        return [(code, text)] if text else []
 
     def _spares(self, s: AcceptedSurvey) -> Items:
         rows: tuple[tuple[int, float | None, int], ...] = ()
+        items: Items = []
         if self.form.spares == "totals":
-            rows = (
-                (722, s.g_total / STANDARD_GRAVITY, 4),
-                (723, None if s.b_total is None else s.b_total * 1e9, 1),
-                (724, None if s.dip is None else s.dip * _DEG, 2),
-                (725, float(s.verdict), 0),
-                (726, s.temperature, 2),
-            )
+            for code, value in ((722, s.g_total), (723, s.b_total), (724, s.dip)):
+                items += self._number(code, value)
+            rows = ((725, float(s.verdict), 0), (726, s.temperature, 2))
         elif self.form.spares == "mwdstd-raw6":
             # Gravity as it points, in thousandths of the standard one; the tool feels the opposite.
             g = [-v / STANDARD_GRAVITY * 1e3 for v in s.specific_force]
             b: list[float | None] = [None] * 3 if s.magnetic_field is None else [v * 1e9 for v in s.magnetic_field]
             rows = tuple((722 + k, v, 2) for k, v in enumerate(g)) + tuple((725 + k, v, 1) for k, v in enumerate(b))
-        items: Items = []
         for code, value, decimals in rows:
-            text = number_text(value, decimals) or self.form.null_text
-            if text:
-                items.append((code, text))
+            items += self._item(code, fixed(value, decimals))
         return items
 
 

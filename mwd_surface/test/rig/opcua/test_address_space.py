@@ -8,8 +8,9 @@ from example_rig import NOW_NS, attitude, values
 from example_surveys import S
 
 from mwd_estimation.core.status import Status
-from mwd_surface.rig.opcua.address_space import STATUS_CODES, UNITS, VARIABLES, unit_id, variable_values
+from mwd_surface.rig.opcua.address_space import STATUS_CODES, VARIABLES, unit_id, variable_values
 from mwd_surface.rig.signals import SIGNALS
+from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import nothing_yet
 
