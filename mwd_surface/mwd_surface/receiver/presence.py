@@ -90,7 +90,9 @@ class Presence:
 
     def _first(self, whole: bool) -> str:
         evidence, packets = (sum(one[k] for one in self._recent) for k in range(2))
-        if min(self._score, evidence) + evidence >= _LEAST_EVIDENCE:
+        # A pass of one or two words has fewer packets than are judged together, and their share of the evidence.
+        least = _LEAST_EVIDENCE * min(packets / _JUDGED_PACKETS, 1.0)
+        if min(self._score, evidence) + evidence >= least:
             self._accept(evidence / packets)
             return ""
         disturbed = self._score >= _LEAST_EVIDENCE and packets < _DISTURBED_PACKETS and not whole

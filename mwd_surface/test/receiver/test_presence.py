@@ -18,6 +18,14 @@ def test_words_confirm_a_sync_and_noise_does_not():
     assert not noise.confirmed
 
 
+def test_a_pass_of_one_word_needs_the_share_of_one_word():
+    """Six decibels a bit give one word of 13 bits an evidence of 8; five packets of noise hardly reach 4."""
+    weak, noise = Presence(28.0), Presence(28.0)
+    assert weak.judge(Evidence(8.4, 5, 1), True, False) == ""
+    assert weak.confirmed
+    assert noise.judge(Evidence(4.0, 5, 1), True, False) == NO_WORDS
+
+
 def test_behind_a_clear_sync_the_first_words_may_be_disturbed():
     presence = Presence(40.0)
     assert judged(presence, [NOTHING, NOTHING, WORD, WORD]) == [""] * 4

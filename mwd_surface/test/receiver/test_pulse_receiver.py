@@ -6,6 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 from link_runs import TOOLS, pairs, reception, simulated, white
+from scipy import stats
 
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import Well
@@ -78,6 +79,29 @@ def test_word_errors_in_white_noise_are_near_the_limit():
     assert np.mean(errors) < expected + 3.0 * np.sqrt(expected / len(errors))
 
 
+@pytest.mark.parametrize(("parity", "ebn0_db"), [("", 8.0), (":P", 7.0)])
+def test_words_in_white_noise_err_as_the_closed_form_says(parity, ebn0_db):
+    """
+    Binomial bands: no better than the limit, and no worse than it is 1.5 dB below.
+
+    Without parity each packet is decided by itself, which has a closed form; response and noise are estimated.
+    """
+    word = f"Inc:12{parity}"
+    tool = dataclasses.replace(FAST, survey_sequences=(word,), toolface_sequences=(f"8{{{word}}}",))
+    limit = limits.soft_word_error if parity else limits.word_error
+    bits = 12 + len(parity) // 2
+    wrong = sent_words = 0
+    for seed in range(4):
+        sent = transmit(tool, ((0.0, 500.0),), seed)
+        words = decode(tool, *white(tool, sent, ebn0_db, seed=seed)).words
+        for one in sent.words:
+            near = [w.raw for w in words if abs(w.start_s - one.start_s) < 6.0 * tool.tu_s]
+            sent_words += 1
+            wrong += near != [one.raw]
+    low, high = (stats.binom(sent_words, limit(ebn0_db - worse, bits)) for worse in (0.0, 1.5))
+    assert low.ppf(0.001) <= wrong <= high.ppf(0.999)
+
+
 def test_what_the_tool_has_not_measured_is_erased_and_nothing_else():
     """Each third word of the survey has no measurement; strong pulses, so that all others are believed."""
     tool = dataclasses.replace(FAST, missing_code=True, transmit_delay_s=30.0)
@@ -93,10 +117,15 @@ def test_what_the_tool_has_not_measured_is_erased_and_nothing_else():
     assert all(np.isnan(one.value) for one in words if one.status != BELIEVED)
 
 
-def test_nothing_is_believed_in_noise():
-    silent = transmit(TOOL, ((0.0, 1.0),), 1)
-    run = link_run(MudChannel(flow_off_s=((-100.0, 20.0),)), silent, 3600.0, seed=7)
-    assert not [word for word in decode(TOOL, run.time_s, run.pressure_pa).words if word.status == BELIEVED]
+@pytest.mark.slow
+def test_nothing_is_believed_in_ten_hours_of_noise():
+    """Drilling with two pumps, connections, and no tool; a tool that begins with one word leaves most to chance."""
+    tool = dataclasses.replace(FAST, survey_sequences=("Inc:12:P",), toolface_sequences=("aTFA:6:P",))
+    silent = transmit(tool, ((0.0, 1.0),), 1)
+    for hour in range(10):
+        channel = MudChannel(flow_off_s=((-100.0, 20.0), (1800.0, 2000.0)))
+        run = link_run(channel, silent, 3600.0, seed=7 + hour)
+        assert not [w for w in decode(tool, run.time_s, run.pressure_pa).words if w.status == BELIEVED]
 
 
 @pytest.mark.parametrize(
