@@ -96,6 +96,7 @@ class TelemetryTopics:
         if sonde is None or sonde.link is None or message.link not in self._heard:
             return
         start_ns = message.header.stamp.sec * wire.NANOSECONDS + message.header.stamp.nanosec
+        before = sonde.link.late
         sonde.link.send(
             OnAir(
                 message.link,
@@ -107,6 +108,12 @@ class TelemetryTopics:
                 message.carrier,
             )
         )
+        if sonde.link.late > before:
+            self._node.get_logger().warning(
+                f"{sonde.link.late} signals of the tool came too late for the channel and are missing at the surface:"
+                " this machine is too slow for the rate; lower it",
+                throttle_duration_sec=60.0,
+            )
 
     def diagnostics(self) -> list[Diagnostic]:
         """Signals that came too late for the channel."""

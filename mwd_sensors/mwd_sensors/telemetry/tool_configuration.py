@@ -333,7 +333,7 @@ def read_several(paths: Iterable[Path]) -> tuple[ToolConfiguration, ...]:
     for path in paths:
         tool = read(path)
         if tool.link in tools:
-            raise ValueError(f"{path}: the first tool configuration is of the link {tool.link} too; name another link")
+            raise ValueError(f"{path}: two tools on the link {tool.link}; give each link one tool configuration")
         tools[tool.link] = tool
     return tuple(tools.values())
 

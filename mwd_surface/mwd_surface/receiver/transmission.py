@@ -31,7 +31,7 @@ _AFTER_TU = 14
 # Beyond this probability that parities mean nothing, the transmission is lost.
 _LOST = 0.95
 _DOUBTFUL = 0.2
-_PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width or no tool"
+_PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width, two tools at once or no tool"
 # How much more evidence a TU a toolface behind a sync needs than a survey.
 _CLEARER = 1.2
 # Share above which a stretch is what it is taken for, although it may look like a sync.
