@@ -19,6 +19,7 @@ from browser_page import (
     text,
     wait,
 )
+from mwd_surface.live.inputs import Clock, InputState, InputTable, Role
 
 pytestmark = pytest.mark.slow
 
@@ -111,6 +112,29 @@ def test_the_system_tab_gives_rate_age_and_losses_of_each_stream(browser):
         wait(browser, lambda: any("7" in row and "Sonde" in row for row in browser.execute_script(rows)))
         (sonde,) = [row for row in browser.execute_script(rows) if "Sonde" in row]
         assert re.search(r"Sonde\s+\S*\s*(live|STALE)\s+.*s\s+\d+(\.\d)?/s\s+7", sonde), sonde
+
+
+def test_the_system_tab_gives_clock_offset_age_and_depth_of_each_input(browser):
+    table = InputTable(
+        (
+            InputState("sonde", Clock.TOOL, -0.25, 1.0, 0.125),
+            InputState("rig_floor", Clock.RIG, 1.5, 1.0, 0.5, Role.IN_FORCE, 1, 1234.5),
+            InputState("rig_wits", Clock.HOST, 0.0, 1.0, 0.5, Role.STANDBY, 3, 1222.5, "rig_floor is used"),
+        ),
+        "rig_floor",
+        0.5,
+        12.0,
+    )
+    with rig_on(browser) as rig:
+        rig.state.on_inputs(table, time.monotonic())
+        rig.push()
+        tab(browser, "system")
+        rows = "return [...document.querySelectorAll('#inputs tbody tr')].map((r) => r.innerText)"
+        wait(browser, lambda: len(browser.execute_script(rows)) == 3)
+        sonde, floor, wits = (row.replace("\t", " ") for row in browser.execute_script(rows))
+        assert re.search(r"sonde tool \u22120\.250 s < 1 s", sonde), sonde
+        assert re.search(r"rig_floor rig \+1\.500 s .* 1234\.5 m\s+\S*\s*in force", floor, re.DOTALL), floor
+        assert re.search(r"1222\.5 m\s+\S*\s*stands by", wits), wits
 
 
 def test_the_azimuth_has_a_strip_over_time_and_over_depth(browser):
