@@ -62,6 +62,10 @@ class _Lease:
     def name(self) -> str:
         return self.request.controller
 
+    def is_of(self, request: Request) -> bool:
+        """Whether the same controller asks by the same interface."""
+        return (self.name, self.request.face) == (request.controller, request.face)
+
 
 class ControlAuthority:
     """
@@ -110,7 +114,7 @@ class ControlAuthority:
                 text = "control is switched off at this rig; set control.enabled to let controllers have it"
                 return Decision(Permission.DENIED, 0, text)
             owner = self._lease
-            if owner is None or owner.name != request.controller:
+            if owner is None or not owner.is_of(request):
                 return self._decide(request, limits, now)
             owner.request, owner.limits = request, limits
             owner.heard, owner.ends = now, self._end(request, now)
@@ -119,7 +123,7 @@ class ControlAuthority:
 
     def _decide(self, request: Request, limits: Limits, now: float) -> Decision:
         owner, pending = self._lease, self._pending
-        if pending is not None and pending.name == request.controller:
+        if pending is not None and pending.is_of(request):
             return Decision(Permission.PENDING, pending.number, pending.waits)
         stronger = owner if owner is not None and owner.request.priority >= request.priority else None
         if stronger is not None and not request.wait:
@@ -229,14 +233,18 @@ class ControlAuthority:
 
     # Set-points, and what is observed.
 
-    def command(self, point: SetPoint, now: float) -> tuple[bool, str]:
-        """Take a set-point of the owner, or its heartbeat; answers whether it was taken, and why not."""
+    def command(self, point: SetPoint, now: float, face: str = "graph") -> tuple[bool, str]:
+        """Take a set-point or heartbeat of the owner, by its interface; answers whether it was taken, or why not."""
         with self._lock:
             owner = self._lease
             if owner is None or point.lease != owner.number:
                 self.refused += 1
                 holder = "nobody has control" if owner is None else f"{owner.name} has control"
                 return False, f"lease {point.lease} is not in force: {holder}"
+            if face != owner.request.face:
+                # Its number can be read by all; only some interfaces know who sends.
+                self.refused += 1
+                return False, f"lease {point.lease} is commanded by {owner.request.face}, where it was asked for"
             owner.heard = now
             if point.sequence == 0:
                 return True, ""

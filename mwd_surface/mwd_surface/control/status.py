@@ -49,7 +49,8 @@ class Request:
     Who asks for control; as mwd_msgs/RequestControl.
 
     controller: name. role: in a word or two. priority: 0 to 255, a higher one than the owner's takes over. wait: wait
-    for the owner to leave. duration: s, 0: the longest allowed. limits: 0 each: as set at the rig.
+    for the owner to leave. duration: s, 0: the longest allowed. limits: 0 each: as set at the rig. face: the interface
+    it came by, the only one through which its lease is renewed and commanded.
     """
 
     controller: str
@@ -58,6 +59,7 @@ class Request:
     wait: bool = False
     duration: float = 0.0
     limits: Limits = dataclasses.field(default_factory=Limits)
+    face: str = "graph"
 
 
 @dataclasses.dataclass(frozen=True)

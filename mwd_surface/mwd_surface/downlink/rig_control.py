@@ -47,7 +47,7 @@ class RigControl:
 
         granted_by: whose permission for the command is one for the control it needs.
         """
-        decision = self._authority.request(Request(_NAME, _ROLE, _PRIORITY), now)
+        decision = self._authority.request(Request(_NAME, _ROLE, _PRIORITY, face=_NAME), now)
         if decision.permission == Permission.PENDING:
             done, message = self._authority.judge(Judgement.GRANT, granted_by, now, "for the downlink")
             if not done:
@@ -69,7 +69,7 @@ class RigControl:
             valid_for=_VALID_S,
             returns=True,
         )
-        taken, message = self._authority.command(point, now)
+        taken, message = self._authority.command(point, now, _NAME)
         return "" if taken else message
 
     def release(self, now: float, reason: str) -> None:

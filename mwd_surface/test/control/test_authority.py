@@ -38,6 +38,22 @@ def passes(authority, begin, end, step=0.1):
 # Requests.
 
 
+@pytest.mark.parametrize("face", ["Modbus", "graph"])
+def test_a_lease_is_commanded_and_renewed_by_the_interface_it_was_asked_for_alone(face):
+    authority = ControlAuthority(AUTOMATIC)
+    lease = authority.request(Request("controller", face="OPC UA"), 0.0).lease
+    taken, why = authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=5.0), 0.1, face)
+    assert (taken, why) == (False, f"lease {lease} is commanded by OPC UA, where it was asked for")
+    taken, _ = authority.command(SetPoint(Mode.HOLD, lease, 0), 0.1, face)
+    assert not taken
+    posing = authority.request(Request("controller", face=face), 0.2)
+    assert (posing.permission, posing.lease) == (Permission.DENIED, 0)
+    # Who poses does not keep the lease alive either.
+    assert authority.status(0.3).heartbeat_age == pytest.approx(0.3)
+    assert authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=5.0), 0.4, "OPC UA") == (True, "")
+    assert authority.request(Request("controller", face="OPC UA"), 0.5).lease == lease
+
+
 def test_control_that_is_switched_off_is_denied_with_the_remedy():
     decision = ControlAuthority(ControlSettings()).request(Request("controller"), 0.0)
     assert decision.permission == Permission.DENIED

@@ -20,6 +20,7 @@ from mwd_surface.rig.units import UNITS
 REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4
 COMMAND, COMMAND_COUNT = 120, 12
 _ASK, _RELEASE = 1, 2
+_FACE = "Modbus"
 
 
 class ControlRegisters:
@@ -64,7 +65,9 @@ class ControlRegisters:
             done, message = self._authority.release(lease, self._clock())
             decision = Decision(Permission.DENIED, 0, message)
         elif action == _ASK and number:
-            request = Request(f"{CONTROLLER}{number}", "Modbus", min(priority, 255), duration=float(duration))
+            request = Request(
+                f"{CONTROLLER}{number}", "Modbus", min(priority, 255), duration=float(duration), face=_FACE
+            )
             decision = self._authority.request(request, self._clock())
             done = True
         else:
@@ -88,7 +91,7 @@ class ControlRegisters:
             flow_rate=flow / UNITS["m^3/s"].modbus.factor,
             valid_for=valid_for,
         )
-        taken, _ = self._authority.command(point, self._clock())
+        taken, _ = self._authority.command(point, self._clock(), _FACE)
         if taken:
             self._command = words
         return taken

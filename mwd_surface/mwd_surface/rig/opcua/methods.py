@@ -51,11 +51,11 @@ def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> 
     """Return the methods of control; clock: steady seconds, that of the authority."""
 
     def request(given: dict[str, Any]) -> Sequence[Any]:
-        decision = authority.request(Request(**given), clock())
+        decision = authority.request(Request(**given, face="OPC UA"), clock())
         return decision.message, int(decision.permission), decision.lease
 
     def command(given: dict[str, Any]) -> Sequence[Any]:
-        return authority.command(SetPoint(**given), clock())
+        return authority.command(SetPoint(**given), clock(), "OPC UA")
 
     def release(given: dict[str, Any]) -> Sequence[Any]:
         return authority.release(given["lease"], clock(), given["reason"])
