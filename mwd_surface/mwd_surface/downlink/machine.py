@@ -95,7 +95,7 @@ class Machine:
     in_force : ToolSettings
         By which the tool runs.
     counter : int
-        Of the last command sent; 0: none.
+        Of the last command that was begun; 0: none.
 
     Raises
     ------
@@ -283,6 +283,9 @@ class Machine:
             self._deviation = self._watch(self.base, readings)
             self._started = now
             self.set_point = self.base
+            # Used up before the first symbol, and kept with this transition: a surface that dies from here on must not
+            # give another command the number by which the tool may answer this one.
+            self.counter = self.request.frame.counter if self.request is not None else self.counter
             self._go(State.RUNNING, f"{self.about}: from {words(self.base, self.downlink)}", "", now)
 
     def _watch(self, base: float, readings: Readings) -> DeviationWatch:
@@ -306,7 +309,6 @@ class Machine:
         elif self._deviation.take(now, asked, value, other):
             self.abort("operator input: flow or rotation is not what was asked", "", now)
         elif now - self._started >= self.programme.duration_s:
-            self.counter = self.request.frame.counter if self.request is not None else self.counter
             self._go(State.SENT, f"{self.about}: sent, waiting for the tool's answer", "", now)
         else:
             self.set_point = asked

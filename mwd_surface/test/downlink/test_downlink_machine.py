@@ -94,6 +94,21 @@ def test_a_downlink_runs_from_draft_to_the_tool_s_answer():
     assert [one.by for one in machine.transitions[:3]] == ["Ann", "Ann", "Bo"]
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_a_surface_that_dies_while_it_sends_gives_the_next_command_another_number(share):
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    machine = rig.machine
+    rig.play(1.0 + machine.downlink.symbol_s + share * machine.programme.duration_s)
+    assert machine.state == State.RUNNING
+    # What was kept at the last transition is what a surface that starts again reads.
+    again = Rig(Machine(TOOL, SETTINGS, machine.in_force, machine.counter)).start()
+    assert again.machine.request.frame.counter != machine.request.frame.counter
+    again.play(2.0 + again.machine.downlink.symbol_s + again.machine.programme.duration_s)
+    assert again.machine.state == State.SENT
+    again.machine.on_echo(machine.request.frame.echo, again.now)
+    assert again.machine.state == State.SENT
+
+
 def test_without_an_answer_it_ends_unconfirmed_and_a_late_answer_still_counts():
     rig = Rig(Machine(TOOL, SETTINGS)).start()
     machine = rig.machine
