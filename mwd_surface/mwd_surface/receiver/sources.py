@@ -138,11 +138,12 @@ class ModbusGauge:
         asked = self._clock()
         try:
             answer: Any = self._client.read_input_registers(settings.register, count=1, device_id=settings.unit)
-        except (ModbusException, OSError) as error:
+        except (ModbusException, OSError, IndexError, ValueError, struct.error) as error:
+            # The last three: what pymodbus makes of an answer that is none.
             self._client.close()
             self.failure = f"{where}: {error}"
             return
-        if answer.isError():
+        if answer.isError() or not answer.registers:
             self.failure = f"{where} has no input register {settings.register} of unit {settings.unit}"
             return
         pressure = gauge_pressure(settings, answer.registers[0])
@@ -165,6 +166,8 @@ class _Form(NamedTuple):
 
 
 _WAV_FLOAT = 3
+# Of a stream, bytes: a call takes no more however fast it comes, and its samples begin within so many.
+_MOST_AT_ONCE, _MOST_HEADER = 1 << 20, 1 << 20
 _WAV_BITS = {1: (8, 16, 24, 32), _WAV_FLOAT: (32, 64)}
 
 
@@ -201,12 +204,17 @@ class WavStream:
 
     def read(self) -> tuple[Array, Array]:
         """Times since the first sample, s, and samples, Pa of a full scale of 1e7, that have come."""
-        while not self.ended and select.select([self._descriptor], [], [], 0.0)[0]:
+        end = len(self._open) + _MOST_AT_ONCE
+        while not self.ended and len(self._open) < end and select.select([self._descriptor], [], [], 0.0)[0]:
             more = os.read(self._descriptor, 65536)
             self.ended = not more
             self._open += more
         if self._form is None:
-            self._form = self._header()
+            try:
+                self._form = self._header()
+            except ValueError as error:
+                self.failure, self.ended = str(error), True
+                self._open.clear()
         if self._form is None:
             return _EMPTY, _EMPTY
         frame = self._form.channels * self._form.width
@@ -223,18 +231,21 @@ class WavStream:
         self.ended = True
 
     def _header(self) -> _Form | None:
-        """Form of the samples; None until they begin. A stream gives no true sizes."""
+        """Form of the samples; None until they begin. ValueError: it cannot be read. A stream gives no true sizes."""
         if len(self._open) < 12:
             return None
         if self._open[:4] != b"RIFF" or self._open[8:12] != b"WAVE":
-            self.failure, self.ended = "the stream is no WAV", True
-            return None
+            raise ValueError("the stream is no WAV")
         at, form = 12, None
         while len(self._open) >= at + 8:
             name, size = struct.unpack_from("<4sI", self._open, at)
+            if (name == b"data" and form is None) or (name == b"fmt " and size < 16):
+                raise ValueError("the WAV does not say the form of its samples")
             if name == b"data":
                 del self._open[: at + 8]
                 return form
+            if at + 8 + size > _MOST_HEADER:
+                raise ValueError(f"the WAV has no samples within its first {_MOST_HEADER} bytes")
             if len(self._open) < at + 8 + size:
                 return None
             if name == b"fmt ":
@@ -243,12 +254,10 @@ class WavStream:
                     # The extensible form says at the begin of its sub-format what the samples are.
                     (kind,) = struct.unpack_from("<H", self._open, at + 8 + 24)
                 if bits not in _WAV_BITS.get(kind, ()) or self._channel > channels or rate == 0:
-                    self.failure = (
+                    raise ValueError(
                         f"the WAV has {channels} channels of {bits} bits, form {kind}; give PCM of 8, 16, 24 or 32"
                         " bits, or floats"
                     )
-                    self.ended = True
-                    return None
                 form = _Form(channels, bits // 8, float(rate), kind == _WAV_FLOAT)
             at += 8 + size + size % 2
         return None

@@ -177,3 +177,56 @@ def test_a_line_that_is_not_there_is_named():
     source = SerialBytes("/dev/does_not_exist", 9600, time.monotonic)
     assert len(source.read()[0]) == 0
     assert "does_not_exist" in source.failure
+
+
+@pytest.mark.parametrize(
+    ("chunks", "words"),
+    [
+        (struct.pack("<4sI", b"fmt ", 4) + bytes(4) + b"data\0\0\0\0" + bytes(400), "form of its samples"),
+        (b"data\0\0\0\0" + bytes(400), "form of its samples"),
+        (struct.pack("<4sI", b"junk", 2**32 - 1) + bytes(3_000_000), "no samples"),
+        (b"".join(struct.pack("<4sI", b"junk", 0) for _ in range(400_000)), "no samples"),
+    ],
+    ids=["short form", "no form", "endless chunk", "endless chunks"],
+)
+def test_a_wav_whose_header_cannot_be_is_refused_in_a_sentence(tmp_path, chunks, words):
+    (tmp_path / "bad.wav").write_bytes(b"RIFF\0\0\0\0WAVE" + chunks)
+    with (tmp_path / "bad.wav").open("rb") as file:
+        stream = WavStream(file.fileno())
+        for _ in range(10):
+            assert not len(stream.read()[0])
+    assert words in stream.failure
+    assert stream.ended
+
+
+def test_a_stream_that_never_pauses_is_read_in_parts(tmp_path):
+    form = struct.pack("<HHIIHH", 1, 1, 48_000, 96_000, 2, 16)
+    head = b"RIFF\0\0\0\0WAVE" + struct.pack("<4sI", b"fmt ", len(form)) + form + b"data\0\0\0\0"
+    with (tmp_path / "long.wav").open("wb") as file:
+        file.write(head)
+        file.truncate(len(head) + 50_000_000)
+    with (tmp_path / "long.wav").open("rb") as file:
+        stream, count, parts = WavStream(file.fileno()), 0, 0
+        while not stream.ended:
+            found = len(stream.read()[0])
+            assert found < 2_000_000
+            count, parts = count + found, parts + 1
+    assert (count, stream.failure) == (25_000_000, "")
+    assert parts > 20
+
+
+@pytest.mark.parametrize("content", [b"\x04\x00", b"\x04\x01\x00", b"\x04", b"\xff" * 60])
+def test_a_converter_that_answers_nonsense_is_told_and_asked_again(content):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(10.0)
+        gauge = ModbusGauge(GaugeSettings(port=server.getsockname()[1], rate_hz=50.0), time.monotonic)
+        for _ in range(3):
+            line, _ = server.accept()
+            with line:
+                line.settimeout(5.0)
+                asked = line.recv(64)
+                line.sendall(asked[:4] + struct.pack(">HB", len(content) + 1, 1) + content)
+        until(lambda: "has not answered yet" not in gauge.failure)
+        assert gauge.failure
+        assert not len(gauge.read()[0])
+        gauge.close()
