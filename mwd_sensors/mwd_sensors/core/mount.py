@@ -111,11 +111,6 @@ class MountSettings:
             except ValueError as error:
                 raise ValueError(f"{name}: {error}" + ("" if name == "imu" else f", or {AS_IMU}")) from error
 
-    @property
-    def uses_transforms(self) -> bool:
-        """Whether nothing can be resolved without static transforms."""
-        return TF in (self.imu, self.mag, self.precision)
-
 
 class Transforms:
     """Static transforms between frames; only their rotations matter here."""
