@@ -13,10 +13,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
@@ -65,17 +64,6 @@ class PropagatedRow:
     turned: float
 
 
-class _Block(NamedTuple):
-    """Columns of a block: stamps and rates, and those of its `Track` that change."""
-
-    stamp_ns: Stamps
-    gyro_t: Array
-    g_t: Array
-    sigma_inclination: Array
-    sigma_toolface: Array
-    status: NDArray[np.uint32]
-
-
 STATE, PROPAGATED_ROW = dtype_of(State), dtype_of(PropagatedRow)
 
 
@@ -101,22 +89,21 @@ def run(state: Samples, stamps: Stamps, gyro: Array, track: Track) -> Samples:
     ndarray of dtype PROPAGATED_ROW, shape (n,)
     """
     rows = np.zeros(len(stamps), dtype=PROPAGATED_ROW)
-    block = _Block(stamps, gyro, track.g_t, track.sigma_inclination, track.sigma_toolface, track.status)
-    _run(state[0], block, rows)
+    _run(state[0], stamps, gyro, track, rows)
     return rows
 
 
 @compiled
-def _keep(s: State, block: _Block, i: int) -> None:
+def _keep(s: State, stamp: int, rate: Array, track: Track, i: int) -> None:
     """Take a sample that was used."""
-    status = np.int64(block.status[i])
+    status = np.int64(track.status[i])
     if status & _GAP != 0:
         s.length = 0
     kept = s.ring[s.head]
     for k in range(3):
-        kept.down[k], kept.rate[k] = block.g_t[i, k], block.gyro_t[i, k]
+        kept.down[k], kept.rate[k] = track.g_t[i, k], rate[k]
     kept.unsafe = status & _UNSAFE != 0
-    kept.stamp_ns = block.stamp_ns[i]
+    kept.stamp_ns = stamp
     s.head = (s.head + 1) % _RING
     s.length = min(s.length + 1, _RING)
 
@@ -167,11 +154,10 @@ def _nearest(s: State, stamp: int) -> tuple[int, float]:
 
 
 @compiled
-def _propagate(s: State, block: _Block, i: int, row: PropagatedRow) -> None:
+def _propagate(s: State, stamp: int, track: Track, i: int, row: PropagatedRow) -> None:
     """Turn gravity to the stamp of a rejected sample, as far as that is known."""
-    stamp = block.stamp_ns[i]
     row.rate_x = math.nan
-    if not math.isfinite(block.g_t[i, 0] + block.g_t[i, 1] + block.g_t[i, 2]):
+    if not math.isfinite(track.g_t[i, 0] + track.g_t[i, 1] + track.g_t[i, 2]):
         return
     last = s.ring[(s.head - 1) % _RING]
     away = stamp - last.stamp_ns
@@ -197,23 +183,23 @@ def _propagate(s: State, block: _Block, i: int, row: PropagatedRow) -> None:
     if not (math.isfinite(along + across + size) and side > 0.0):
         return
     row.rate_x = near.rate[0]
-    block.g_t[i, 0], block.g_t[i, 1], block.g_t[i, 2] = gx / size, gy / size, gz / size
+    track.g_t[i, 0], track.g_t[i, 1], track.g_t[i, 2] = gx / size, gy / size, gz / size
     row.turned = min(math.hypot(along, across * gx / side), math.pi)
-    block.sigma_inclination[i] = min(math.hypot(block.sigma_inclination[i], across), math.pi)
-    block.sigma_toolface[i] = min(math.hypot(block.sigma_toolface[i], row.turned), math.pi)
-    row.sigma_down = min(math.hypot(block.sigma_inclination[i], along * side / size), math.pi)
+    track.sigma_inclination[i] = min(math.hypot(track.sigma_inclination[i], across), math.pi)
+    track.sigma_toolface[i] = min(math.hypot(track.sigma_toolface[i], row.turned), math.pi)
+    row.sigma_down = min(math.hypot(track.sigma_inclination[i], along * side / size), math.pi)
 
 
 @compiled
-def _run(s: State, block: _Block, rows: Samples) -> None:
-    n, rejected = len(block.stamp_ns), False
+def _run(s: State, stamps: Stamps, gyro: Array, track: Track, rows: Samples) -> None:
+    n, rejected = len(stamps), False
     for i in range(n):
         row = rows[i]
-        row.turned, row.sigma_down, row.rate_x = 0.0, block.sigma_inclination[i], block.gyro_t[i, 0]
-        rejected = rejected or np.int64(block.status[i]) & _REJECTED != 0
+        row.turned, row.sigma_down, row.rate_x = 0.0, track.sigma_inclination[i], gyro[i, 0]
+        rejected = rejected or np.int64(track.status[i]) & _REJECTED != 0
     # Where all are used, only the last ones are ever looked at again.
     for i in range(0 if rejected else max(n - _RING, 0), n):
-        if np.int64(block.status[i]) & _REJECTED == 0:
-            _keep(s, block, i)
+        if np.int64(track.status[i]) & _REJECTED == 0:
+            _keep(s, stamps[i], gyro[i], track, i)
         else:
-            _propagate(s, block, i, rows[i])
+            _propagate(s, stamps[i], track, i, rows[i])

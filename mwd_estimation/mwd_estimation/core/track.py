@@ -8,7 +8,6 @@ leave the filter as it was and repeat the last estimate with a flag; nothing not
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import NamedTuple
 
@@ -76,21 +75,9 @@ class Motion:
 CLOCK, MOTION = dtype_of(Clock), dtype_of(Motion)
 
 
-class TrackRows(NamedTuple):
-    """The arrays of a `Track` for a compiled kernel, which fills them row by row; shapes and units as there."""
-
-    g_t: Array
-    sigma_inclination: Array
-    sigma_toolface: Array
-    non_gravity: Array
-    rotary_speed: Array
-    status: NDArray[np.uint32]
-
-
-@dataclasses.dataclass(frozen=True)
-class Track:
+class Track(NamedTuple):
     """
-    Gravity followed through n samples.
+    Gravity followed through n samples; kernels fill it row by row.
 
     Attributes
     ----------
@@ -121,21 +108,9 @@ class Track:
             np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), np.zeros(one, dtype=np.uint32)
         )
 
-    @property
-    def rows(self) -> TrackRows:
-        """The arrays as a kernel takes them."""
-        return TrackRows(
-            self.g_t,
-            self.sigma_inclination,
-            self.sigma_toolface,
-            self.non_gravity,
-            self.rotary_speed,
-            self.status,
-        )
-
     def part(self, samples: slice) -> Track:
         """Return some of the samples."""
-        return Track(*(getattr(self, field.name)[samples] for field in dataclasses.fields(self)))
+        return Track._make(column[samples] for column in self)
 
     @property
     def inclination(self) -> Array:
@@ -213,7 +188,7 @@ def follow_motion(motion: Motion, dt: float, w: Vector, non_gravity: float) -> i
 
 
 @compiled
-def write_row(out: TrackRows, i: int, across: float, sigma: float, motion: Motion, bits: int) -> None:
+def write_row(out: Track, i: int, across: float, sigma: float, motion: Motion, bits: int) -> None:
     """
     Fill row i but for its direction.
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core import track
 from mwd_estimation.core.status import Status
-from mwd_estimation.core.track import Track, TrackRows
+from mwd_estimation.core.track import Track
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -82,12 +82,12 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
-    _run(params, state[0], stamps, gyro, accel, out.rows)
+    _run(params, state[0], stamps, gyro, accel, out)
     return out
 
 
 @compiled
-def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: TrackRows) -> None:
+def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])

@@ -8,7 +8,6 @@ over each start of the filter. Tilt between updates is interpolated. Never live:
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -38,7 +37,7 @@ def smooth(params: Params, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: Arra
 
 def joined(parts: list[Track]) -> Track:
     """Tracks one after another as one."""
-    return Track(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in dataclasses.fields(Track)))
+    return Track._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
 
 
 class Smoother:
@@ -82,7 +81,7 @@ class Smoother:
         bounded.run(self.params, self._state, *(one[:keep] for one in samples))
         self._stamps, self._gyro = self._stamps[keep:], self._gyro[keep:]
         self._accel, self._clipped = self._accel[keep:], self._clipped[keep:]
-        return Track(*(getattr(part, f.name)[:keep] for f in dataclasses.fields(Track)))
+        return part.part(slice(keep))
 
 
 def transition(sums: Any) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.status import Status
-from mwd_estimation.core.track import Track, TrackRows
+from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
 from mwd_estimation.gravity.bounded.log import Log
 from mwd_estimation.gravity.bounded.params import Params
@@ -95,7 +95,7 @@ def run_logged(
 
 def _follow(params: Params, state: State, samples: _Samples, log: Log) -> Track:
     out = Track.empty(len(samples[0]))
-    _run(params, state.clock[0], state.motion[0], state.record[0], samples, out.rows, log)
+    _run(params, state.clock[0], state.motion[0], state.record[0], samples, out, log)
     return out
 
 
@@ -106,7 +106,7 @@ def _run(
     motion: track.Motion,
     s: Record,
     samples: _Samples,
-    out: TrackRows,
+    out: Track,
     log: Log,
 ) -> None:
     stamps, gyro, accel, flags = samples
