@@ -21,19 +21,7 @@ from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
 from mwd_estimation.gravity.bounded.log import Log
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import (
-    ASKEW,
-    BIAS,
-    DOWN,
-    DOWN_SIGMA,
-    ERRORS,
-    LEVER,
-    SCALE,
-    STEADY,
-    Record,
-    State,
-    initial,
-)
+from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, Record, State, forget, initial
 from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -223,30 +211,12 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
         _log_after(p, s, log)
     mechanisation.clear_sums(s.sums)
     if not measurement.sound(s):
-        _forget(p, s)
+        forget(p, s)
         alignment.begin(s)
     elif alignment.attitude_lost(p, s):
         alignment.begin(s)
     else:
         scale.publish(p, s)
-
-
-@compiled
-def _forget(p: Params, s: Record) -> None:
-    """Set what was learnt of the sensors to what is known at switch-on (`initial`): the covariance is none any more."""
-    for j in range(ERRORS):
-        for m in range(ERRORS):
-            s.P[j, m] = 0.0
-    for j in range(3):
-        s.bias[j] = 0.0
-        s.P[BIAS + j, BIAS + j] = p.bias_sigma**2
-    for j in range(2):
-        s.askew[j] = s.lever[j] = 0.0
-        s.P[ASKEW + j, ASKEW + j] = p.misalignment_sigma**2
-        s.P[LEVER + j, LEVER + j] = p.lever_sigma**2
-    s.scale = s.down = 0.0
-    s.P[SCALE, SCALE] = p.scale_sigma**2
-    s.P[DOWN, DOWN] = DOWN_SIGMA**2
 
 
 @compiled

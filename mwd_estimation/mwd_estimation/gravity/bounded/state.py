@@ -12,6 +12,7 @@ import numpy as np
 from mwd_estimation.core import track
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 # Errors, true minus estimate: tilt about the level x and y axes; velocity and displacement in level axes (x, y, down);
@@ -208,6 +209,24 @@ class State:
         return copy.deepcopy(self)
 
 
+@compiled
+def forget(p: Params, s: Record) -> None:
+    """Set errors of the sensors to what is known of them at switch-on, and of all else nothing."""
+    for j in range(ERRORS):
+        for m in range(ERRORS):
+            s.P[j, m] = 0.0
+    for j in range(3):
+        s.bias[j] = 0.0
+        s.P[BIAS + j, BIAS + j] = p.bias_sigma**2
+    for j in range(2):
+        s.askew[j] = s.lever[j] = 0.0
+        s.P[ASKEW + j, ASKEW + j] = p.misalignment_sigma**2
+        s.P[LEVER + j, LEVER + j] = p.lever_sigma**2
+    s.scale = s.down = 0.0
+    s.P[SCALE, SCALE] = p.scale_sigma**2
+    s.P[DOWN, DOWN] = DOWN_SIGMA**2
+
+
 def initial(params: Params) -> State:
     """State before the first sample."""
     record = np.zeros(1, dtype=RECORD)
@@ -215,11 +234,5 @@ def initial(params: Params) -> State:
     s.g_t[:] = np.nan
     s.q[3] = 1.0
     s.C[:] = np.eye(3)
-    for j in range(3):
-        s.P[BIAS + j, BIAS + j] = params.bias_sigma**2
-    for j in range(2):
-        s.P[ASKEW + j, ASKEW + j] = params.misalignment_sigma**2
-        s.P[LEVER + j, LEVER + j] = params.lever_sigma**2
-    s.P[SCALE, SCALE] = params.scale_sigma**2
-    s.P[DOWN, DOWN] = DOWN_SIGMA**2
+    forget(params, s)
     return State(np.zeros(1, track.CLOCK), np.zeros(1, track.MOTION), record)
