@@ -127,7 +127,8 @@ class SerialProbe:
         try:
             data = self._line.read(max(self._line.in_waiting, 1))
             if moment >= self._next_exchange:
-                self._next_exchange = moment + (_EXCHANGE_S if self.clock.jumps >= 0 else _FIRST_S)
+                awaited = self._settings.clock == "host" and self.clock.jumps < 0
+                self._next_exchange = moment + (_FIRST_S if awaited else _EXCHANGE_S)
                 self._exchange(now_ns)
         except OSError as error:
             self._lose(error)

@@ -133,7 +133,7 @@ def test_a_line_that_is_lost_is_opened_again(tmp_path):
 
 
 def test_a_unit_that_was_without_power_is_asked_for_samples_again(monkeypatch):
-    monkeypatch.setattr(serial_probe, "_EXCHANGE_S", 0.0)
+    monkeypatch.setattr(serial_probe, "_FIRST_S", 0.0)
     unit, line = os.openpty()
     tty.setraw(line)
     probe = SerialProbe(LineSettings(port=os.ttyname(line), protocol="ascii"))
