@@ -177,7 +177,7 @@ CUT = """
 
 @pytest.mark.parametrize("size", ALL_SIZES)
 def test_alarms_troubles_and_what_a_survey_waits_for_are_read_to_their_ends(browser, size):
-    words = ".alarm-what, .alarm-remedy, .alarm-age, #pills .pill, #datum, .taking, .doing, .value .under"
+    words = "#alarm, .alarm-what, .alarm-remedy, .alarm-age, #pills .pill, #datum, .taking, .doing, .value .under"
     with rig_on(browser, size) as rig:
         waits = SurveyProgress(True, "averaging on", 12.0, 108.0, waits_for="gyro azimuth sigma 2.1 deg")
         rig.state.on_survey_progress(waits, time.monotonic())
