@@ -85,7 +85,7 @@ class Rig:
 
     def publish(self):
         now = time.monotonic()
-        reference = ReferenceField(declination=-0.014, convergence=-0.0157, source="WMM2025")
+        reference = ReferenceField(declination=-0.014, convergence=-0.0157, source="WMM2025 (pygeomag)")
         self.state.on_well(self.list.well, now, reference)
         self.state.on_records(self.list.records, now)
         path = self.list.definitive(bit_depth=1220.0)
