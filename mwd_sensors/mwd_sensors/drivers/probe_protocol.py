@@ -159,9 +159,10 @@ def _parsed(kind: int | str, content: bytes) -> Reading | Answer | None:
             topic, count = _BY_NAME[kind]
             if len(words) != count + 2:
                 raise ValueError(f"{kind}: {len(words)} values")
-            return Reading(topic, int(words[0]), tuple(float(word) for word in words[1:-1]), int(words[-1]))
+            stamp_ns, status = _whole(words[0]), _whole(words[-1], 0, 1 << 16)
+            return Reading(topic, stamp_ns, tuple(float(word) for word in words[1:-1]), status)
         if kind == "CLOCK":
-            sent_ns, unit_ns = map(int, words)
+            sent_ns, unit_ns = map(_whole, words)
             return Answer("time", sent_ns=sent_ns, unit_ns=unit_ns)
         return Answer("info", content.decode("ascii")) if kind == "PROBE" else None
     if kind in _SAMPLES:
@@ -172,6 +173,14 @@ def _parsed(kind: int | str, content: bytes) -> Reading | Answer | None:
         sent_ns, unit_ns = struct.unpack("<qq", content)
         return Answer("time", sent_ns=sent_ns, unit_ns=unit_ns)
     return Answer("info", content.decode("ascii", "replace")) if kind == _INFO else None
+
+
+def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:
+    """A whole number that the binary frame could hold as well. ValueError: it is none."""
+    number = int(word)
+    if not low <= number < end:
+        raise ValueError(f"{word}: not within {low} and {end - 1}")
+    return number
 
 
 def requested(kind: int | str, content: bytes) -> tuple[str, int] | None:

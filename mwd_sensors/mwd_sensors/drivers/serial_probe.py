@@ -22,6 +22,7 @@ from mwd_sensors.drivers.unit_clock import UnitClock
 
 _RETRY_S = 1.0
 _EXCHANGE_S, _FIRST_S = 1.0, 0.1  # between two requests of the unit's time, and before it is known
+_END_OF_TIME_NS = 2**31 * 10**9  # of the messages' stamps
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,9 +138,11 @@ class SerialProbe:
         for one in self._reader.take(data) if data else ():
             if isinstance(one, Answer):
                 self._take_answer(one, now_ns)
-            else:
+            elif 0 <= one.stamp_ns + self.offset_ns < _END_OF_TIME_NS:
                 found.append(one)
                 self._note(one)
+            else:
+                self._reader.counters.broken += 1
         if found and self._settings.protocol == "xsens":
             self.clock.observe(found[-1].stamp_ns, now_ns)
         self.received += len(found)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core import burst
 from mwd_sensors.drivers import probe_protocol
-from mwd_sensors.drivers.probe_protocol import ProbeReader, Splitter, command, requested, sample
+from mwd_sensors.drivers.probe_protocol import ProbeReader, Splitter, command, line, requested, sample
 from mwd_sensors.drivers.readings import (
     CLIPPED_ACCEL,
     CLIPPED_GYRO,
@@ -109,3 +109,14 @@ def test_clip_flags_of_a_line_come_back_from_the_samples(topic):
     bits = (*CLIPPED_ACCEL, *CLIPPED_GYRO) if topic != "imu/mag" else CLIPPED_MAG
     sent = [Reading(topic, k, (0.25,) * widths[topic], bit) for k, bit in enumerate((0, *bits, sum(bits)))]
     assert readings_of(topic, samples_of(topic, sent)) == sent
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("TEMP", 0, 10**20, 50.0, 0), ("TEMP", 0, 5, 50.0, 70_000), ("CLOCK", 0, 5, -(10**30)), ("CLOCK", 0, 10**19, 5)],
+)
+def test_a_line_with_a_number_that_no_frame_could_hold_is_broken(words):
+    reader = ProbeReader(text=True)
+    good = line("TEMP", 1, 5, 50.0, 0)
+    assert [one.stamp_ns for one in reader.take(line(*words) + good)] == [5]
+    assert reader.counters.broken == 1

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from mwd_sensors.core import burst, wire
-from mwd_sensors.drivers import serial_probe
+from mwd_sensors.drivers import probe_protocol, serial_probe
 from mwd_sensors.drivers.emulator import NAME, Emulator
-from mwd_sensors.drivers.readings import LAYOUTS, readings_of, samples_of
+from mwd_sensors.drivers.readings import LAYOUTS, Reading, readings_of, samples_of
 from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
 from mwd_sensors.drivers.unit_clock import UnitClock
 from mwd_sensors.simulator import scenario
@@ -236,3 +236,18 @@ def test_a_clock_of_the_host_that_was_set_is_followed_once_it_stays(set_s):
     observed(clock, 22, 5, 5000.0 + set_s)
     assert clock.jumps == 1
     assert clock.offset_ns == round((5000.0 + set_s) * 1e9)
+
+
+@pytest.mark.parametrize("stamp_ns", [-1, 2**63 - 1, -(2**63)])
+def test_a_sample_of_a_time_that_no_message_can_have_is_broken_and_the_next_is_read(stamp_ns):
+    master, slave = os.openpty()
+    tty.setraw(master)
+    probe = SerialProbe(LineSettings(port=os.ttyname(slave), clock="unit"))
+    probe.poll(START)
+    samples = (Reading("imu/temperature", stamp, (50.0,), 0) for stamp in (START, stamp_ns, START + 1))
+    os.write(master, b"".join(probe_protocol.sample(one, k, text=False) for k, one in enumerate(samples)))
+    assert [one.stamp_ns for one in received(probe, 2)] == [START, START + 1]
+    assert probe.reader.counters.broken == 1
+    probe.close()
+    os.close(master)
+    os.close(slave)
