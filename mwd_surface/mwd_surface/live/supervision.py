@@ -52,6 +52,13 @@ class Row:
     degraded: str
 
 
+# Nodes that the surface watches by their heartbeats, and what still works without them.
+_OTHERS = {
+    "sonde": "as without samples",
+    "probe": "as without samples",
+    "estimator": "as without attitude",
+    "receiver": "as without the link",
+}
 _GONE = "values turn stale and are withheld from the rig"
 TABLE = (
     Row(
@@ -142,27 +149,19 @@ TABLE = (
         "the source of the highest priority is used, or the depth by hand",
         "surveys get the depth in force",
     ),
-    Row(
-        "heartbeat.sonde",
-        "sonde",
-        "no heartbeat of the sonde node for more than {limit:.0f} s",
-        4.0,
-        0.0,
-        Severity.WARNING,
-        "is the process alive? it may hang: read its log",
-        "its supervisor starts it again where it has ended",
-        "as without samples",
-    ),
-    Row(
-        "heartbeat.estimator",
-        "estimator",
-        "no heartbeat of the estimator for more than {limit:.0f} s",
-        4.0,
-        0.0,
-        Severity.WARNING,
-        "is the process alive? it may hang: read its log",
-        "its supervisor starts it again where it has ended",
-        "as without attitude",
+    *(
+        Row(
+            f"heartbeat.{node}",
+            node,
+            f"no heartbeat of the {node} for more than {{limit:.0f}} s",
+            4.0,
+            0.0,
+            Severity.WARNING,
+            "is the process alive? it may hang: read its log",
+            "its supervisor starts it again where it has ended",
+            degraded,
+        )
+        for node, degraded in _OTHERS.items()
     ),
     *(
         Row(
@@ -176,7 +175,7 @@ TABLE = (
             "messages wait in bounded queues, the oldest are dropped and counted",
             "everything, late",
         )
-        for node in ("sonde", "estimator", "surface")
+        for node in (*_OTHERS, "surface")
     ),
     *(
         Row(
@@ -190,7 +189,7 @@ TABLE = (
             "none",
             "everything",
         )
-        for node in ("sonde", "estimator", "surface")
+        for node in (*_OTHERS, "surface")
     ),
     Row(
         "disk.low",
