@@ -281,6 +281,21 @@ def test_a_simulated_run_is_processed_to_its_surveys(tmp_path):
     assert "/well_4/truth" in done.stdout
 
 
+def test_a_warning_that_several_surveys_share_is_given_once_with_their_numbers(tmp_path):
+    scenario, depths = tmp_path / "four.yaml", tmp_path / "depths.csv"
+    scenario.write_text(
+        "name: four\nwell: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0}\ncycles: 4\n"
+        "schedule: [{kind: still, seconds: 14.0}, {kind: move, seconds: 6.0, rop_m_h: 3600.0}]\n"
+    )
+    depths.write_text("survey,md_m\n1,1000\n2,1100\n3,1200\n4,1300\n")
+    assert mwd("simulate", scenario, "-o", tmp_path / "bag").returncode == 0
+    place = ("--lat", 38, "--lon", 109, "--depths", depths)
+    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", *place)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count("gap 100 m is over 60") == 1
+    assert "survey 2-4: gap 100 m is over 60" in done.stderr
+
+
 def test_an_older_recording_takes_the_older_field_model(tmp_path):
     scenario = tmp_path / "old.yaml"
     scenario.write_text("name: old\ndate: 2012-05-01\nmodel: igrf\nschedule: [{kind: still, seconds: 2.0}]\n")

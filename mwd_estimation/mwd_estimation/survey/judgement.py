@@ -90,6 +90,8 @@ def judged(
     level, azimuth = _of_inclination(station, finding, settings), _Findings()
     azimuth.add(DOUBTFUL, *measured.reasons)
     _judge_azimuth(azimuth, station, readings, finding, found, settings)
+    if found is not None and azimuth.verdict != ACCEPT:
+        station = _widened(station, found)
     for quantity in (level, azimuth):
         quantity.add(REJECT, *faults)
     return _finished(station, readings, level, azimuth, finding, settings)
@@ -121,6 +123,13 @@ def _as_found(station: Station, finding: Finding, found: Circle) -> Station:
         alternatives=found.alternatives,
         hypotheses=tuple((str(name), odds) for name, odds in finding.hypotheses.items()),
     )
+
+
+def _widened(station: Station, found: Circle) -> Station:
+    """The station with the sigma of the whole mode, whose improbable part may be true where the azimuth is doubted."""
+    covariance = station.covariance.copy()
+    covariance[1, 1] = min(math.hypot(found.spread, math.sqrt(float(station.alignment[1, 1]))), math.pi) ** 2
+    return replace(station, covariance=covariance, sigma_azimuth=math.sqrt(covariance[1, 1]))
 
 
 def _of_inclination(station: Station, finding: Finding | None, settings: StationSettings) -> _Findings:

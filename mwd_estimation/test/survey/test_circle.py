@@ -57,7 +57,9 @@ def test_an_error_less_probable_than_one_in_a_hundred_is_no_part_of_sigma_but_of
         return 0.997 * gaussian(a, 2.0, 0.01) + 0.003 * gaussian(a, 2.0, 0.25)
 
     angles = angles_of(density)
-    assert circle.read(angles, density(angles)).sigma == pytest.approx(0.01, rel=0.1)
+    found = circle.read(angles, density(angles))
+    assert found.sigma == pytest.approx(0.01, rel=0.1)
+    assert found.spread == pytest.approx(math.sqrt(0.997 * 0.01**2 + 0.003 * 0.25**2), rel=0.05)
     assert circle.beyond(angles, density(angles), 2.0, 0.25) == pytest.approx(0.003 * 0.317, rel=0.05)
 
 

@@ -36,6 +36,8 @@ class Circle:
     ----------
     mean, sigma : float
         Of the chief mode, rad; sigma is at least that of a normal density whose 99 % have its half width.
+    spread : float
+        At least sigma, and the standard deviation of the whole chief mode, rad.
     share : float
         Probability of the chief mode.
     alternatives : tuple of (float, float)
@@ -44,6 +46,7 @@ class Circle:
 
     mean: float
     sigma: float
+    spread: float
     share: float
     alternatives: tuple[tuple[float, float], ...]
 
@@ -92,14 +95,11 @@ def read(angles: Array, density: Array) -> Circle:
     """
     mass = density * widths(angles)
     mass = mass / mass.sum()
-    modes = []
-    for at in _regions(density):
-        share, mean, sigma = _moments(angles[at], mass[at], angles[at][int(np.argmax(density[at]))])
-        modes.append((share, mean, sigma))
-    modes.sort(reverse=True)
-    share, mean, sigma = modes[0]
+    found = (_moments(angles[at], mass[at], angles[at][int(np.argmax(density[at]))]) for at in _regions(density))
+    modes = sorted(found, reverse=True)
+    share, mean, sigma, spread = modes[0]
     others = tuple((other[1], other[0]) for other in modes[1:] if other[0] >= _LEAST)
-    return Circle(mean, min(sigma, math.pi), share, others)
+    return Circle(mean, min(sigma, math.pi), min(spread, math.pi), share, others)
 
 
 def _regions(density: Array) -> list[Indices]:
@@ -118,15 +118,16 @@ def _regions(density: Array) -> list[Indices]:
     return [order[a:b] for a, b in zip(cuts, [*cuts[1:], n], strict=True)]
 
 
-def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, float]:
-    """Probability, mean and sigma of one mode about its peak, rad."""
+def _moments(angles: Array, mass: Array, peak: float) -> tuple[float, float, float, float]:
+    """Probability, mean, sigma and spread of one mode about its peak, rad."""
     share = float(mass.sum())
     if not share > 0.0:
-        return 0.0, float(peak), math.pi
+        return 0.0, float(peak), math.pi, math.pi
     away = wrap_pi(angles - peak)
     mean = float(mass @ away) / share
     off = np.abs(away - mean)
     order = np.argsort(off)
     held = order[: int(np.searchsorted(np.cumsum(mass[order]), _HELD * share)) + 1]
-    spread = math.sqrt(float(mass[held] @ off[held] ** 2) / float(mass[held].sum()))
-    return share, float(wrap_tau(peak + mean)), max(spread, float(off[held[-1]]) / _SIGMAS)
+    within = math.sqrt(float(mass[held] @ off[held] ** 2) / float(mass[held].sum()))
+    sigma = max(within, float(off[held[-1]]) / _SIGMAS)
+    return share, float(wrap_tau(peak + mean)), sigma, max(sigma, math.sqrt(float(mass @ off**2) / share))
