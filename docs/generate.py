@@ -93,6 +93,28 @@ def signals() -> str:
     return "\n".join(lines) + "\n"
 
 
+def survey_columns() -> str:
+    """Columns of surveys.csv, with units."""
+    from mwd_surface.surveys.station_csv import OF_STATIONS, OF_TABLES
+
+    head = ["| column | unit | meaning |", "|---|---|---|"]
+    stations, tables = (
+        [f"| `{one.name}` | {one.unit or ('text' if one.text else '')} | {one.meaning} |" for one in columns]
+        for columns in (OF_STATIONS, OF_TABLES)
+    )
+    lines = [
+        "# Columns of surveys.csv\n",
+        "`mwd process`, `mwd batch` and `mwd survey` write these; what is unknown is an empty cell.",
+        "`mwd decode` writes what the tool sent: {doc}`../tutorials/decode_pressure`.\n",
+        *head,
+        *stations,
+        "\n`mwd survey` adds, of the rows of its table:\n",
+        *head,
+        *tables,
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def api() -> dict[str, str]:
     """A page for each room of each package, by name."""
     pages, rooms = {}, {}
@@ -233,6 +255,7 @@ def write_all(docs: Path) -> None:
     write(docs / "reference" / "fault_cases.md", BANNER + fault_cases())
     write(docs / "reference" / "supervision.md", BANNER + supervision())
     write(docs / "reference" / "signals.md", BANNER + signals())
+    write(docs / "reference" / "surveys_csv.md", BANNER + survey_columns())
     write(docs / "reference" / "changelog.md", BANNER + (ROOT / "CHANGELOG.md").read_text())
     for name, text in api().items():
         write(docs / "reference" / "api" / f"{name}.md", text)

@@ -46,6 +46,7 @@ from mwd_sensors.ros.run_node import run_node
 
 _BLOCK_PERIOD = 0.002  # s; longest time a sample waits for others before they are estimated together
 _INNOVATIONS_PERIOD = 1.0  # s
+_SILENCE_PERIOD = 1.0  # s
 _TF_PERIOD_NS = 50_000_000
 
 
@@ -82,6 +83,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
         self.add_timer(_BLOCK_PERIOD, self._estimate_block)
         self.add_timer(_INNOVATIONS_PERIOD, self._publish_innovations)
+        self.add_timer(_SILENCE_PERIOD, self._end_silent_survey)
         self.add_timer(FEEDBACK_PERIOD, self._actions.publish_feedback)
         self.add_subscription(SurveyList, "surveys", self._on_surveys, qos.LATCHED)
         self.add_service(TakeSurvey, "take_survey", self._take_survey)
@@ -200,6 +202,13 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self.get_logger().info(f"{verdict}; {joined(survey.station.reasons)}")
         return message, verdict
 
+    def _end_silent_survey(self) -> None:
+        """Where the samples stopped: answer a request, and publish the survey that waits for the gyro."""
+        if self._inputs.silent("imu/data_raw"):
+            self._respond(False, "no survey taken: the samples stopped", 0)
+            if self._pipeline.survey_waits_for:
+                self._publish_pending_survey()
+
     def _publish_pending_survey(self) -> None:
         """No more samples come in the still interval: publish the survey that waits for the gyro as it is."""
         for survey in self._pipeline.finish().surveys:
@@ -268,10 +277,6 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def diagnostics(self) -> Sequence[Diagnostic]:
         """Input topics, unused samples, reference field, sensors, the survey under way and the attitude."""
         inputs, pipeline = self._inputs, self._pipeline
-        if inputs.silent("imu/data_raw"):
-            self._respond(False, "no survey taken: the samples stopped", 0)
-            if pipeline.survey_waits_for:
-                self._publish_pending_survey()
         counters = pipeline.counters
         found = [inputs.diagnostic("imu/data_raw", counters.imu, ERROR)]
         found.append(inputs.diagnostic("imu/mag", counters.mag, WARN))

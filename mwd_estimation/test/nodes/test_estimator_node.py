@@ -42,6 +42,20 @@ def test_a_change_of_settings_answers_a_survey_that_was_asked_for():
     assert (False, "no survey taken: the settings were changed") in answers
 
 
+@pytest.mark.parametrize(("silent", "waits_for"), [(True, "gyro"), (True, ""), (False, "gyro")])
+def test_a_survey_that_waits_goes_out_when_the_samples_stop(silent, waits_for):
+    answers, published = [], []
+    node = SimpleNamespace(
+        _inputs=SimpleNamespace(silent=lambda topic: silent and topic == "imu/data_raw"),
+        _pipeline=SimpleNamespace(survey_waits_for=waits_for),
+        _respond=lambda success, message, _sequence: answers.append((success, message)),
+        _publish_pending_survey=lambda: published.append(True),
+    )
+    EstimatorNode._end_silent_survey(node)
+    assert answers == ([(False, "no survey taken: the samples stopped")] if silent else [])
+    assert bool(published) == (silent and bool(waits_for))
+
+
 def test_a_field_given_by_service_outlives_a_change_of_settings_but_not_of_the_place():
     settings = EstimatorSettings()
     kept, _ = changed(survey=dataclasses.replace(settings.survey, duration_s=12.0))

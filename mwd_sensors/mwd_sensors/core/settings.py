@@ -250,6 +250,10 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
         return value
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
+    if kind is str and isinstance(value, bool):
+        # YAML reads these words as truth values; where one is a choice, the word was meant.
+        words = ("true", "yes", "on") if value else ("false", "no", "off")
+        value = next((word for word in words if word in (rule.choices or ())), value)
     if type(value) is not kind:
         hint = " (write it with a decimal point)" if kind is float and isinstance(value, str) else ""
         raise SettingsError(f"{where}: expected {_SCALARS.get(kind, kind)}{hint}, got {value!r}; {rule.text()}")

@@ -114,3 +114,16 @@ def test_bounds_are_printed_to_the_last_digit():
         from_mapping(Seeds, {"seed": 2_147_483_648})
     with pytest.raises(SettingsError, match=r"share: 2.75 is above the highest allowed, 2.5;"):
         from_mapping(Seeds, {"share": 2.75})
+
+
+@dataclasses.dataclass(frozen=True)
+class Worded:
+    north: str = setting("best", "north", choices=("best", "true", "off"))
+    name: str = setting("", "any text")
+
+
+def test_a_word_that_yaml_takes_for_a_truth_value_is_the_choice_it_spells():
+    assert from_mapping(Worded, {"north": True}).north == "true"
+    assert from_mapping(Worded, {"north": False}).north == "off"
+    with pytest.raises(SettingsError, match="name: expected text, got True"):
+        from_mapping(Worded, {"name": True})

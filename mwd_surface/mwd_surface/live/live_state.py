@@ -191,7 +191,7 @@ class LiveState(LiveStreams):
             toolface=self.toolface(now),
             drilling=self.drilling(now),
             rig=self.rig(now),
-            links=self.links(now),
+            streams=self.streams(now),
             well=self._well,
             reference=self._reference or self._survey_reference,
             records=self._records,

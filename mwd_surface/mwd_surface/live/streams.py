@@ -326,7 +326,7 @@ class LiveStreams:
         """Return the measurements of the rig as of `now`."""
         return RigState(**self._all(_RIG, now), in_slips=self._in_slips)
 
-    def links(self, now: float) -> dict[str, StreamState]:
+    def streams(self, now: float) -> dict[str, StreamState]:
         """Return the streams by name as of `now`."""
         return self._values.streams(now)
 

@@ -242,7 +242,7 @@ class WellState:
     ----------
     now : float
         s of the steady clock.
-    links : mapping of str to StreamState
+    streams : mapping of str to StreamState
         The streams by name.
     records : tuple of SurveyRecord
         The survey list, in its order.
@@ -282,7 +282,7 @@ class WellState:
     toolface: ToolfaceState
     drilling: DrillingState
     rig: RigState
-    links: Mapping[str, StreamState]
+    streams: Mapping[str, StreamState]
     well: Well
     reference: ReferenceField
     records: tuple[SurveyRecord, ...]

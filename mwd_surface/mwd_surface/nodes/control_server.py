@@ -119,7 +119,7 @@ class ControlServer:
         rig, authority = self._live.rig(now), self.authority
         achieved = Achieved(_known(rig.rig_rotary_speed), _known(rig.torque), _known(rig.flow_rate))
         authority.on_rig(achieved, now)
-        authority.on_mwd(self._live.links(now)["estimator"].state == Freshness.LIVE)
+        authority.on_mwd(self._live.streams(now)["estimator"].state == Freshness.LIVE)
         for point in authority.update(now):
             self._commands.publish(self._command_message(point))
         for text in authority.take_events():

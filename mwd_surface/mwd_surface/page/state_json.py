@@ -106,7 +106,7 @@ class StateJson:
                 "in_slips": state.rig.in_slips,
                 "pumps_on": state.rig.pumps_on,
             },
-            "links": {name: _link(link) for name, link in state.links.items()},
+            "links": {name: _link(link) for name, link in state.streams.items()},
             "recorder": _recorder(state),
         }
         freshness = {
@@ -114,7 +114,7 @@ class StateJson:
             "toolface": (toolface.angle.state,),
             "drilling": tuple(value.state for value in vars(state.drilling).values()),
             "rig": tuple(value.state for value in vars(state.rig).values() if isinstance(value, LiveValue)),
-            "links": tuple(link.state for link in state.links.values()),
+            "links": tuple(link.state for link in state.streams.values()),
             "recorder": (tables["recorder"]["fresh"],),
         }
         for name in tables:
@@ -246,7 +246,7 @@ def _toolface(toolface: ToolfaceState, north: str) -> Table:
 
 
 def _recorder(state: WellState) -> Table:
-    status, link = state.recorder, state.links["recorder"]
+    status, link = state.recorder, state.streams["recorder"]
     table: Table = {"state": Freshness.NO_DATA}
     if status is not None:
         table = {

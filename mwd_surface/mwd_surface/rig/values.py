@@ -112,7 +112,7 @@ def rig_values(
     values = _live_values(state, now_ns)
     for name in ("gravity_toolface", "magnetic_toolface"):
         values[name] = _held(values[name], previous.values[name] if previous else None, now_ns)
-    link, ever = _link(state.links)
+    link, ever = _link(state.streams)
     for name in FROM_TOOL:
         values[name] = _judged(name, values[name], state.attitude.status, lost=ever and not link)
     values.update(projection(state, now_ns))
@@ -169,7 +169,7 @@ def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     attitude, drilling = state.attitude, state.drilling
     in_force = _aged(_of_value(state.toolface.angle, now_ns, state.toolface.stamp_ns), state, now_ns)
     gravity, magnetic = (
-        _of_angle(angle, attitude.stamp_ns, state.links["estimator"], now_ns)
+        _of_angle(angle, attitude.stamp_ns, state.streams["estimator"], now_ns)
         for angle in (attitude.gravity_toolface, attitude.magnetic_toolface)
     )
     return {

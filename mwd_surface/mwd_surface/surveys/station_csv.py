@@ -12,7 +12,7 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reason_text import text as text_of
@@ -21,58 +21,74 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.six_axis_table import TableStation
 from mwd_estimation.survey.station import Station
 
-COLUMNS = (
-    "md_m",
-    "inclination_deg",
-    "azimuth_deg",
-    "azimuth_reference",
-    "toolface_deg",
-    "g_total_mps2",
-    "b_total_nt",
-    "dip_deg",
-    "verdict",
-    "reasons",
-    "sigma_inclination_deg",
-    "sigma_azimuth_deg",
-    "sigma_toolface_deg",
-    "magnetic_toolface_deg",
-    "azimuth_method",
-    "azimuth_raw_deg",
-    "sigma_azimuth_raw_deg",
-    "azimuth_corrected_deg",
-    "sigma_azimuth_corrected_deg",
-    "axial_interference_nt",
-    "sigma_axial_interference_nt",
-    "g_reference_mps2",
-    "b_reference_nt",
-    "dip_reference_deg",
-    "declination_deg",
-    "convergence_deg",
-    "headline",
-    "verdict_inclination",
-    "verdict_azimuth",
-    "verdict_toolface",
-    "alternatives_deg",
-    "alternative_odds",
-    "hypotheses",
+
+class Column(NamedTuple):
+    """A column of the table; its unit ends the name. text: words, or several numbers, in place of one number."""
+
+    name: str
+    meaning: str
+    text: bool = False
+
+    @property
+    def unit(self) -> str:
+        """As people write it; empty where it has none."""
+        return UNITS.get(self.name.rpartition("_")[2], "")
+
+
+UNITS = {"m": "m", "deg": "deg", "mps2": "m/s²", "nt": "nT"}
+OF_STATIONS = (
+    Column("md_m", "measured depth of the sensor; empty where none is known"),
+    Column("inclination_deg", "from the vertical"),
+    Column("azimuth_deg", "the best azimuth, clockwise from azimuth_reference"),
+    Column("azimuth_reference", "north of all azimuths of the row: magnetic, true or grid", text=True),
+    Column("toolface_deg", "gravity toolface, from the high side"),
+    Column("g_total_mps2", "total gravity, as read"),
+    Column("b_total_nt", "total field, as read"),
+    Column("dip_deg", "dip of the field as read, below the horizontal"),
+    Column("verdict", "of the station: accept, doubtful or reject", text=True),
+    Column("reasons", "why, each with value and limit; joined by semicolons", text=True),
+    Column("sigma_inclination_deg", "1 sigma"),
+    Column("sigma_azimuth_deg", "1 sigma"),
+    Column("sigma_toolface_deg", "1 sigma"),
+    Column("magnetic_toolface_deg", "toolface from azimuth_reference"),
+    Column(
+        "azimuth_method",
+        "fused: posterior of all measured; gyro: no field; raw: no reference; none",
+        text=True,
+    ),
+    Column("azimuth_raw_deg", "from the field as read"),
+    Column("sigma_azimuth_raw_deg", "1 sigma"),
+    Column("azimuth_corrected_deg", "by the single-station correction of axial interference"),
+    Column("sigma_azimuth_corrected_deg", "1 sigma"),
+    Column("axial_interference_nt", "field of the string along the axis, positive down-hole"),
+    Column("sigma_axial_interference_nt", "1 sigma"),
+    Column("g_reference_mps2", "reference gravity"),
+    Column("b_reference_nt", "total field of the reference"),
+    Column("dip_reference_deg", "dip of the reference"),
+    Column("declination_deg", "of the reference, east positive; added to magnetic azimuth to give true"),
+    Column("convergence_deg", "subtracted from true azimuth to give grid"),
+    Column("headline", "the one reason to act on; empty: accepted", text=True),
+    Column("verdict_inclination", "accept, doubtful or reject", text=True),
+    Column("verdict_azimuth", "the same; not determined: this attitude defines no azimuth", text=True),
+    Column("verdict_toolface", "the same", text=True),
+    Column("alternatives_deg", "other azimuths that fit the readings, likeliest first, with spaces between", text=True),
+    Column("alternative_odds", "probability of each", text=True),
+    Column("hypotheses", "what may disturb the readings, each with its probability", text=True),
 )
 # What a table of readings has beside: the value each row had first, with the rows before it in its run.
-ROW_COLUMNS = (
-    *COLUMNS,
-    "time",
-    "run",
-    "revised",
-    "outlier",
-    "first_azimuth_deg",
-    "first_sigma_azimuth_deg",
-    "first_verdict",
+OF_TABLES = (
+    Column("time", "as the table has it", text=True),
+    Column("run", "as the table has it", text=True),
+    Column("revised", "yes: later stations changed the verdict or the azimuth", text=True),
+    Column("outlier", "yes: off the other stations of the run", text=True),
+    Column("first_azimuth_deg", "azimuth with the rows before it in its run alone"),
+    Column("first_sigma_azimuth_deg", "1 sigma"),
+    Column("first_verdict", "verdict with the rows before it alone", text=True),
 )
+COLUMNS = tuple(column.name for column in OF_STATIONS)
+ROW_COLUMNS = (*COLUMNS, *(column.name for column in OF_TABLES))
 # Columns of words; the others hold numbers.
-TEXTS = frozenset(
-    name
-    for name in COLUMNS
-    if name.startswith(("azimuth_reference", "azimuth_method", "verdict", "reasons", "headline", "altern", "hypoth"))
-)
+TEXTS = frozenset(column.name for column in OF_STATIONS if column.text)
 
 
 def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:

@@ -11,7 +11,7 @@ from mwd_surface.live.streams import LiveStreams
 
 
 def test_every_stream_has_its_period_and_every_period_its_stream():
-    links = LiveStreams().links(0.0)
+    links = LiveStreams().streams(0.0)
     periods = {f.name.removesuffix("_period") for f in dataclasses.fields(LiveSettings) if f.name.endswith("_period")}
     assert periods == set(links)
     for name, link in links.items():

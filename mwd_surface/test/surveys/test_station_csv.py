@@ -58,3 +58,12 @@ def test_no_angle_is_written_as_360():
     assert station_csv.cells(one)["toolface_deg"] != ""
     assert station_csv._around(math.tau - 1e-9) == "0.0000"
     assert station_csv.number(-1e-9, 2) == "0.00"
+
+
+def test_every_column_of_numbers_has_a_unit_and_reads_as_a_number():
+    columns = (*station_csv.OF_STATIONS, *station_csv.OF_TABLES)
+    assert all(one.text != bool(one.unit) or one.name == "alternatives_deg" for one in columns)
+    line = station_csv.cells(station(F_T, B_T, REFERENCE), 1234.5)
+    assert set(line) == {one.name for one in station_csv.OF_STATIONS}
+    for one in station_csv.OF_STATIONS:
+        assert one.text or math.isfinite(float(line[one.name]))
