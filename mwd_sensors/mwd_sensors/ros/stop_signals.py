@@ -16,8 +16,8 @@ import sys
 import threading
 from collections.abc import Callable
 
-STOP_PATIENCE = 8.0
-"""Longest time from the request to stop to the end of the process, s; ros2 launch kills after ten."""
+STOP_PATIENCE = 15.0
+"""Longest time from the request to stop to the end of the process, s; on a busy machine an orderly end takes seven."""
 _START_PATIENCE = 2.0  # s; from a signal until a node that is still starting is given up
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
