@@ -94,23 +94,22 @@ def search(
         whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)
     if whitener is None:
         return None
-    found = _found(pressure, known, tool, (begin, end), whitener, _PROMISING if early else _THRESHOLD)
-    for _ in range(_ROUNDS if early else 0):
-        found = None if found is None else _refined(pressure, known, tool, (begin, end), found)
-    if found is None or found.score < _THRESHOLD:
-        return None
-    return dataclasses.replace(found, at=found.at + moved)
+    first, *others = (*[_PROMISING] * _ROUNDS, _THRESHOLD) if early else (_THRESHOLD,)
+    found = _found(pressure, known, tool, (begin, end), whitener, first)
+    for least in others:
+        found = None if found is None else _refined(pressure, known, tool, (begin, end), found, least)
+    return None if found is None else dataclasses.replace(found, at=found.at + moved)
 
 
 def _refined(
-    pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], found: SyncFound
+    pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], found: SyncFound, least: float
 ) -> SyncFound | None:
     """Sync found anew with noise learnt from the same pressure without the pulses found."""
     train, pulses = np.zeros(len(pressure)), np.empty(len(pressure))
     train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = 1.0
     reconstruct(train, found.response, pulses)
     whitener = steady_filter(pressure - pulses, known, ORDER, FLOOR)
-    return None if whitener is None else _found(pressure, known, tool, span, whitener, _PROMISING)
+    return None if whitener is None else _found(pressure, known, tool, span, whitener, least)
 
 
 def _settled(pressure: Array) -> int:
