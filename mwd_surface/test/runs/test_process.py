@@ -428,13 +428,15 @@ def test_a_string_magnetised_beyond_the_prior_is_reported_and_no_azimuth_given_b
     assert warning.startswith(f"{summary.disturbed} of 3000 rows have no azimuth because the magnetic field is not")
     assert "beyond tool.possible_axial_nt (2,000 nT)" in warning
     assert abs(summary.total_off) > 1e-6
-    # The survey shows where the disturbance lies; one station cannot exclude that the azimuth is far off.
+    # What is left of field and dip behind an axial correction is within the tool code: little else does that.
     station = summary.surveys[0][0].station
-    assert station.verdicts.azimuth == "doubtful"
-    assert math.degrees(station.sigma_azimuth) > 2.0
+    assert station.verdicts.azimuth == "accept"
     assert max(station.hypotheses, key=lambda one: one[1])[0] == "axial"
     assert math.degrees(station.azimuth) == pytest.approx(70.0, abs=math.degrees(station.sigma_azimuth))
-    assert all(row["azimuth_deg"] == "" for row in attitude(tmp_path / "out"))
+    given = np.array([row["azimuth_deg"] != "" for row in attitude(tmp_path / "out")])
+    begin = int(given.argmax())
+    assert begin >= summary.disturbed
+    assert given[begin:].all()
 
 
 def test_a_part_of_the_time_can_be_chosen(tmp_path):
