@@ -8,7 +8,10 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pytest
+from selenium.common.exceptions import StaleElementReferenceException as StaleElementReferenceException
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys as Keys
+from selenium.webdriver.support.ui import WebDriverWait
 
 from mwd_sensors.core import wire
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
@@ -24,12 +27,6 @@ from mwd_surface.surveys.slide_sheet import SlideSheet, yields
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import North, Survey, Verdict
 from mwd_surface.surveys.well import Well
-
-pytest.importorskip("selenium.webdriver", reason="selenium is not installed (pip install selenium)")
-from selenium.common.exceptions import StaleElementReferenceException as StaleElementReferenceException
-from selenium.webdriver.common.by import By
-from selenium.webdriver.common.keys import Keys as Keys
-from selenium.webdriver.support.ui import WebDriverWait
 
 TOKEN = "drill-baby-drill"  # noqa: S105
 

@@ -92,7 +92,6 @@ def test_websocket(page):
 
 @pytest.mark.fault_case(89)
 def test_modbus():
-    pytest.importorskip("pymodbus")
     server = ModbusServer(ModbusSettings(port=0), None)
     server.start()
     try:
@@ -132,7 +131,6 @@ def test_wits():
 # asyncua drops the transport of a connection that it refuses without closing it.
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_opcua():
-    pytest.importorskip("asyncua")
     server = OpcuaServer(OpcuaSettings(port=0), "Well 1")
     server.start()
     hello = b"HELF" + struct.pack("<IIIIIII", 32, 0, 65536, 65536, 0, 0, 0)
@@ -156,7 +154,6 @@ def test_opcua():
 
 
 def test_foxglove():
-    pytest.importorskip("foxglove")
     from mwd_surface.page.foxglove_server import FoxgloveServer, FoxgloveSettings
 
     server = FoxgloveServer(FoxgloveSettings(enabled=True, port=0), "/w1")

@@ -6,7 +6,7 @@ Sensor health: alarms on healthy tools, and how long each fault takes to be doub
 
 Healthy: every scenario of the project (its first four minutes, without its own faults), with and without a reference
 field, and with what a poor link or point samples do to it: a third of the IMU's samples lost, white noise on each
-force, S3's sweep that passes the sample rate; and the BROAD recordings if they lie beside the repository. Faults: each
+force, S3's sweep that passes the sample rate; and the BROAD recordings. Faults: each
 word of the simulator on each sensor, from two moments within a window of three seconds; the slower counts. "-": never
 named in 30 s, because that motion does not show it (or hides it); a sensor named wrongly is an error and shown as such.
 """

@@ -25,7 +25,8 @@ def browser(tmp_path_factory):
     driver_path = shutil.which("chromedriver")
     if not (chromium and driver_path):
         pytest.skip("no chromium and chromedriver here (apt install chromium chromium-driver)")
-    webdriver = pytest.importorskip("selenium.webdriver")
+    from selenium import webdriver
+
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
     for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):

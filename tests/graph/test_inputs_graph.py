@@ -30,7 +30,6 @@ def messages(file):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A recorder says 1000 m by WITS, a rig system 1012 m by Modbus, until the alarm is there."""
-    pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
     from pymodbus.client import ModbusTcpClient
 
     folder = tmp_path_factory.mktemp("inputs")

@@ -107,8 +107,6 @@ def truth(whole):
 @pytest.fixture(scope="module", params=["magnetic", "true", "grid"])
 def given(request):
     """The survey as every output gives it: name of the output to (numbers, half of the last digit) in SI."""
-    pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
-    pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")
     whole = surveys(request.param)
     table = survey_table(whole, START + 10_000 * S)
     live = LiveState()
@@ -191,7 +189,8 @@ def raw(text):
 
 
 def log(text):
-    lasio = pytest.importorskip("lasio", reason="lasio is not installed: pip install lasio")
+    import lasio
+
     read = lasio.read(text)
     k = int(min(range(len(read.index)), key=lambda i: abs(read.index[i] - (1000.0 + 29.87654 * LAST))))
     curves = {"md": (0, 1.0, 3), "inclination": (1, DEG, 4), "azimuth": (2, DEG, 4), "tvd": (3, 1.0, 3)}
@@ -367,7 +366,8 @@ def test_the_html_of_the_report_prints_the_texts_of_its_content(given):
 
 
 def test_the_ros_message_carries_the_numbers_of_the_list(given):
-    between = pytest.importorskip("mwd_surface.surveys.message_conversion")
+    import mwd_surface.surveys.message_conversion as between
+
     msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
     if not hasattr(msg, "SurveyRecord"):
         pytest.skip("mwd_msgs is not built")

@@ -116,7 +116,6 @@ def test_rotating_start_needs_no_still_interval():
     assert np.sqrt(np.mean(error[1000:] ** 2)) < 3.0
 
 
-@pytest.mark.skipif(not BROAD.exists(), reason="the shared recordings are not beside this repository")
 def test_real_recording_is_followed_within_a_degree_and_sigma_knows_it():
     data = np.load(BROAD)
     x, y, z, w = data["quat"][:, 1], data["quat"][:, 2], data["quat"][:, 3], data["quat"][:, 0]

@@ -51,7 +51,6 @@ def test_a_still_tool_is_exact():
     assert got.g_t[-1] == pytest.approx(down, abs=1e-12)
 
 
-@pytest.mark.skipif(not BROAD.exists(), reason="the shared recordings are not beside this repository")
 def test_real_recording_is_followed_within_three_degrees():
     data = np.load(BROAD)
     w, x, y, z = data["quat"].astype(float).T

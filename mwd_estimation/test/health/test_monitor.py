@@ -413,7 +413,6 @@ def test_wrong_shapes_are_refused_by_name():
         health.push_mag(state, np.arange(3), np.zeros((3, 2)))
 
 
-@pytest.mark.skipif(not BROAD.is_dir(), reason="the shared BROAD recordings are not beside the repository")
 def test_real_disturbed_recordings_raise_no_alarm():
     for file in sorted(BROAD.glob("*.npz")):
         data = np.load(file)

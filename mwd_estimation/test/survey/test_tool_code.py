@@ -16,8 +16,6 @@ from mwd_sensors.core.frames import mat_nt
 from project import REFERENCE_DATA
 from tool_code_sigma import at_attitude
 
-pytest.importorskip("welleng", reason="tool codes need welleng")
-
 DEG = math.pi / 180.0
 AUTHORITIES = REFERENCE_DATA / "authorities"
 # 60 N, 50 uT, dip 72, declination -4: the ISCWSA's example well 1.
@@ -47,8 +45,6 @@ def test_a_generic_gyro_is_worse_than_mwd_and_useless_along_the_east_west_horizo
 
 
 def test_the_model_behind_the_codes_reproduces_the_example_wells_covariance():
-    if not AUTHORITIES.exists():
-        pytest.skip("the ISCWSA example well is not beside the repository (../shared/data/authorities)")
     from welleng.survey import Survey, SurveyHeader
 
     head = json.loads((AUTHORITIES / "well1_header.json").read_text())
@@ -77,8 +73,6 @@ def test_the_model_behind_the_codes_reproduces_the_example_wells_covariance():
 
 
 def test_the_magnitudes_are_those_of_the_example_wells_tables():
-    if not AUTHORITIES.exists():
-        pytest.skip("the ISCWSA example well is not beside the repository (../shared/data/authorities)")
     with (AUTHORITIES / "well1_terms.csv").open() as file:
         rows = list(csv.reader(file))[2:]
     ours = tool_code._magnitudes("MWD+SRGM")

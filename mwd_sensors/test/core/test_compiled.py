@@ -5,9 +5,7 @@ import os
 import subprocess
 import sys
 
-import pytest
-
-from mwd_sensors.core.compiled import HAVE_NUMBA, compiled
+from mwd_sensors.core.compiled import compiled
 
 
 @compiled
@@ -22,7 +20,6 @@ def test_a_kernel_gives_what_the_function_gives():
     assert _sum(1000) == 499500
 
 
-@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
 def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
     callee = "from mwd_sensors.core.compiled import compiled\n\n@compiled\ndef step(x):\n    return x + {}\n"
     (tmp_path / "mwd_callee.py").write_text(callee.format(1))
@@ -44,7 +41,6 @@ def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
     assert run() == ["230", "0"]
 
 
-@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
 def test_a_kernel_is_compiled_anew_when_the_fields_of_its_parameters_change_places(tmp_path):
     params = "from typing import NamedTuple\n\nclass Params(NamedTuple):\n    {}: float\n    {}: float\n"
     (tmp_path / "mwd_params.py").write_text(params.format("low", "top"))
@@ -65,7 +61,6 @@ def test_a_kernel_is_compiled_anew_when_the_fields_of_its_parameters_change_plac
     assert run() == "3.0"
 
 
-@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
 def test_a_kernel_is_compiled_anew_when_the_module_of_its_parameters_has_another_name(tmp_path):
     params = "from typing import NamedTuple\n\nclass Params(NamedTuple):\n    low: float\n    top: float\n"
     user = (
@@ -82,7 +77,6 @@ def test_a_kernel_is_compiled_anew_when_the_module_of_its_parameters_has_another
         (tmp_path / f"{name}.py").unlink()
 
 
-@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
 def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(tmp_path):
     (tmp_path / "mwd_powers.py").write_text(
         "from mwd_sensors.core.compiled import compiled\n\n"
@@ -96,7 +90,6 @@ def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(t
     assert done.stdout.split() == ["44", "1"]
 
 
-@pytest.mark.skipif(not HAVE_NUMBA, reason="numba is not installed")
 def test_that_kernels_are_being_compiled_is_reported_once_and_not_where_they_come_from_the_cache(tmp_path):
     (tmp_path / "mwd_sums.py").write_text(
         "from mwd_sensors.core.compiled import compiled, when_compiling\n\n"

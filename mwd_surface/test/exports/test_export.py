@@ -139,7 +139,8 @@ def test_verdicts_and_quality_agree_in_all_exports_and_on_the_page(files):
 
 
 def test_html_and_pdf_print_the_same_cells(files):
-    pypdf = pytest.importorskip("pypdf", reason="pypdf, the reader, is not installed")
+    import pypdf
+
     _, paths = files
     page = etree.HTML(paths["html"].read_text(encoding="utf-8"))
     text = "".join("".join(p.extract_text() for p in pypdf.PdfReader(paths["pdf"]).pages).split())

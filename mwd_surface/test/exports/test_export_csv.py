@@ -32,7 +32,8 @@ def test_the_definitive_survey_recomputes_from_its_own_columns():
     )
     positions = mc.path(md, [math.radians(v) for v in inc], [math.radians(v) for v in azi])
     assert positions[:, 2] == pytest.approx(tvd, abs=2e-3)
-    wellpathpy = pytest.importorskip("wellpathpy", reason="wellpathpy, the peer, is not installed")
+    import wellpathpy
+
     peer = wellpathpy.deviation(md, inc, azi).minimum_curvature()
     assert peer.depth == pytest.approx(tvd, abs=2e-3)
     assert peer.northing == pytest.approx(north, abs=2e-3)

@@ -4,13 +4,13 @@
 import io
 
 import example_surveys as example
+import pypdf
 import pytest
 
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_pdf import report_pdf
 
 TABLE = example.table(stretches=example.stretches())
-pypdf = pytest.importorskip("pypdf", reason="pypdf, the reader, is not installed")
 
 
 @pytest.fixture(scope="module")

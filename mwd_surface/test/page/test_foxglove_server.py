@@ -21,7 +21,6 @@ MESSAGE, TIME, TEXT, BINARY = 1, 2, aiohttp.WSMsgType.TEXT, aiohttp.WSMsgType.BI
 
 @pytest.fixture
 def server():
-    pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (pip install foxglove-sdk)")
     made = FoxgloveServer(FoxgloveSettings(enabled=True, port=0), "/w1")
     made.start()
     yield made
@@ -125,7 +124,6 @@ def test_one_that_says_nothing_of_a_handshake_does_not_keep_others_out(server):
 
 
 def test_clients_are_told_a_time_that_is_not_the_wall_s():
-    pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (pip install foxglove-sdk)")
     simulated = FoxgloveServer(FoxgloveSettings(enabled=True, port=0), "/w1", simulated_clock=True)
     simulated.start()
 

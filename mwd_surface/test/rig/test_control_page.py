@@ -11,7 +11,6 @@ import threading
 import time
 from pathlib import Path
 
-import pytest
 from example_rig import certified, control, started, values
 
 from mwd_surface.control.authority import ControlAuthority
@@ -68,7 +67,6 @@ def rig(interface, authority):
 
 
 def test_the_modbus_controller_of_the_page_rotates_and_gives_back(tmp_path):
-    pytest.importorskip("pymodbus")
     authority = ControlAuthority(SETTINGS, first=70_000)
     server = ModbusServer(ModbusSettings(port=0, allow_control=True), authority=authority)
     with rig(server, authority) as sent:
@@ -85,7 +83,6 @@ def test_the_modbus_controller_of_the_page_rotates_and_gives_back(tmp_path):
 
 
 def test_without_leave_no_register_of_control_is_there():
-    pytest.importorskip("pymodbus")
     from pymodbus.client import ModbusTcpClient
 
     authority = ControlAuthority(SETTINGS)
@@ -98,7 +95,6 @@ def test_without_leave_no_register_of_control_is_there():
 
 
 def test_the_opcua_controller_of_the_page_rotates_and_gives_back(tmp_path):
-    pytest.importorskip("asyncua")
 
     (tmp_path / "trusted").mkdir()
     certificate, key = asyncio.run(certified(tmp_path, "controller"))

@@ -21,8 +21,6 @@ from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
 from mwd_surface.rig.wits.server import Wits0ServerSettings
 
-pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
-
 
 def rig_settings(**changes):
     base = RigSettings(

@@ -271,7 +271,6 @@ def test_sigma_is_not_too_small_where_a_start_in_vibration_ends_to_count_it_whit
         assert found.nees <= found.high, (seconds, found)
 
 
-@pytest.mark.skipif(not BROAD.exists(), reason="the shared recordings are not beside this repository")
 def test_real_recordings_are_followed_within_0_6_deg_on_average_and_sigma_is_of_that_size():
     # A consumer unit as it leaves its factory, in Berlin: sigma follows from the gravity that it shows.
     p, errors = bounded.Params(gravity=9.8127, gravity_sigma=0.002), []

@@ -7,6 +7,7 @@ import json
 import re
 import threading
 
+import asyncua
 import pytest
 from example_rig import eventually, started, values
 
@@ -18,7 +19,6 @@ from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.opcua.address_space import MANIFEST
 from mwd_surface.rig.signals import SIGNALS
 
-asyncua = pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")
 ua = asyncua.ua
 OTHERS = "http://ddhub.no/TopDrive/Variables/"
 

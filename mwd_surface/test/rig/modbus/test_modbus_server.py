@@ -27,7 +27,6 @@ from mwd_surface.rig.modbus.server import ModbusServer
 from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
 
 PEERS = Path(__file__).parents[2] / "peers"
-pytest.importorskip("pymodbus", reason="pymodbus is not installed: pip install pymodbus")
 
 
 def server(on_rig_state=None, **changes):
@@ -203,7 +202,8 @@ def test_it_starts_again_after_a_stop():
 
 
 def test_pymodbustcp_reads_the_same():
-    theirs = pytest.importorskip("pyModbusTCP.client", reason="pyModbusTCP is not installed")
+    import pyModbusTCP.client as theirs
+
     with serving() as s:
         client = theirs.ModbusClient(host="127.0.0.1", port=s.port, unit_id=1, auto_close=True)
         block = client.read_input_registers(0, COUNT)
@@ -247,7 +247,6 @@ def test_modbus_serial_of_node_reads_the_same():
 @contextlib.contextmanager
 def on_a_line(on_rig_state=None, **changes):
     """The serial server with its first values, and a descriptor of the line's other end."""
-    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     theirs, ours = pty.openpty()
     tty.setraw(theirs)
     tty.setraw(ours)
@@ -311,13 +310,11 @@ def test_a_bit_depth_is_taken_over_the_line_where_writing_is_allowed():
 
 
 def test_a_line_that_is_not_there_is_named():
-    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     with pytest.raises(InterfaceError, match="no-such-line"):
         ModbusSerial(ModbusSerialSettings(device="/dev/no-such-line"), ModbusSettings()).start()
 
 
 def test_a_line_that_goes_away_is_reported_so_that_it_is_opened_anew():
-    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     theirs, ours = pty.openpty()
     with started(ModbusSerial(ModbusSerialSettings(device=os.ttyname(ours)), ModbusSettings())) as s:
         eventually(lambda: s.status().peers)

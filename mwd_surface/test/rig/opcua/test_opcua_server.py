@@ -13,6 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import asyncua
 import pytest
 from example_rig import attitude, certified, eventually, started, values
 
@@ -26,7 +27,7 @@ from mwd_surface.rig.opcua.settings import OpcuaSettings
 pytestmark = pytest.mark.slow
 
 PEERS = Path(__file__).parents[2] / "peers"
-asyncua = pytest.importorskip("asyncua", reason="asyncua is not installed: pip install asyncua")
+
 ua = asyncua.ua
 
 
@@ -339,7 +340,8 @@ async def secure(server, certificate, key, own, uri):
 
 @pytest.mark.filterwarnings("ignore::cryptography.utils.CryptographyDeprecationWarning")
 def test_commands_need_a_trusted_certificate(tmp_path):
-    x509 = pytest.importorskip("cryptography.x509")
+    from cryptography import x509
+
     asked = []
 
     def on_command(name, arguments):

@@ -95,7 +95,6 @@ def test_a_recorder_that_is_not_there_is_reported_and_it_goes_on_trying():
 
 
 def test_a_serial_line_carries_the_same_both_ways():
-    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     ours, theirs = pty.openpty()
     tty.setraw(ours)
     taken = []
@@ -117,7 +116,6 @@ def test_a_serial_line_carries_the_same_both_ways():
 
 
 def test_a_serial_device_that_is_not_there_is_reported_and_tried_again():
-    pytest.importorskip("serial", reason="pyserial is not installed: pip install pyserial")
     with started(Wits0Serial(Wits0SerialSettings(device="/dev/no-such-line", backoff=FAST))) as line:
         eventually(lambda: line.failures >= 2)
         assert "/dev/no-such-line" in line.status().reason

@@ -197,8 +197,9 @@ def test_a_connection_from_one_address_too_many_is_turned_away_and_its_place_com
 
 
 def test_the_independent_reader_of_witskit_gets_surveys_and_its_handshake_is_no_data():
-    reader = pytest.importorskip("witskit.transport.tcp_reader", reason="witskit is not installed")
-    decode = pytest.importorskip("witskit.decoder.wits_decoder").decode_frame
+    import witskit.transport.tcp_reader as reader
+    from witskit.decoder.wits_decoder import decode_frame as decode
+
     with started(server()) as s:
         s.publish(values())
         client = reader.TCPReader("127.0.0.1", s.port)
