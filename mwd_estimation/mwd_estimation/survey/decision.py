@@ -18,18 +18,18 @@ import numpy as np
 from mwd_estimation.attitude.block import StationAzimuth
 from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.survey.acceptance import ACCEPT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.finding import Finding
-from mwd_estimation.survey.judgement import judged, without_toolface
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.run_model import RunModel, declination_sigma, gyro_azimuth
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.survey import ROTARY, STATIC, Survey
+from mwd_estimation.survey.verdict import judged, without_toolface
 from mwd_sensors.core.arrays import Array
 
 # Names a survey by its time and readings, so that a replay names it alike whatever its number (RFC 4122, version 5).

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.sensor_fault import ACCEL, MAG, SENSORS, FaultCode, SensorFault
-from mwd_estimation.survey.acceptance import DOUBTFUL, REJECT, worse
+from mwd_estimation.core.verdicts import DOUBTFUL, REJECT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.static_survey import StillAverage
-from mwd_estimation.survey.station_record import Verdicts
 from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.verdict import with_faults
 from mwd_sensors.core.arrays import Stamps
 
 # Kinds of fault that fed no wrong value to the estimate before they were named.
@@ -100,9 +100,12 @@ class FaultHistory:
             for s, (first, last) in sorted(self._doubts.items())
             if last >= begin and first <= end + _EVIDENCE_NS and not (by_gyro and 1 << s == MAG)
         ]
-        if faults:
-            return _with(survey, REJECT, faults)
-        return _with(survey, DOUBTFUL, doubts) if doubts else survey
+        verdict, found = (REJECT, faults) if faults else (DOUBTFUL, doubts)
+        if not found:
+            return survey
+        level = any(bits & ~MAG for bits, _ in found)
+        station = with_faults(survey.station, verdict, tuple(reason for _, reason in found), inclination=level)
+        return dataclasses.replace(survey, station=station)
 
 
 def _reason(fault: SensorFault, begin: int) -> Reason:
@@ -111,23 +114,3 @@ def _reason(fault: SensorFault, begin: int) -> Reason:
         until = 1e-9 * (fault.cleared_ns - begin)
         return Reason(Code.SENSOR_FAULT_ENDED, until, fault=dataclasses.replace(fault, cleared_ns=0))
     return Reason(Code.SENSOR_FAULT, fault=fault)
-
-
-def _with(survey: Survey, verdict: str, found: list[tuple[int, Reason]]) -> Survey:
-    """The survey with a verdict for what rests on the sensors of these reasons (bits)."""
-    station, level = survey.station, any(bits & ~MAG for bits, _ in found)
-    of = station.verdicts
-    azimuth = worse(of.azimuth, verdict)
-    quantities = Verdicts(
-        worse(of.inclination, verdict) if level else of.inclination,
-        azimuth,
-        worse(of.toolface, verdict) if level else of.toolface,
-    )
-    reasons = tuple(reason for _, reason in found)
-    station = dataclasses.replace(
-        station,
-        verdict=worse(station.verdict, verdict),
-        quantities=quantities,
-        reasons=(*reasons, *station.reasons),
-    )
-    return dataclasses.replace(survey, station=station)

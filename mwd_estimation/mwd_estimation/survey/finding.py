@@ -8,6 +8,7 @@ An azimuth known from the station above is weighed here, after the run: it never
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -112,7 +113,7 @@ class Finding:
     repeats: int | None = None
     stations: int = 1
 
-    @property
+    @functools.cached_property
     def circle(self) -> circle.Circle:
         """The density as people read it."""
         return circle.read(self.angles, self.density)

@@ -15,7 +15,7 @@ import numpy as np
 from mwd_estimation.attitude.block import MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.time_alignment_state import FieldModel
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction
-from mwd_estimation.survey.acceptance import ACCEPT, NOT_DETERMINED
+from mwd_estimation.core.verdicts import ACCEPT, NOT_DETERMINED
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.posterior.field_model import UT, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis

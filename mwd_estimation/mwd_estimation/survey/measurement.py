@@ -13,13 +13,13 @@ from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
+from mwd_estimation.core.verdicts import REJECT
 from mwd_estimation.magnetic import axial_correction
-from mwd_estimation.survey import acceptance
-from mwd_estimation.survey.acceptance import REJECT
+from mwd_estimation.magnetic.axial_correction import AxialCorrection
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.station_deviations import deviations
 from mwd_estimation.survey.station_record import MethodAzimuth, Station, blind
 from mwd_estimation.survey.station_settings import StationSettings
+from mwd_estimation.survey.totals import deviations
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import (
     gravity_toolface,
@@ -42,6 +42,11 @@ _NO_GRAVITY = 1e-3
 _ANY_FIELD = (1e-5, 2e-5, 3e-5)
 # Axial interference that the single-station correction thinks of, 1 sigma, T.
 _PLAUSIBLE = 3e-6
+# Its azimuth is refused where it is less certain, nearer to the vertical, rad, or where the field across the axis does
+# not fit: chi-square of one degree of freedom exceeded by chance once in 1000.
+_LEAST_CERTAIN = math.radians(3.0)
+NEAR_VERTICAL = math.radians(1.0)
+_MISFIT = 10.83
 
 
 @dataclass(frozen=True)
@@ -198,10 +203,32 @@ def _corrected(readings: Readings, reference: Reference | None, north: North) ->
     )
     if not math.isfinite(float(estimate.azimuth)):
         return ()
-    refused = acceptance.correction_refusal(estimate, readings.inclination)
+    refused = correction_refusal(estimate, readings.inclination)
     azimuth = to_north(float(estimate.azimuth), north.turn)
     sigma = min(math.hypot(float(estimate.sigma_azimuth), math.sqrt(north.variance)), _UNKNOWN_SIGMA)
     return (MethodAzimuth(AzimuthMethod.SINGLE_STATION, azimuth, sigma, refused),)
+
+
+def correction_refusal(correction: AxialCorrection, inclination: float) -> Reason | None:
+    """
+    Why an axial correction of one station must not be used; None where it may.
+
+    correction: of one station (arrays of shape ()); inclination in rad.
+    """
+    from_vertical = min(inclination, math.pi - inclination)
+    if not from_vertical >= NEAR_VERTICAL:
+        return Reason(Code.CORRECTION_NEAR_VERTICAL, from_vertical, NEAR_VERTICAL)
+    if correction.chi_square > _MISFIT:
+        return Reason(Code.CROSS_AXIAL_MISFIT, float(correction.chi_square), _MISFIT)
+    if correction.mirror:
+        first, second = (float(angle) for angle in correction.both)
+        return Reason(Code.TWO_AZIMUTHS_FIT_FIELD, values=(first, second))
+    sigma = float(correction.sigma_azimuth)
+    if not sigma <= _LEAST_CERTAIN:
+        from_horizontal = abs(0.5 * math.pi - inclination)
+        from_east_west = abs(math.asin(min(1.0, abs(math.cos(float(correction.azimuth))))))
+        return Reason(Code.CORRECTION_UNCERTAIN, sigma, _LEAST_CERTAIN, (from_horizontal, from_east_west))
+    return None
 
 
 def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -> Readings:

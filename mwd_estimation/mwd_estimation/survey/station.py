@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.judgement import judged
 from mwd_estimation.survey.measurement import measured
 from mwd_estimation.survey.run_model import RunModel
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
+from mwd_estimation.survey.verdict import judged
 
 __all__ = ["MethodAzimuth", "Station", "StationSettings", "station"]
 

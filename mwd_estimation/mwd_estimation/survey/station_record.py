@@ -10,8 +10,9 @@ import numpy as np
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.acceptance import ACCEPT, REJECT, Deviations
+from mwd_estimation.core.verdicts import ACCEPT, REJECT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.totals import Deviations
 from mwd_sensors.core.arrays import Array
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from mwd_estimation.assembly.sag import SagCorrection
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
-from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.survey.posterior.hypotheses import Priors
+from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.settings import setting
 
 

@@ -15,12 +15,12 @@ import math
 from collections.abc import Sequence
 
 from mwd_estimation.survey.finding import Finding
-from mwd_estimation.survey.judgement import judged
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.run_model import RunModel
 from mwd_estimation.survey.six_axis_table import TableRow, TableStation
 from mwd_estimation.survey.station_settings import StationSettings
+from mwd_estimation.survey.verdict import judged
 
 # Probability of an external field from which the others of the run speak against a station.
 _OUTLIER = 0.5

@@ -9,7 +9,7 @@ import pytest
 
 from mwd_estimation.core.reason_text import texts
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.acceptance import QualitySettings
+from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.six_axis_columns import find_columns
 from mwd_estimation.survey.six_axis_table import stations
 from mwd_estimation.survey.station import StationSettings

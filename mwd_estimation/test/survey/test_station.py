@@ -15,8 +15,8 @@ from mwd_estimation.core.error_model import BENCH, SensorErrors
 from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.acceptance import QualitySettings
 from mwd_estimation.survey.measurement import measured
+from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.station import StationSettings, station
 from mwd_estimation.survey.station_record import Verdicts
 from mwd_sensors.core.frames import mat_nt, wrap_pi

@@ -13,7 +13,7 @@ from rich.text import Text
 
 from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.survey.acceptance import ACCEPT
+from mwd_estimation.core.verdicts import ACCEPT
 from mwd_sensors.core.frames import wrap_pi
 
 if TYPE_CHECKING:

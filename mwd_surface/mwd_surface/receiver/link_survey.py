@@ -18,10 +18,10 @@ import numpy as np
 from mwd_estimation.core import magnetic_geometry, reason_text
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
-from mwd_estimation.survey import acceptance
-from mwd_estimation.survey.acceptance import Deviations, QualitySettings
-from mwd_estimation.survey.station_deviations import deviation_covariance
+from mwd_estimation.survey import totals
+from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.survey_message import LIMITS
+from mwd_estimation.survey.totals import Deviations, deviation_covariance
 from mwd_sensors.core import frames
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -120,7 +120,7 @@ def _uuid(values: dict[str, LinkValue], at: SurveyTime, link: str) -> str:
 
 def _totals(values: dict[str, LinkValue], deviations: Deviations, quality: QualitySettings) -> dict[str, Any]:
     """Totals as received, with what they may deviate."""
-    limits = np.nan_to_num(acceptance.bounds(deviations, quality.limits), nan=-1.0)
+    limits = np.nan_to_num(totals.bounds(deviations, quality), nan=-1.0)
     return {
         "g_total": _value(values, meanings.G_TOTAL, 0.0),
         "b_total": _value(values, meanings.B_TOTAL, -1.0),
@@ -190,9 +190,9 @@ def _verdicts(
     values: dict[str, LinkValue], deviations: Deviations, angles: Nine, quality: QualitySettings
 ) -> tuple[tuple[Verdict, Verdict], list[str]]:
     """Verdict of inclination and azimuth, and the reasons, the gravest first."""
-    field = acceptance.judge(deviations, quality.limits)
+    field = totals.judge(deviations, quality)
     nothing = dataclasses.replace(deviations, field=math.nan, dip=math.nan)
-    gravity = acceptance.judge(nothing, quality.limits)
+    gravity = totals.judge(nothing, quality)
     inclination, azimuth = _VERDICTS[gravity.verdict], _VERDICTS[field.verdict]
     reasons = reason_text.texts(field.reasons)
     if meanings.AZIMUTH not in values:
@@ -204,7 +204,7 @@ def _verdicts(
     missing = [name for name, quantity in _TOTALS.items() if quantity not in values]
     if missing:
         reasons.append(f"not received, so not checked: {', '.join(missing)}")
-    return (inclination, azimuth), reasons or reason_text.texts(acceptance.totals(deviations, quality.limits))
+    return (inclination, azimuth), reasons or reason_text.texts(totals.against_limits(deviations, quality))
 
 
 def _far_off(sigma: float, far_deg: float) -> float:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.acceptance import QualitySettings
+from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration

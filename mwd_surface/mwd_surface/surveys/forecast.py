@@ -16,9 +16,9 @@ import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey import acceptance, tool_code
-from mwd_estimation.survey.acceptance import Deviations
-from mwd_estimation.survey.station_deviations import deviation_covariance
+from mwd_estimation.survey import tool_code, totals
+from mwd_estimation.survey.quality_settings import QualitySettings
+from mwd_estimation.survey.totals import Deviations, deviation_covariance
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt, wrap_tau
@@ -202,7 +202,7 @@ def _quality(code: str, inc: Array, true: Array, reference: Reference, axial: fl
             f_t, b_t = mat.T @ np.array([0.0, 0.0, -gravity]), mat.T @ b_n
             own = errors.covariance(f_t, b_t)
             expected = deviation_covariance(f_t, b_t, coded, own, errors.axial_interference_nt * 1e-9)
-            limit = acceptance.bounds(Deviations(0.0, 0.0, 0.0, expected), "toolcode")
+            limit = totals.bounds(Deviations(0.0, 0.0, 0.0, expected), QualitySettings())
             sound = deviation_covariance(f_t, b_t, coded, own, 0.0)
             found.append((limit, _kept(limit, sound, _shift(f_t, b_t, axial))))
         limits[k] = np.mean([limit for limit, _ in found], axis=0)

@@ -11,7 +11,7 @@ from consistency import assert_consistent
 from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.acceptance import QualitySettings
+from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core import frames
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.words import COMMON

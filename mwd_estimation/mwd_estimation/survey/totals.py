@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a station's totals (gravity, field, dip) are from the reference, and how far they may be."""
+"""
+A station's totals (gravity, field, dip) against the reference: how far off they are, how far they may be, the verdict.
+
+Gravity, field strength and dip are known beforehand; a station that does not measure them is wrong somewhere. Limits
+are either fixed (`QualitySettings`) or follow from the tool's own uncertainty at this attitude.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,12 +19,40 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.acceptance import Deviations
+from mwd_estimation.core.verdicts import ACCEPT, DOUBTFUL, REJECT, worse
+from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_FARTHEST, STANDARD_GRAVITY
 
+# Chi-square of three degrees of freedom exceeded by chance once in 100 and once in 1000.
+_CHI3_DOUBTFUL, _CHI3_REJECT = 11.34, 16.27
+# Beyond these many sigma of the tool code a station is doubtful, rejected; beyond so many fixed limits rejected.
+TOOLCODE_DOUBTFUL, TOOLCODE_REJECT = 2.0, 3.0
+_REJECT = 1.5
 # So many sigma off local gravity is more than a tool shows that was calibrated by it.
 _NOT_LOCAL = 2.0
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """
+    Measured minus reference.
+
+    Attributes
+    ----------
+    gravity, field, dip : float
+        m/s^2, T, rad; nan where the reference has none.
+    covariance : ndarray, shape (3, 3)
+        Of the three, from sensors, interference expected and reference.
+    standard : bool
+        Gravity is compared with standard gravity, which it fits better than that of the place.
+    """
+
+    gravity: float
+    field: float
+    dip: float
+    covariance: Array
+    standard: bool = False
 
 
 def deviation_covariance(
@@ -138,3 +172,84 @@ def gross_faults(g_total: float, b_total: float, dip: float, reference: Referenc
     ):
         found.append(Reason(Code.DIP_SIGN, dip))
     return found
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A verdict and the reasons that made it."""
+
+    verdict: str
+    reasons: tuple[Reason, ...]
+
+
+def bounds(deviations: Deviations, quality: QualitySettings) -> Array:
+    """
+    Deviation of gravity, field and dip beyond which a station is doubtful, shape (3,): m/s^2, T, rad; nan: not judged.
+
+    Raises
+    ------
+    ValueError
+        Unknown name of limits.
+    """
+    fixed = quality.fixed
+    if fixed is None:
+        found = TOOLCODE_DOUBTFUL * np.sqrt(np.diagonal(deviations.covariance))
+    else:
+        found = np.array([fixed.gravity, fixed.field, fixed.dip])
+    known = np.isfinite([deviations.gravity, deviations.field, deviations.dip])
+    return np.where(known, found, math.nan)
+
+
+def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
+    """
+    Verdict of the totals alone.
+
+    Parameters
+    ----------
+    deviations : Deviations
+        nan deviations are not judged.
+    quality : QualitySettings
+        With limits by the tool code: 2 and 3 sigma of the covariance, and chi-square of all together.
+
+    Raises
+    ------
+    ValueError
+        Unknown name of limits.
+    """
+    doubtful, by_code = bounds(deviations, quality), quality.fixed is None
+    values = np.array([deviations.gravity, deviations.field, deviations.dip])
+    reject = (TOOLCODE_REJECT / TOOLCODE_DOUBTFUL if by_code else _REJECT) * doubtful
+    known = np.isfinite(values)
+    verdict, reasons = ACCEPT, []
+    codes = (Code.GRAVITY_OFF_STANDARD if deviations.standard else Code.GRAVITY_OFF, Code.FIELD_OFF, Code.DIP_OFF)
+    for k in range(3):
+        if not known[k] or abs(values[k]) <= doubtful[k]:
+            continue
+        verdict = worse(verdict, REJECT if abs(values[k]) > reject[k] else DOUBTFUL)
+        reasons.append(Reason(codes[k], float(values[k]), float(doubtful[k])))
+    if by_code and known.all() and verdict == ACCEPT:
+        chi = float(values @ np.linalg.solve(deviations.covariance, values))
+        if chi > _CHI3_DOUBTFUL:
+            verdict = REJECT if chi > _CHI3_REJECT else DOUBTFUL
+            reasons.append(Reason(Code.TOTALS_OFF_TOGETHER, chi, _CHI3_DOUBTFUL))
+    return Judgement(verdict, tuple(reasons))
+
+
+def against_limits(deviations: Deviations, quality: QualitySettings) -> list[Reason]:
+    """Every deviation that is known, against its limit; those beyond it by themselves, the others in one reason."""
+    values = np.array([deviations.gravity, deviations.field, deviations.dip])
+    limit = bounds(deviations, quality)
+    gravity = (Code.GRAVITY_WITHIN_STANDARD, Code.GRAVITY_OFF_STANDARD)
+    codes = (
+        gravity if deviations.standard else (Code.GRAVITY_WITHIN, Code.GRAVITY_OFF),
+        (Code.FIELD_WITHIN, Code.FIELD_OFF),
+        (Code.DIP_WITHIN, Code.DIP_OFF),
+    )
+    known = [
+        (abs(value) <= most, inside, off, float(value), float(most))
+        for (inside, off), value, most in zip(codes, values, limit, strict=True)
+        if np.isfinite(value)
+    ]
+    beyond = [Reason(off, value, most) for fits, _, off, value, most in known if not fits]
+    within = tuple(Reason(inside, value, most) for fits, inside, _, value, most in known if fits)
+    return beyond + ([Reason(Code.WITHIN_LIMITS, causes=within)] if within else [])

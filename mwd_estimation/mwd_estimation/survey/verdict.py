@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The verdict of a station, read off what was found of it.
+The verdict of a station, from top to bottom: posterior, sigma, limits, verdicts, the one headline reason.
 
-Each quantity has its own. The inclination's follows from gravity; the azimuth's from its posterior: its sigma against
-that of a sound tool at this attitude, other azimuths that fit, and what most probably disturbs it. The totals beside
-their limits stand behind the reasons for people who read those.
+Each quantity has its own verdict. The inclination's follows from gravity; the azimuth's from its posterior: how
+probably it is far off, other azimuths that fit, and what most probably disturbs it. The totals beside their limits
+(`totals`) stand behind the reasons for people who read those. Nothing else changes a verdict.
 """
 
 from __future__ import annotations
@@ -16,14 +16,13 @@ import numpy as np
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.survey import acceptance
-from mwd_estimation.survey.acceptance import ACCEPT, DOUBTFUL, NOT_DETERMINED, REJECT, Deviations, worse
+from mwd_estimation.core.verdicts import ACCEPT, DOUBTFUL, NOT_DETERMINED, REJECT, worse
+from mwd_estimation.survey import totals
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding
-from mwd_estimation.survey.measurement import Measured, Readings
+from mwd_estimation.survey.measurement import NEAR_VERTICAL, Measured, Readings
 from mwd_estimation.survey.posterior.circle import Circle
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
-from mwd_estimation.survey.station_deviations import deviations, gross_faults
 from mwd_estimation.survey.station_record import Station, Verdicts
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -76,29 +75,25 @@ def judged(
     readings, station = measured.readings, measured.station
     if readings is None:
         return replace(station, reasons=(*station.reasons, *faults))
-    found = None if finding is None else finding.circle
-    if finding is not None and found is not None:
-        station = _as_found(station, finding, found)
-    # Near the vertical the string's field does not turn the azimuth, and the totals are those of the reading.
-    taken_off = station.interference if station.corrected and not _upright(readings) else 0.0
-    apart = deviations(
-        readings.f_h, readings.b_h, station.reference, readings.covariance, settings.errors, taken_off,
-        readings.has_field,
-    )  # fmt: skip
-    limits = tuple(float(limit) for limit in acceptance.bounds(apart, settings.quality.limits))
-    station = replace(station, deviations=apart, limits=(limits[0], limits[1], limits[2]))
-    level, azimuth = _of_inclination(station, finding, settings), _Findings()
-    azimuth.add(DOUBTFUL, *measured.reasons)
-    _judge_azimuth(azimuth, station, readings, finding, found, settings)
-    if found is not None and azimuth.verdict != ACCEPT:
-        station = _widened(station, found)
+    # The posterior: azimuth and sigma of its chief mode.
+    if finding is not None:
+        station = _as_found(station, finding)
+    # The limits: totals beside what they may deviate.
+    station = _against_limits(station, readings, settings)
+    # The verdicts.
+    level = _of_inclination(station, finding, settings)
+    azimuth = _of_azimuth(station, measured, readings, finding, settings)
+    if finding is not None and azimuth.verdict != ACCEPT:
+        station = _widened(station, finding.circle)
     for quantity in (level, azimuth):
         quantity.add(REJECT, *faults)
+    # The headline reason, and what stands behind it.
     return _finished(station, readings, level, azimuth, finding, settings)
 
 
-def _as_found(station: Station, finding: Finding, found: Circle) -> Station:
+def _as_found(station: Station, finding: Finding) -> Station:
     """The station with the azimuth of its posterior, and what a turned mount may add to its inclination."""
+    found = finding.circle
     covariance = station.covariance.copy()
     covariance[0, 0] += finding.mount**2
     own = math.hypot(found.sigma, math.sqrt(float(station.alignment[1, 1])))
@@ -125,6 +120,18 @@ def _as_found(station: Station, finding: Finding, found: Circle) -> Station:
     )
 
 
+def _against_limits(station: Station, readings: Readings, settings: StationSettings) -> Station:
+    """The station with its totals off the reference and the limits of that."""
+    # Near the vertical the string's field does not turn the azimuth, and the totals are those of the reading.
+    taken_off = station.interference if station.corrected and not _upright(readings) else 0.0
+    apart = totals.deviations(
+        readings.f_h, readings.b_h, station.reference, readings.covariance, settings.errors, taken_off,
+        readings.has_field,
+    )  # fmt: skip
+    gravity, field, dip = totals.bounds(apart, settings.quality).tolist()
+    return replace(station, deviations=apart, limits=(gravity, field, dip))
+
+
 def _widened(station: Station, found: Circle) -> Station:
     """The station with the sigma of the whole mode, whose improbable part may be true where the azimuth is doubted."""
     covariance = station.covariance.copy()
@@ -135,40 +142,42 @@ def _widened(station: Station, found: Circle) -> Station:
 def _of_inclination(station: Station, finding: Finding | None, settings: StationSettings) -> _Findings:
     """Gravity against its limits, and a turned accelerometer."""
     level, apart = _Findings(), station.deviations
-    level.add(REJECT, *(one for one in gross_faults(station.g_total, math.nan, math.nan, None)))
-    gravity = Deviations(apart.gravity, math.nan, math.nan, apart.covariance, apart.standard)
-    judgement = acceptance.judge(gravity, settings.quality.limits)
+    level.add(REJECT, *(one for one in totals.gross_faults(station.g_total, math.nan, math.nan, None)))
+    gravity = replace(apart, field=math.nan, dip=math.nan)
+    judgement = totals.judge(gravity, settings.quality)
     level.add(judgement.verdict, *judgement.reasons)
     if finding is not None and finding.mount > _TURNED:
         level.add(DOUBTFUL, Reason(Code.MOUNT_MAY_BE_TURNED, finding.mount))
     return level
 
 
-def _judge_azimuth(
-    azimuth: _Findings,
-    station: Station,
-    readings: Readings,
-    finding: Finding | None,
-    found: Circle | None,
-    settings: StationSettings,
-) -> None:
+def _of_azimuth(
+    station: Station, measured: Measured, readings: Readings, finding: Finding | None, settings: StationSettings
+) -> _Findings:
     """The azimuth by its posterior."""
+    azimuth = _Findings()
+    azimuth.add(DOUBTFUL, *measured.reasons)
     if readings.has_field:
         b_earth = readings.b_h - np.array([station.interference if station.corrected else 0.0, 0.0, 0.0])
         total = float(np.linalg.norm(b_earth))
-        azimuth.add(REJECT, *gross_faults(STANDARD_GRAVITY, total, station.dip, station.reference))
+        azimuth.add(REJECT, *totals.gross_faults(STANDARD_GRAVITY, total, station.dip, station.reference))
     if not readings.has_field and (finding is None or finding.by_gyro == 0.0):
         what = Code.NO_HORIZONTAL_FIELD if np.isfinite(readings.b_t).all() else Code.NO_MAGNETOMETER
         azimuth.add(REJECT, Reason(Code.INCLINATION_ONLY, causes=(Reason(what),)))
-        return
-    if finding is None or found is None:
+    elif finding is None:
         azimuth.add(DOUBTFUL, Reason(Code.NO_REFERENCE_FIELD, names=(station.north,)))
-        return
-    if finding.hypotheses:
-        _judge_field(azimuth, station, finding, settings)
-    if finding.repeats is not None:
-        azimuth.add(DOUBTFUL, Reason(Code.READINGS_REPEATED, float(finding.repeats)))
-    far, quality = math.radians(settings.quality.far_deg), settings.quality
+    else:
+        if finding.hypotheses:
+            _judge_field(azimuth, station, finding, settings)
+        if finding.repeats is not None:
+            azimuth.add(DOUBTFUL, Reason(Code.READINGS_REPEATED, float(finding.repeats)))
+        _judge_posterior(azimuth, station, finding, settings)
+    return azimuth
+
+
+def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
+    """How probably the azimuth is far off, and who contradicts it."""
+    far, quality, found = math.radians(settings.quality.far_deg), settings.quality, finding.circle
     alignment = math.sqrt(float(station.alignment[1, 1]))
     risk, sound = finding.beyond(far, alignment), math.hypot(finding.nominal, alignment)
     if risk > quality.far_probability and _DETERMINED * sound > far:
@@ -207,12 +216,12 @@ def _judge_field(azimuth: _Findings, station: Station, finding: Finding, setting
 
 def _judge_totals(azimuth: _Findings, station: Station, settings: StationSettings) -> None:
     """Field and dip against their limits."""
-    judgement = acceptance.judge(replace(station.deviations, gravity=math.nan), settings.quality.limits)
+    judgement = totals.judge(replace(station.deviations, gravity=math.nan), settings.quality)
     azimuth.add(judgement.verdict, *judgement.reasons)
 
 
 def _upright(readings: Readings) -> bool:
-    return math.sin(readings.inclination) < math.sin(acceptance.NEAR_VERTICAL)
+    return math.sin(readings.inclination) < math.sin(NEAR_VERTICAL)
 
 
 def _why_uncertain(finding: Finding, risk: float, far: float) -> Reason:
@@ -256,9 +265,21 @@ def _finished(
         likely = [(str(name), odds) for name, odds in named if odds >= _NAMED]
         names, values = tuple(name for name, _ in likely), tuple(odds for _, odds in likely)
         remarks.append(Reason(Code.HYPOTHESES, values=values, names=names))
-    totals = acceptance.totals(station.deviations, settings.quality.limits)
-    remarks += [total for total in totals if total not in reasons]
+    beside = totals.against_limits(station.deviations, settings.quality)
+    remarks += [total for total in beside if total not in reasons]
     return replace(station, quantities=quantities, verdict=verdict, reasons=(*reasons, *remarks))
+
+
+def with_faults(station: Station, verdict: str, reasons: tuple[Reason, ...], *, inclination: bool) -> Station:
+    """The station with a verdict for faults of its sensors; inclination: whether they touch more than the azimuth."""
+    of = station.verdicts
+    quantities = Verdicts(
+        worse(of.inclination, verdict) if inclination else of.inclination,
+        worse(of.azimuth, verdict),
+        worse(of.toolface, verdict) if inclination else of.toolface,
+    )
+    whole = worse(station.verdict, verdict)
+    return replace(station, verdict=whole, quantities=quantities, reasons=(*reasons, *station.reasons))
 
 
 def without_toolface(station: Station, rotary_speed: float) -> Station:

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Limits of the verdict on a survey, the same for the tool's own surveys and those of a telemetry link."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.settings import setting
+
+TOOLCODE, CUSTOM = "toolcode", "custom"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Fixed limits on the deviations from the reference: gravity, m/s^2, field, T, and dip, rad."""
+
+    gravity: float
+    field: float
+    dip: float
+
+
+def _limits(gravity_mg: float, field_nt: float, dip_deg: float) -> Limits:
+    return Limits(gravity_mg * 1e-3 * STANDARD_GRAVITY, field_nt * 1e-9, math.radians(dip_deg))
+
+
+# One service company's defaults; the rule of thumb of the ISCWSA e-book, which names none for gravity.
+LIMITS = {"service": _limits(2.5, 300.0, 0.45), "iscwsa": _limits(2.5, 300.0, 0.25)}
+
+
+@dataclass(frozen=True)
+class QualitySettings:
+    """When a survey is accepted or doubtful."""
+
+    limits: str = setting(
+        TOOLCODE,
+        "Limits on total gravity, total field and dip: toolcode (from the errors of the tool at this attitude), "
+        "service (2.5 mG, 300 nT, 0.45 deg), iscwsa (2.5 mG, 300 nT, 0.25 deg), custom (gravity_limit_mg, "
+        "field_limit_nt, dip_limit_deg).",
+        choices=(TOOLCODE, *LIMITS, CUSTOM),
+    )
+    gravity_limit_mg: float = setting(
+        2.5,
+        "Custom limit: total gravity off its reference by more makes a survey doubtful. Raising it accepts worse "
+        "accelerometers.",
+        unit="mG",
+        low=0.01,
+        high=100.0,
+        expert=True,
+    )
+    field_limit_nt: float = setting(
+        300.0,
+        "Custom limit: total field off its reference by more makes an azimuth doubtful. Raising it accepts more "
+        "interference.",
+        unit="nT",
+        low=1.0,
+        high=10000.0,
+        expert=True,
+    )
+    dip_limit_deg: float = setting(
+        0.45,
+        "Custom limit: dip off its reference by more makes an azimuth doubtful. Raising it accepts more interference.",
+        unit="deg",
+        low=0.01,
+        high=10.0,
+        expert=True,
+    )
+    far_deg: float = setting(
+        10.0,
+        "Error of the azimuth that the well must not have. Lowering it accepts only more certain azimuths: a sigma of "
+        "some third of it.",
+        unit="deg",
+        low=0.1,
+        high=90.0,
+        expert=True,
+    )
+    far_probability: float = setting(
+        0.007,
+        "An azimuth is doubtful that is farther off than far_deg with a larger probability. Raising it accepts more "
+        "stations beside interference, and more of them are far off.",
+        low=0.0001,
+        high=0.5,
+        expert=True,
+    )
+
+    @property
+    def fixed(self) -> Limits | None:
+        """
+        The fixed limits in use; None where they follow from the tool code.
+
+        Raises
+        ------
+        ValueError
+            Unknown name of limits.
+        """
+        if self.limits == TOOLCODE:
+            return None
+        if self.limits == CUSTOM:
+            return _limits(self.gravity_limit_mg, self.field_limit_nt, self.dip_limit_deg)
+        if self.limits not in LIMITS:
+            raise ValueError(f"limits: {self.limits!r} is not one of {', '.join(LIMITS)}, {TOOLCODE}, {CUSTOM}")
+        return LIMITS[self.limits]
