@@ -95,7 +95,7 @@ class Graph:
 def _compiled() -> None:
     """Compile the nodes' filters into the cache, so that no test waits for the compiler."""
     from mwd_estimation.nodes.warm_up import warm_up
-    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core.settings import changed
 
     warm_up(changed(EstimatorSettings(), PLACE))

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey import STATIC, Survey
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import changed

@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from mwd_estimation.nodes.warm_up import warm_up
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator import scenario_files
 from mwd_sensors.simulator.scenario import read

@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from attacks import attacks
 from mwd_estimation.assembly.assembly import read_assembly
-from mwd_estimation.tool_file import from_file
+from mwd_estimation.settings.tool_file import from_file
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration, as_table
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.input_files import load_yaml

@@ -70,8 +70,8 @@ def python(installed, folder, program, *words):
 
 def test_every_kernel_is_there_without_ros(installed, tmp_path):
     program = WITHOUT_ROS + (
-        "import mwd_sensors, mwd_estimation.pipeline, mwd_estimation.survey.survey, mwd_surface.page.page_server; "
-        "print(mwd_estimation.__file__)"
+        "import mwd_sensors, mwd_estimation.pipeline.pipeline, mwd_estimation.survey.survey; "
+        "import mwd_surface.page.page_server; print(mwd_estimation.__file__)"
     )
     said, status = python(installed, tmp_path, program)
     assert status == 0, said

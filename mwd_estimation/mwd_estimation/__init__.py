@@ -9,9 +9,9 @@ from typing import Any
 __version__ = "0.1.0"
 
 _MODULES = {
-    "EstimatorSettings": "pipeline",
-    "Pipeline": "pipeline",
-    "Place": "pipeline",
+    "EstimatorSettings": "settings.estimator",
+    "Pipeline": "pipeline.pipeline",
+    "Place": "settings.place",
     "Reference": "core.reference_field",
 }
 

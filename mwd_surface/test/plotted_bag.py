@@ -6,7 +6,8 @@ import dataclasses
 import example_surveys as example
 import numpy as np
 
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde

@@ -29,7 +29,9 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
 from rosbags.typesys import Stores, get_typestore
 
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
 from mwd_sensors.core.frames import mat_nt
 from mwd_surface.bags.bag_reader import Bag

@@ -21,7 +21,7 @@ from pathlib import Path
 import distributed
 import pyarrow.parquet as parquet
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.simulator import scenario
 from mwd_surface.fleet import fleet_dataset, fleet_run
 from mwd_surface.fleet.fleet_task import Outcome, Work, config_text

@@ -22,7 +22,8 @@ from sensor_msgs.msg import Imu, MagneticField, Temperature
 
 from mwd_estimation.nodes.messages import oriented_imu
 from mwd_estimation.nodes.warm_up import warm_up
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import changed

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation.pipeline import Pipeline
-from mwd_estimation.place import Place
-from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator import scenario

@@ -330,7 +330,8 @@ def test_the_recording_opens_in_the_libraries_with_every_message(played):
 
 
 def test_processing_the_recording_gives_the_bits_that_were_published_live(played, tmp_path):
-    from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+    from mwd_estimation.pipeline.pipeline import Pipeline
+    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core.settings import changed
     from mwd_surface.bags.bag_reader import Bag
 

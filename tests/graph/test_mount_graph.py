@@ -9,7 +9,7 @@ import pytest
 
 import running_graph
 from mwd_estimation.core.sensor_fault import FaultCode
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import frames, wire
 from mwd_sensors.core.mount import PRESETS
 from mwd_sensors.core.settings import changed

@@ -10,7 +10,8 @@ import pytest
 import running_graph
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.status import Status
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.settings import changed
 from mwd_sensors.drivers.readings import FIELDS
 from mwd_sensors.simulator.scenario import read

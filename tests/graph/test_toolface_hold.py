@@ -10,7 +10,8 @@ import pytest
 from toolface_hold import HOLD, ORIENT, Command, HoldSettings, Reading, ToolfaceHold
 
 from mwd_estimation.core.status import Status
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.simulator import scenario, steering
 from mwd_sensors.simulator.sonde import Sonde
 

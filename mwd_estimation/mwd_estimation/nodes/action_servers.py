@@ -13,7 +13,7 @@ from mwd_msgs.msg import Survey as SurveyMessage
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.nodes.messages import known
-from mwd_estimation.pipeline import Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_sensors.ros.deferred import DeferredGoal
 
 FEEDBACK_PERIOD = 0.5  # s

@@ -8,8 +8,8 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status, words
 from mwd_estimation.health import fault_debounce
 from mwd_estimation.health.fault_debounce import UNKNOWN
-from mwd_estimation.pipeline import Pipeline
-from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 
 # What a check can be found to be.

@@ -32,7 +32,9 @@ from mwd_estimation.nodes.messages import (
 )
 from mwd_estimation.nodes.transmission import TransmissionPublisher
 from mwd_estimation.nodes.warm_up import warm_up
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire

@@ -12,8 +12,8 @@ from mwd_msgs.msg import Transmission as TransmissionMessage
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
 from mwd_estimation.nodes.messages import stamp
-from mwd_estimation.output import Output
-from mwd_estimation.pipeline import Pipeline
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros import qos

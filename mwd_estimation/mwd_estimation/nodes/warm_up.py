@@ -8,7 +8,8 @@ import numpy as np
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 
 _SAMPLES = 160  # three bins of half a second at 100 Hz: enough to reach every kernel

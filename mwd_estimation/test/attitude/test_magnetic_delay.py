@@ -13,7 +13,8 @@ from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.nodes.diagnostics import input_diagnostics
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt
 

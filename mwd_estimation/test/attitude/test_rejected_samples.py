@@ -7,8 +7,8 @@ import pytest
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
-from mwd_estimation.settings import Gravity
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from consistency import assert_consistent
-from mwd_estimation import derivation
 from mwd_estimation.core.calibrated_range import CalibratedRange, TemperatureWatch
 from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Average
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decision import SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation import derivation
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
@@ -15,7 +14,9 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
 from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams, white_noise
 from mwd_estimation.gyrocompass.station import GyroStation
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.constants import DEG_PER_HOUR, EARTH_RATE

@@ -12,7 +12,10 @@ from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.sensor_fault import PRECISION, FaultCode
 from mwd_estimation.health.unit_comparison import PrecisionHealth
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, Place
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
 from mwd_sensors.simulator import faults, scenario
 from mwd_sensors.simulator.faults import Fault

@@ -12,7 +12,8 @@ pytest.importorskip("rclpy")
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.estimator import EstimatorNode
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_sensors.core.mount import resolve
 

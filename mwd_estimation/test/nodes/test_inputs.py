@@ -10,7 +10,9 @@ pytest.importorskip("rclpy")
 
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.inputs import InputTopics
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline, Place
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.input_covariance import judge
 from mwd_sensors.ros.diagnostics import WARN

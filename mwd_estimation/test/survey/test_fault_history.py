@@ -14,7 +14,10 @@ from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, FaultCode, SensorFault, Unit
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_bins import Average
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline, Place
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_sensors.simulator import scenario

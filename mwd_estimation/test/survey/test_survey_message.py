@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
-from mwd_estimation.settings import Gravity
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
 from mwd_estimation.survey import survey_message
 from mwd_sensors.core import wire
 from project import MESSAGES

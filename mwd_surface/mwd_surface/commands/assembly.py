@@ -151,7 +151,8 @@ def _poles_of(
 def _reference(lat: float | None, lon: float | None, date: str | None, field: str | None) -> Reference:
     import time
 
-    from mwd_estimation.pipeline import EstimatorSettings, reference_of
+    from mwd_estimation.settings.estimator import EstimatorSettings
+    from mwd_estimation.settings.place import reference_of
     from mwd_sensors.core import settings
     from mwd_surface.commands.reference_options import place_changes
 

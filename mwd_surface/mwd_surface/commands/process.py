@@ -52,7 +52,7 @@ from mwd_surface.commands.reference_options import (
 )
 
 if TYPE_CHECKING:
-    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_surface.runs.recorded_settings import Recorded
     from mwd_surface.runs.run_summary import Summary
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 if TYPE_CHECKING:
-    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_estimation.settings.estimator import EstimatorSettings
 
 S = TypeVar("S")
 
@@ -85,9 +85,9 @@ def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
     OSError
         The file cannot be read.
     """
-    from mwd_estimation.precision_settings import PrecisionUnit
-    from mwd_estimation.tool_file import from_file
-    from mwd_estimation.tool_settings import Tool as ToolSettings
+    from mwd_estimation.settings.precision import PrecisionUnit
+    from mwd_estimation.settings.tool import Tool as ToolSettings
+    from mwd_estimation.settings.tool_file import from_file
 
     changes = {} if tool is None else _flat(from_file(_tool_path(tool), ToolSettings), "tool.")
     if precision is not None:
@@ -181,7 +181,7 @@ def estimator_settings(
     SettingsError
         An unknown name (with its near misses) or a value that is not allowed.
     """
-    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core import settings
     from mwd_surface.runs.run_config import read_config
 
@@ -224,7 +224,7 @@ def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[Estimator
 
     stamp_ns: ns, whose day counts where no date is set. Raises ValueError for a day outside every model.
     """
-    from mwd_estimation.pipeline import reference_of
+    from mwd_estimation.settings.place import reference_of
     from mwd_sensors.core import settings
 
     try:

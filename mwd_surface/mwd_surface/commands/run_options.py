@@ -54,7 +54,7 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
     SettingsError
         No node has the parameter (its near misses are named), several have it, or its value is not allowed.
     """
-    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core import settings
     from mwd_sensors.nodes.sonde import SondeSettings
     from mwd_surface.commands.reference_options import assignments

@@ -60,7 +60,7 @@ def survey(
       mwd survey stations.csv --lat 58.44 --lon 1.88 --date 2026-03-01 --axial z
       mwd survey stations.csv --single
     """
-    from mwd_estimation.derivation import station_params
+    from mwd_estimation.settings.derivation import station_params
     from mwd_estimation.survey.six_axis_columns import find_columns
     from mwd_estimation.survey.six_axis_table import single_stations, table_rows
     from mwd_estimation.survey.table_run import run_stations

@@ -17,7 +17,7 @@ from mwd_estimation.core.verdicts import ACCEPT
 from mwd_sensors.core.frames import wrap_pi
 
 if TYPE_CHECKING:
-    from mwd_estimation.settings import EstimatorSettings
+    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_estimation.survey.six_axis_table import TableStation
     from mwd_estimation.survey.station import Station
 
@@ -122,7 +122,7 @@ def run_sentences(rows: Sequence[TableStation]) -> list[str]:
 
 def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[str]:
     """Sentences on the rows of a six-axis table that were taken at one depth."""
-    from mwd_estimation.derivation import sensor_errors
+    from mwd_estimation.settings.derivation import sensor_errors
     from mwd_estimation.survey.check_shots import check_shots
     from mwd_surface.surveys.repeated_surveys import sentence
 

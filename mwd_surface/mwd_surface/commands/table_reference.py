@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
-    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_estimation.survey.six_axis_table import TableStation
 
 # Settings of the place that a table does not use beside each source of the field.
@@ -69,7 +69,7 @@ def table_settings(
     ValueError
         Options that contradict each other, or a setting of the place that would not be used.
     """
-    from mwd_estimation.place import Place
+    from mwd_estimation.settings.place import Place
     from mwd_surface.commands.reference_options import estimator_settings, place_changes
 
     named = place_changes(lat, lon, date, field)
@@ -98,13 +98,13 @@ class RowReference:
     """
 
     def __init__(self, settings: EstimatorSettings) -> None:
-        from mwd_estimation.observatory import Observatory
+        from mwd_estimation.pipeline.observatory import Observatory
 
         self._settings, self._observatory = settings, Observatory(settings.place)
 
     def at(self, reference: Reference, time: str) -> Reference:
         """Return the reference of a row at its time as written. ValueError where the tool code does not fit it."""
-        from mwd_estimation import derivation
+        from mwd_estimation.settings import derivation
 
         coded, moment = derivation.with_code(self._settings, reference), _moment(time)
         if moment is None:
@@ -131,7 +131,7 @@ def table_reference(
         A model without a day, or a day outside every model.
     """
     from mwd_estimation.core.reference_field import Reference
-    from mwd_estimation.pipeline import reference_of
+    from mwd_estimation.settings.place import reference_of
     from mwd_surface.commands.reference_options import with_a_model
 
     figures = known.figures()

@@ -114,7 +114,7 @@ def _processed(bag: Bag) -> Iterator[tuple[Bag, SurveyList]]:
     """A copy of a recording with its estimates, and its surveys."""
     import tempfile
 
-    from mwd_estimation.pipeline import EstimatorSettings
+    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_surface.bags.bag_reader import Bag as Opened
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import with_a_model

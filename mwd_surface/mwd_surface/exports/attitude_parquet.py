@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from mwd_estimation.core.status import words
-from mwd_estimation.pipeline import NORTH_CODES
+from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_sensors.core.arrays import Samples
 
 _DEG = 180.0 / math.pi

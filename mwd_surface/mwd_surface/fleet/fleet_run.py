@@ -20,7 +20,7 @@ from typing import Any
 
 import distributed
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_surface.fleet import fleet_dataset
 from mwd_surface.fleet.fleet_task import Outcome, Work, carry_out, changes_text, config_text, failed
 from mwd_surface.runs.bag_input import InputSettings

@@ -14,7 +14,8 @@ from typing import Any
 
 import yaml
 
-from mwd_estimation.pipeline import EstimatorSettings, Output
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core import wire

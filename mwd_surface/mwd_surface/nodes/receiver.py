@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.pipeline import reference_of
+from mwd_estimation.settings.place import reference_of
 from mwd_estimation.survey.tool_code import reference_for, sensor_errors
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.ros import qos

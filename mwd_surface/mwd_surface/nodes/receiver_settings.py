@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from mwd_estimation.pipeline import Place
+from mwd_estimation.settings.place import Place
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.settings import setting
 from mwd_surface.receiver.link_attitude import AgeRules

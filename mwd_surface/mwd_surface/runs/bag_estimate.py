@@ -14,10 +14,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import derivation
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.gravity.bounded.filter import Params
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import input_covariance, wire

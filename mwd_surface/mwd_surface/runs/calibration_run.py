@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.calibration import tumble
 from mwd_sensors.calibration.triad_calibration import Calibration, as_table, from_table
 from mwd_sensors.core import wire

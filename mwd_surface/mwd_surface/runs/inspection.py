@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from mwd_estimation import derivation
 from mwd_estimation.core.fault_messages import describe, unit_words
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
 from mwd_estimation.health import monitor
 from mwd_estimation.health.motion_window import TURNING
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import mount as mounts
 from mwd_sensors.core import settings, units, wire
 from mwd_sensors.core.arrays import Samples

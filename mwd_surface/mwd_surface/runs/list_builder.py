@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core.arrays import Samples, Stamps

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from mwd_estimation import derivation
 from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import mount as mounts
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs.bag_input import FIELDS, InputSettings, Topics, in_si, mount_of

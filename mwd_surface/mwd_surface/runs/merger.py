@@ -9,7 +9,7 @@ from types import TracebackType
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.pipeline import Output
+from mwd_estimation.pipeline.output import Output
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core import wire

@@ -11,7 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mwd_estimation.core.sensor_fault import FaultCode
-from mwd_estimation.pipeline import EstimatorSettings, Output
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import settings
 from mwd_surface.bags.bag_reader import Bag, BagError

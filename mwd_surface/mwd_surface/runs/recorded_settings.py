@@ -13,7 +13,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.surveys.depth import DepthRules

@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 
-from mwd_estimation.settings import Survey
+from mwd_estimation.settings.estimator import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Stamps
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.runs.bag_input import InputSettings, Topics

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.sensor_fault import SensorFault
-from mwd_estimation.pipeline import Output
+from mwd_estimation.pipeline.output import Output
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag

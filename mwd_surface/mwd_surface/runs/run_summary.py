@@ -10,7 +10,9 @@ import numpy as np
 
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.status import Status
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey import Survey
 from mwd_surface.runs.bag_input import Topics
 from mwd_surface.surveys.survey_list import SurveyList

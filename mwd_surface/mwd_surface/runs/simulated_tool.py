@@ -6,7 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import from_mapping

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow.parquet as parquet
 import pytest
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.fleet import fleet_index, fleet_run

@@ -8,7 +8,7 @@ import pyarrow.parquet as parquet
 import pytest
 import yaml
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
 from mwd_surface import __version__
 from mwd_surface.bags.bag_writer import BagWriter

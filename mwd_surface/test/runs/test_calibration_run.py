@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.calibration.rests import rests
 from mwd_sensors.calibration.triad_calibration import as_table

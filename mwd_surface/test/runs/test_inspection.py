@@ -10,7 +10,7 @@ import pytest
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
 from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec
 from mwd_sensors.core.mount import PRESETS

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mwd_estimation.pipeline import EstimatorSettings, reference_of
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import reference_of
 from mwd_sensors.core import settings
 from mwd_sensors.simulator.scenario import parse
 from mwd_sensors.simulator.sonde import Sonde

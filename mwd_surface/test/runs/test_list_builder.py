@@ -7,7 +7,7 @@ import math
 import plotted_bag
 import pytest
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter

@@ -3,7 +3,9 @@
 
 import numpy as np
 
-from mwd_estimation.pipeline import EstimatorSettings, Output, Pipeline
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter

@@ -10,7 +10,7 @@ import urllib.request
 
 import pytest
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.page.state_json import StateJson

@@ -11,7 +11,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from mwd_estimation.core.sensor_fault import FaultCode
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
 from mwd_sensors.core import input_covariance, settings, wire

@@ -6,7 +6,7 @@ import math
 import pytest
 import yaml
 
-from mwd_estimation.pipeline import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings
 from mwd_sensors.core.settings import SettingsError
 from mwd_surface.runs.bag_input import InputSettings, Topics

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from mwd_estimation.pipeline import Output
+from mwd_estimation.pipeline.output import Output
 from mwd_sensors.core import wire
 from mwd_sensors.core.settings import SettingsError, from_mapping
 from mwd_surface.bags.bag_reader import Bag

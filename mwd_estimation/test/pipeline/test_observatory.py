@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.observatory import Observatory
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
-from mwd_estimation.place import Place
+from mwd_estimation.pipeline.observatory import Observatory
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_sensors.core.settings import SettingsError, changed

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mwd_estimation import derivation
 from mwd_estimation.core.reason_text import texts
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.pipeline import EstimatorSettings, Pipeline
-from mwd_estimation.settings import Survey
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings, Survey
 from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt, wrap_pi

@@ -25,15 +25,15 @@ from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams
 from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_state
-from mwd_estimation.place import reference_of
-from mwd_estimation.precision_settings import PrecisionGyro
-from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import reference_of
+from mwd_estimation.settings.precision import PrecisionGyro
+from mwd_estimation.settings.tool import Gyro, Tool
 from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.posterior.hypotheses import Priors
 from mwd_estimation.survey.rotary_survey import Params as RotaryParams
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
-from mwd_estimation.tool_settings import Gyro, Tool
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError

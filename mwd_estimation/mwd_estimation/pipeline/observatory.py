@@ -10,7 +10,7 @@ from mwd_estimation.core.external_field import ObservatoryRecord, read_iaga2002,
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.place import Place
+from mwd_estimation.settings.place import Place
 from mwd_estimation.survey.station_record import Station
 from mwd_sensors.core.input_files import read_file
 from mwd_sensors.core.settings import SettingsError

@@ -7,14 +7,14 @@ import dataclasses
 
 import numpy as np
 
-from mwd_estimation import derivation
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.precision_unit import first_not_before
-from mwd_estimation.settings import EstimatorSettings, latitude_of
+from mwd_estimation.pipeline.precision_unit import first_not_before
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings, latitude_of
 from mwd_estimation.survey.rotary_survey import Progress as RotaryProgress
 from mwd_estimation.survey.rotary_survey import RotarySurvey
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage

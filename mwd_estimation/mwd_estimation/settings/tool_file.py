@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mwd_estimation.precision_settings import PrecisionUnit
-from mwd_estimation.tool_settings import Tool
+from mwd_estimation.settings.precision import PrecisionUnit
+from mwd_estimation.settings.tool import Tool
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, unknown_key
 

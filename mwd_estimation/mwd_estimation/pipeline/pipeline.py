@@ -15,8 +15,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from mwd_estimation import derivation
-from mwd_estimation.bin_stage import Numbering
 from mwd_estimation.core.calibrated_range import TemperatureWatch
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reason_text import text
@@ -25,29 +23,17 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.time_jumps import Clocks
 from mwd_estimation.core.track import Track
-from mwd_estimation.estimate import Estimate
-from mwd_estimation.output import Counters, Output
-from mwd_estimation.place import Place, reference_of
-from mwd_estimation.requests import Requests
-from mwd_estimation.settings import EstimatorSettings, latitude_of
-from mwd_estimation.stated_noise import with_noise
-from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
+from mwd_estimation.pipeline.bin_stage import Numbering
+from mwd_estimation.pipeline.estimate import Estimate
+from mwd_estimation.pipeline.output import Counters, Output
+from mwd_estimation.pipeline.requests import Requests
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.stated_noise import with_noise
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.input_covariance import Noise
 from mwd_sensors.core.mount import Mount, resolve
-
-# Who runs the estimator finds here all that goes with it.
-__all__ = [
-    "NORTH_CODES",
-    "Counters",
-    "EstimatorSettings",
-    "Output",
-    "Pipeline",
-    "Place",
-    "latitude_of",
-    "reference_of",
-]
 
 
 class Pipeline:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mwd_estimation.precision_settings import PrecisionUnit, Vector
+from mwd_estimation.settings.precision import PrecisionUnit, Vector
 from mwd_sensors.core.mount import MountSettings
 from mwd_sensors.core.settings import setting
 

@@ -9,7 +9,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import derivation
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason
@@ -17,7 +16,8 @@ from mwd_estimation.core.sensor_fault import ACCEL, GYRO, SensorFault
 from mwd_estimation.core.time_bins import Bin
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.health.unit_comparison import PrecisionHealth
-from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled

@@ -14,10 +14,10 @@ from typing import Any, ClassVar
 
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.gravity_settings import EXPERT, NoExpert
-from mwd_estimation.place import Place
+from mwd_estimation.settings.gravity import EXPERT, NoExpert
+from mwd_estimation.settings.place import Place
+from mwd_estimation.settings.tool import Tool
 from mwd_estimation.survey.quality_settings import QualitySettings
-from mwd_estimation.tool_settings import Tool
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import derivation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.health import monitor
-from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.fault_history import AZIMUTH, FaultHistory
 from mwd_sensors.core.arrays import Array, Stamps
 

@@ -12,19 +12,19 @@ import dataclasses
 
 import numpy as np
 
-from mwd_estimation import derivation
 from mwd_estimation.attitude.block import BinEvent, MagneticModelInForce
 from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.observatory import Observatory
-from mwd_estimation.output import Output
-from mwd_estimation.precision_unit import PrecisionUnit
-from mwd_estimation.requests import Requests
-from mwd_estimation.sensor_watch import Stretch
-from mwd_estimation.settings import EstimatorSettings
-from mwd_estimation.side_streams import SideStreams
+from mwd_estimation.pipeline.observatory import Observatory
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.precision_unit import PrecisionUnit
+from mwd_estimation.pipeline.requests import Requests
+from mwd_estimation.pipeline.sensor_watch import Stretch
+from mwd_estimation.pipeline.side_streams import SideStreams
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decision import Provisional, SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback

@@ -15,13 +15,11 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation import derivation
 from mwd_estimation.attitude import drilling_dynamics
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
-from mwd_estimation.bin_stage import BinStage, Numbering
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
@@ -30,10 +28,12 @@ from mwd_estimation.core.track import Track, sample_arrays
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
 from mwd_estimation.magnetic import spike_filter
-from mwd_estimation.output import Counters, Output
-from mwd_estimation.sensor_watch import SensorWatch, Stretch
-from mwd_estimation.settings import EstimatorSettings, latitude_of
-from mwd_estimation.status_history import StatusHistory
+from mwd_estimation.pipeline.bin_stage import BinStage, Numbering
+from mwd_estimation.pipeline.output import Counters, Output
+from mwd_estimation.pipeline.sensor_watch import SensorWatch, Stretch
+from mwd_estimation.pipeline.status_history import StatusHistory
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings, latitude_of
 from mwd_estimation.survey.decision import Provisional
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal

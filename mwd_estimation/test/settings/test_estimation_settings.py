@@ -8,13 +8,13 @@ import math
 import pytest
 import yaml
 
-from mwd_estimation import derivation, tool_file
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
-from mwd_estimation.place import Place, reference_of
-from mwd_estimation.precision_settings import PrecisionUnit
-from mwd_estimation.settings import EstimatorSettings, Gravity, latitude_of
-from mwd_estimation.tool_settings import Tool
+from mwd_estimation.settings import derivation, tool_file
+from mwd_estimation.settings.estimator import EstimatorSettings, Gravity, latitude_of
+from mwd_estimation.settings.place import Place, reference_of
+from mwd_estimation.settings.precision import PrecisionUnit
+from mwd_estimation.settings.tool import Tool
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, changed, flat, from_mapping

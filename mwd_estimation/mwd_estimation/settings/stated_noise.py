@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.settings import EstimatorSettings
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.input_covariance import Noise
 
