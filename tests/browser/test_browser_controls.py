@@ -147,8 +147,9 @@ def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(brow
         tab(browser, "steering")
         click(browser, "#grant-control")
         wait(browser, lambda: rig.calls)
-        assert rig.calls == [("judge_control", {"decision": int(Judgement.GRANT), "operator_name": "A. Berg"})]
-        authority.judge(Judgement.GRANT, "A. Berg", 0.0)
+        decision = {"decision": int(Judgement.GRANT), "operator_name": "A. Berg", "number": lease}
+        assert rig.calls == [("judge_control", decision)]
+        authority.judge(Judgement.GRANT, "A. Berg", 0.0, number=lease)
         authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=math.pi), 0.0)
         authority.on_rig(Achieved(speed=math.pi, torque=8000.0), 0.0)
         authority.update(1.9)

@@ -67,8 +67,9 @@ def run(tmp_path_factory):
         answers = [
             mwd(graph, "send", "pulse_width", "0.4", "--name", "Ann"),
             mwd(graph, "send", "pulse_width", "0.5", "--name", "Ann"),
-            mwd(graph, "grant"),
-            mwd(graph, "grant", "--name", "Bo"),
+            mwd(graph, "grant", "1"),
+            mwd(graph, "grant", "9", "--name", "Bo"),
+            mwd(graph, "grant", "1", "--name", "Bo"),
             mwd(graph, "send", "survey_now", "--name", "Ann"),
         ]
         until(
@@ -96,7 +97,7 @@ def begin(word):
 
 
 def test_the_terminal_refuses_asks_and_grants_in_words(run):
-    wrong, sent, nobody, granted, second = run["answers"]
+    wrong, sent, nobody, other, granted, second = run["answers"]
     assert wrong[0] == 1
     assert "can be 0.3, 0.5, 0.8 s" in wrong[1]
     assert sent[0] == 0
@@ -105,6 +106,8 @@ def test_the_terminal_refuses_asks_and_grants_in_words(run):
     assert "one at a time" in second[1]
     assert nobody[0] == 1
     assert "named person" in nobody[1]
+    assert other[0] == 1
+    assert "request 9 was replaced; the one at hand is 1" in other[1]
     assert granted[0] == 0
 
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="Commands to the tool of a running graph, by flow or rotation.")
 Name = Annotated[str, typer.Option("--name", help="Your name, for the journal.")]
+Number = Annotated[int, typer.Argument(min=1, help="Of the request, as `mwd downlink state` shows it.")]
 _SUBMIT, _GRANT, _DENY, _ABORT = range(4)
 _STATES = (
     *("idle", "draft", "pending", "granted", "armed", "running", "sent", "confirmed", "unconfirmed", "denied"),
@@ -37,7 +38,8 @@ def send(
     \b
     Examples:
       mwd downlink send pulse_width 0.5 --name "A. Driller"
-      mwd downlink grant --name "B. Toolpusher"
+      mwd downlink state
+      mwd downlink grant 1 --name "B. Toolpusher"
       mwd downlink watch
     """
     with visit(domain) as client:
@@ -46,17 +48,17 @@ def send(
 
 
 @app.command("grant")
-def grant(name: Name = "", domain: Domain = None) -> None:
+def grant(number: Number, name: Name = "", domain: Domain = None) -> None:
     """Grant the command that waits; it starts as soon as all interlocks hold."""
     with visit(domain) as client:
-        _call(client, "decide_downlink", {"decision": _GRANT, "operator_name": name})
+        _call(client, "decide_downlink", {"decision": _GRANT, "operator_name": name, "number": number})
 
 
 @app.command("deny")
-def deny(name: Name = "", domain: Domain = None) -> None:
+def deny(number: Number, name: Name = "", domain: Domain = None) -> None:
     """Deny the command that waits."""
     with visit(domain) as client:
-        _call(client, "decide_downlink", {"decision": _DENY, "operator_name": name})
+        _call(client, "decide_downlink", {"decision": _DENY, "operator_name": name, "number": number})
 
 
 @app.command("abort")

@@ -75,8 +75,8 @@ class ControlAuthority:
     ----------
     settings : ControlSettings
     first : int
-        Number of the first lease. A rig obeys no lease older than the newest it has seen: after a restart numbers
-        must go on, so that a node takes them from the clock.
+        Number of the first lease; `upcoming` is that of the next. A rig obeys no lease older than the newest it has
+        seen, so that numbers go on after a restart (`lease_numbers`).
     """
 
     def __init__(self, settings: ControlSettings, first: int = 1) -> None:
@@ -89,7 +89,7 @@ class ControlAuthority:
             for how in ("sliding", "rotating")
         }
         self._lock = threading.RLock()
-        self._next, self._newest = first, 0
+        self.upcoming, self._newest = first, 0
         self._lease: _Lease | None = None
         self._pending: _Lease | None = None
         self._rig = RigCommands(returns=self._reactions["controller_lost_rotating"] == Reaction.RELEASE)
@@ -131,8 +131,8 @@ class ControlAuthority:
             return Decision(Permission.DENIED, 0, text)
         if pending is not None and pending.request.priority >= request.priority:
             return Decision(Permission.DENIED, 0, f"a request of {pending.name} waits already; ask later")
-        lease = _Lease(self._next, request, limits, now, math.inf, now)
-        self._next += 1
+        lease = _Lease(self.upcoming, request, limits, now, math.inf, now)
+        self.upcoming += 1
         if stronger is None and self.settings.grant == "automatic":
             self._grant(lease, now, "automatically")
             return Decision(Permission.GRANTED, lease.number, "granted")
@@ -144,8 +144,12 @@ class ControlAuthority:
         self._log(f"{lease.name} asks for control and {lease.waits}")
         return Decision(Permission.PENDING, lease.number, lease.waits)
 
-    def judge(self, judgement: int, operator: str, now: float, reason: str = "") -> tuple[bool, str]:
-        """Carry out a person's decision; answers whether it was done, and what was done or why not."""
+    def judge(self, judgement: int, operator: str, now: float, reason: str = "", number: int = 0) -> tuple[bool, str]:
+        """
+        Carry out a person's decision; answers whether it was done, and what was done or why not.
+
+        number: of the request, as the person saw it; 0: the one that waits, which is not enough to grant.
+        """
         with self._lock:
             if not operator.strip():
                 return False, "operator_name: must not be empty: the log records who did it"
@@ -157,9 +161,13 @@ class ControlAuthority:
                 return True, "top drive and pumps are the driller's"
             if judgement not in (Judgement.GRANT, Judgement.DENY):
                 return False, "decision: must be 0 (grant), 1 (deny) or 2 (abort)"
-            pending, self._pending = self._pending, None
+            pending = self._pending
             if pending is None:
                 return False, "no request waits"
+            if number != pending.number and (number or judgement == Judgement.GRANT):
+                which = f"request {number} waits no more" if number else "number: must be that of the request"
+                return False, f"{which}; request {pending.number} of {pending.name} waits"
+            self._pending = None
             if judgement == Judgement.GRANT:
                 self._grant(pending, now, f"by {operator}{because}")
                 return True, f"{pending.name} has control"

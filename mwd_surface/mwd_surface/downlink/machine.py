@@ -96,6 +96,8 @@ class Machine:
         By which the tool runs.
     counter : int
         Of the last command that was begun; 0: none.
+    number : int
+        Of the last request; 0: none. Goes on after a restart, so that a number never means two requests.
 
     Raises
     ------
@@ -109,11 +111,12 @@ class Machine:
         settings: DownlinkSettings,
         in_force: ToolSettings | None = None,
         counter: int = 0,
+        number: int = 0,
     ) -> None:
         self.downlink = tool_commands.downlink_of(tool)
         self.tool, self.settings = tool, settings
         self.in_force, self.counter = in_force or ToolSettings(), counter
-        self.state, self.number = State.IDLE, 0
+        self.state, self.number = State.IDLE, number
         self.reason = self.decided_by = ""
         self.request: Request | None = None
         self.blocked_by: tuple[str, ...] = ()
@@ -158,28 +161,30 @@ class Machine:
         self._go(State.DRAFT, text, self.request.by, now)
         return text
 
-    def submit(self, by: str, now: float) -> str:
+    def submit(self, by: str, now: float, number: int = 0) -> str:
         """
-        Ask for permission.
+        Ask for permission; number: of the draft, 0: the one at hand.
 
         Raises
         ------
         ValueError
-            There is no draft.
+            There is no draft, or it has another number.
         """
         self._require(State.DRAFT, "there is no draft to ask for")
-        return self._go(State.PENDING, f"{self.about}: waits for permission", by, now)
+        self._require_number(number or self.number)
+        return self._go(State.PENDING, f"{self.about}: request {self.number} waits for permission", by, now)
 
-    def decide(self, granted: bool, by: str, now: float) -> str:
+    def decide(self, granted: bool, by: str, now: float, number: int = 0) -> str:
         """
-        Grant or deny the request.
+        Grant or deny the request; number: as the person saw it, 0: the one at hand, which is not enough to grant.
 
         Raises
         ------
         ValueError
-            Nothing waits for permission, or nobody is named.
+            Nothing waits for permission, it has another number, or nobody is named.
         """
         self._require(State.PENDING, "no downlink waits for permission")
+        self._require_number(number if granted else number or self.number)
         if not by.strip():
             raise ValueError("operator_name: must not be empty: permission is given by a named person")
         self.decided_by = by.strip()
@@ -323,6 +328,11 @@ class Machine:
     def _require(self, state: State, text: str) -> None:
         if self.state != state:
             raise ValueError(text)
+
+    def _require_number(self, number: int) -> None:
+        if number != self.number:
+            which = f"request {number} was replaced" if number else "number: must be that of the request"
+            raise ValueError(f"{which}; the one at hand is {self.number}: {self.about}")
 
     def _go(self, after: State, reason: str, by: str, now: float) -> str:
         if after not in NEXT[self.state]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the surface must not forget of the downlink: by which settings the tool runs, and the counter sent last."""
+"""What the surface must not forget of the downlink: settings of the tool, counter sent last, number of requests."""
 
 from __future__ import annotations
 
@@ -22,11 +22,13 @@ class Memory:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._written: tuple[ToolSettings, int] | None = None
+        self._written: tuple[ToolSettings, int, int] | None = None
 
-    def read(self, tool: ToolConfiguration) -> tuple[ToolSettings, int]:
+    def read(self, tool: ToolConfiguration) -> tuple[ToolSettings, int, int]:
         """
-        Settings in force and counter; those of a tool as delivered where there is no file, or one of another tool.
+        Settings in force, counter and number of the last request.
+
+        The settings are those of a tool as delivered where there is no file, or one of another tool.
 
         Raises
         ------
@@ -36,28 +38,30 @@ class Memory:
         try:
             given = json.loads(self._file.read_text(encoding="utf-8"))
             settings = ToolSettings(**given["in_force"])
-            counter = int(given["counter"])
+            counter, number = int(given["counter"]), int(given.get("number", 0))
         except FileNotFoundError:
-            return ToolSettings(), 0
+            return ToolSettings(), 0, 0
         except (OSError, ValueError, TypeError, KeyError) as error:
             raise ValueError(f"{self._file}: {error}; delete it if the tool runs by its tool.yaml") from error
         try:
             applied(tool, settings)
         except ValueError:
-            return ToolSettings(), counter
-        return settings, counter
+            return ToolSettings(), counter, number
+        return settings, counter, number
 
-    def write(self, in_force: ToolSettings, counter: int) -> None:
+    def write(self, in_force: ToolSettings, counter: int, number: int) -> None:
         """
-        Keep the settings and the counter where they have changed.
+        Keep the settings, the counter and the number of the last request where they have changed.
 
         Raises
         ------
         OSError
             The file cannot be written.
         """
-        if (in_force, counter) == self._written:
+        if (in_force, counter, number) == self._written:
             return
         self._file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(self._file, json.dumps({"in_force": in_force._asdict(), "counter": counter}) + "\n")
-        self._written = (in_force, counter)
+        write_whole(
+            self._file, json.dumps({"in_force": in_force._asdict(), "counter": counter, "number": number}) + "\n"
+        )
+        self._written = (in_force, counter, number)

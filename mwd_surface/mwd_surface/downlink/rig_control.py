@@ -49,7 +49,7 @@ class RigControl:
         """
         decision = self._authority.request(Request(_NAME, _ROLE, _PRIORITY, face=_NAME), now)
         if decision.permission == Permission.PENDING:
-            done, message = self._authority.judge(Judgement.GRANT, granted_by, now, "for the downlink")
+            done, message = self._authority.judge(Judgement.GRANT, granted_by, now, "for the downlink", decision.lease)
             if not done:
                 return message
         elif decision.permission == Permission.DENIED:

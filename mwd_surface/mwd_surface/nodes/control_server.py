@@ -13,6 +13,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.control.set_point import Limits, SetPoint
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import Achieved, ControlStatus, Request, State
@@ -37,6 +38,11 @@ class ControlServer:
         Node, live state and alarm log.
     settings : ControlSettings
 
+    Raises
+    ------
+    ValueError, OSError
+        The file of lease numbers cannot be read.
+
     Attributes
     ----------
     authority : ControlAuthority
@@ -47,8 +53,10 @@ class ControlServer:
 
     def __init__(self, context: SurfaceContext, settings: ControlSettings) -> None:
         self._context, self._node, self._live = context, context.node, context.live
-        # Numbers go on after a restart: nobody is granted a lease a second for years.
-        self.authority = ControlAuthority(settings, first=int(time.time()))
+        self._numbers = LeaseNumbers(context.folder / "control.json")
+        # At least the clock, for a rig that has seen leases of a folder that is gone: nobody is granted one a second.
+        first = self._numbers.first(int(time.time())) if settings.enabled else 1
+        self.authority = ControlAuthority(settings, first)
         self.handlers = {"control/command": self._on_command, "rig/acknowledge": self._on_acknowledge}
         self._updated_at = self._published_at = 0.0
         self._shown: dict[str, Any] = {}
@@ -62,6 +70,7 @@ class ControlServer:
         node.add_service(srv.RequestControl, "request_control", self._request)
         node.add_service(srv.ReleaseControl, "release_control", self._release)
         node.add_service(srv.JudgeControl, "judge_control", self.judge)
+        self._reserve()
 
     # Services.
 
@@ -89,7 +98,7 @@ class ControlServer:
     def judge(self, request: Any, response: Any) -> Any:
         """Carry out a person's decision about control (service)."""
         response.success, response.message = self.authority.judge(
-            request.decision, request.operator_name, time.monotonic(), request.reason
+            request.decision, request.operator_name, time.monotonic(), request.reason, request.number
         )
         return response
 
@@ -126,11 +135,23 @@ class ControlServer:
             self._context.alarm_log.log_event("control", text)
         self._show(authority.status(now), now)
 
+    def _reserve(self) -> None:
+        if not self.authority.settings.enabled:
+            return
+        try:
+            self._numbers.reserve(self.authority.upcoming)
+        except OSError as error:
+            text = f"numbers of leases are not saved: {error}"
+            self._context.alarm_log.raise_alarm("control.unsaved", Severity.WARNING, text, "free the disk")
+        else:
+            self._context.alarm_log.clear_alarm("control.unsaved")
+
     def _show(self, status: ControlStatus, now: float) -> None:
         fields = {name: value for name, value in vars(status).items() if name not in _ALWAYS_CHANGING}
         if fields == self._shown and now - self._published_at < _STATE_PERIOD:
             return
         self._shown, self._published_at = fields, now
+        self._reserve()
         self._live.on_control(status, now)
         message = state_message(status)
         message.header.stamp = stamp(self._context.now_ns())

@@ -114,12 +114,12 @@ class DownlinkServer:
 
         def carry_out(machine: Machine, now: float) -> str:
             if request.decision == kind.SUBMIT:
-                return machine.submit(name, now)
+                return machine.submit(name, now, request.number)
             if request.decision == kind.ABORT:
                 return machine.abort(f"aborted by {name}" if name.strip() else "aborted", name, now)
             if request.decision not in (kind.GRANT, kind.DENY):
                 raise ValueError("decision: must be 0 (submit), 1 (grant), 2 (deny) or 3 (abort)")
-            return machine.decide(request.decision == kind.GRANT, name, now)
+            return machine.decide(request.decision == kind.GRANT, name, now, request.number)
 
         return self._answer(response, carry_out)
 
@@ -234,7 +234,7 @@ class DownlinkServer:
 
     def _remember(self, machine: Machine) -> None:
         try:
-            self._memory.write(machine.in_force, machine.counter)
+            self._memory.write(machine.in_force, machine.counter, machine.number)
         except OSError as error:
             text = f"the tool's settings are not saved: {error}"
             self._context.alarm_log.raise_alarm("downlink.unsaved", Severity.WARNING, text, "free the disk")

@@ -24,7 +24,7 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
     },
     "reject_survey": {"sequence": (int, False), "operator_name": (str, False), "reason": (str, True)},
     "draft_downlink": {"command": (str, False), "value": (float, True), "operator_name": (str, False)},
-    "decide_downlink": {"decision": (int, False), "operator_name": (str, False)},
+    "decide_downlink": {"decision": (int, False), "operator_name": (str, False), "number": (int, True)},
     "set_depth": {"bit_depth": (float, False), "operator_name": (str, False)},
     "take_survey": {"duration": (float, True)},
     "acknowledge_alarm": {"id": (str, False), "operator_name": (str, False)},
@@ -32,7 +32,12 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
     "stop_recording": {},
     "split_recording": {},
     "snapshot_recording": {},
-    "judge_control": {"decision": (int, False), "operator_name": (str, False), "reason": (str, True)},
+    "judge_control": {
+        "decision": (int, False),
+        "operator_name": (str, False),
+        "reason": (str, True),
+        "number": (int, True),
+    },
     "export": {"format": (str, False), "name": (str, True)},
 }
 _MAX_TEXT = 500

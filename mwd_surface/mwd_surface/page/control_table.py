@@ -28,6 +28,7 @@ def control_table(status: ControlStatus) -> dict[str, Any]:
         "owner": status.owner,
         "role": status.role,
         "pending": status.pending_controller,
+        "pending_number": status.pending,
         "pending_reason": status.pending_reason,
         "reason": status.reason,
         "refusal": status.refusal,

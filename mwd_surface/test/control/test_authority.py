@@ -25,7 +25,7 @@ def owned(settings=AUTOMATIC, **request):
     authority = ControlAuthority(settings)
     decision = authority.request(Request("controller", **request), 0.0)
     if decision.permission == Permission.PENDING:
-        authority.judge(Judgement.GRANT, "toolpusher", 0.0)
+        authority.judge(Judgement.GRANT, "toolpusher", 0.0, number=decision.lease)
     return authority, decision.lease
 
 
@@ -82,10 +82,22 @@ def test_a_request_waits_for_a_person_and_lapses():
     decision = authority.request(Request("controller"), 0.0)
     assert (decision.permission, decision.message) == (Permission.PENDING, "waits for a person to grant it")
     assert authority.request(Request("controller"), 1.0) == decision
-    assert authority.judge(Judgement.GRANT, "  ", 2.0)[0] is False
+    assert authority.judge(Judgement.GRANT, "  ", 2.0, number=decision.lease)[0] is False
     authority.update(BY_A_PERSON.pending_s + 0.1)
     assert authority.status(121.0).state == State.IDLE
-    assert authority.judge(Judgement.GRANT, "toolpusher", 122.0) == (False, "no request waits")
+    assert authority.judge(Judgement.GRANT, "toolpusher", 122.0, number=1) == (False, "no request waits")
+
+
+def test_nobody_grants_a_request_that_came_in_the_place_of_the_one_that_was_seen():
+    authority = ControlAuthority(BY_A_PERSON)
+    seen = authority.request(Request("holds the toolface", priority=1), 0.0).lease
+    other = authority.request(Request("rotates", priority=2), 0.1).lease
+    for number, words in ((seen, f"request {seen} waits no more"), (0, "number: must be that of the request")):
+        done, why = authority.judge(Judgement.GRANT, "toolpusher", 0.2, number=number)
+        assert (done, why) == (False, f"{words}; request {other} of rotates waits")
+    assert not authority.judge(Judgement.DENY, "toolpusher", 0.2, number=seen)[0]
+    assert authority.status(0.3).pending == other
+    assert authority.judge(Judgement.GRANT, "toolpusher", 0.3, number=other) == (True, "rotates has control")
 
 
 def test_a_person_grants_denies_and_takes_back_and_the_log_has_the_name():
@@ -359,10 +371,11 @@ class AnyController(RuleBasedStateMachine):
     def releases(self, name):
         self.authority.release(self.leases.get(name, 0), self.now)
 
-    @rule(judgement=st.sampled_from(list(Judgement)))
-    def decides(self, judgement):
+    @rule(judgement=st.sampled_from(list(Judgement)), number=st.integers(0, 5))
+    def decides(self, judgement, number):
         before = self.authority.status(self.now)
-        done, _ = self.authority.judge(judgement, "driller", self.now)
+        done, _ = self.authority.judge(judgement, "driller", self.now, number=number or before.pending)
+        assert not (done and number and judgement == Judgement.GRANT and number != before.pending)
         if done and judgement == Judgement.GRANT:
             self.heard[before.pending_controller] = self.now
 

@@ -58,7 +58,7 @@ class Rig:
         machine = self.machine
         machine.draft("pulse_width", 0.5, "Ann", self.now)
         machine.submit("Ann", self.now)
-        machine.decide(True, "Bo", self.now)
+        machine.decide(True, "Bo", self.now, machine.number)
         return self
 
 
@@ -229,6 +229,25 @@ def test_abort_acts_at_once_in_every_state_under_way():
     assert machine.state == State.ABORTED
 
 
+def test_a_request_that_replaced_the_one_that_was_seen_is_not_granted():
+    machine = Machine(TOOL, SETTINGS, number=6)
+    machine.draft("survey_now", 0.0, "Ann", 0.0)
+    seen = machine.number
+    machine.draft("mute", 0.0, "Ann", 0.0)
+    assert (seen, machine.number) == (7, 8)
+    with pytest.raises(ValueError, match="request 7 was replaced; the one at hand is 8: silent"):
+        machine.submit("Ann", 0.0, seen)
+    assert "request 8 waits for permission" in machine.submit("Ann", 0.0, 8)
+    for number, words in ((seen, "request 7 was replaced"), (0, "number: must be that of the request")):
+        with pytest.raises(ValueError, match=words):
+            machine.decide(True, "Bo", 0.0, number)
+    with pytest.raises(ValueError, match="request 7 was replaced"):
+        machine.decide(False, "Bo", 0.0, seen)
+    assert machine.state == State.PENDING
+    machine.decide(True, "Bo", 0.0, 8)
+    assert machine.state == State.GRANTED
+
+
 def test_one_at_a_time_and_what_is_missing_is_refused_in_words():
     machine = Machine(TOOL, SETTINGS)
     for call, words in (
@@ -244,7 +263,7 @@ def test_one_at_a_time_and_what_is_missing_is_refused_in_words():
     machine.draft("mute", 0.0, "Ann", 0.0)
     machine.submit("Ann", 0.0)
     with pytest.raises(ValueError, match="operator_name"):
-        machine.decide(True, "", 0.0)
+        machine.decide(True, "", 0.0, machine.number)
     with pytest.raises(ValueError, match="one at a time"):
         machine.draft("survey_now", 0.0, "Ann", 0.0)
 
@@ -276,10 +295,13 @@ class Anybody(RuleBasedStateMachine):
     def submit(self):
         self.attempt(lambda: self.machine.submit("Ann", self.now))
 
-    @rule(granted=st.booleans(), by=st.sampled_from(["", "Bo"]))
-    def decide(self, granted, by):
+    @rule(granted=st.booleans(), by=st.sampled_from(["", "Bo"]), behind=st.integers(0, 2), named=st.booleans())
+    def decide(self, granted, by, behind, named):
+        number = max(self.machine.number - behind, 0) if named else 0
+
         def call():
-            self.machine.decide(granted, by, self.now)
+            self.machine.decide(granted, by, self.now, number)
+            assert number == self.machine.number or not (granted or number)
             if granted:
                 self.grants.add(self.machine.number)
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the surface keeps of the downlink over a restart."""
 
+import json
+
 import pytest
 
 from mwd_sensors.telemetry.downlink import Downlink
@@ -15,17 +17,23 @@ from mwd_surface.page.downlink_table import downlink_table
 TOOL = ToolConfiguration(downlink=Downlink(pulse_widths_s=(0.3, 0.5)))
 
 
-def test_settings_and_counter_come_back(tmp_path):
+def test_settings_counter_and_number_come_back(tmp_path):
     file = tmp_path / "w1" / "downlink.json"
-    assert Memory(file).read(TOOL) == (ToolSettings(), 0)
-    Memory(file).write(ToolSettings(pulse_width=1), 4)
-    assert Memory(file).read(TOOL) == (ToolSettings(pulse_width=1), 4)
+    assert Memory(file).read(TOOL) == (ToolSettings(), 0, 0)
+    Memory(file).write(ToolSettings(pulse_width=1), 4, 9)
+    assert Memory(file).read(TOOL) == (ToolSettings(pulse_width=1), 4, 9)
+
+
+def test_a_file_of_before_the_number_is_read(tmp_path):
+    file = tmp_path / "downlink.json"
+    file.write_text(json.dumps({"in_force": ToolSettings()._asdict(), "counter": 4}))
+    assert Memory(file).read(TOOL) == (ToolSettings(), 4, 0)
 
 
 def test_settings_that_the_tool_does_not_have_are_those_of_another_tool(tmp_path):
     file = tmp_path / "downlink.json"
-    Memory(file).write(ToolSettings(pulse_width=7), 4)
-    assert Memory(file).read(TOOL) == (ToolSettings(), 4)
+    Memory(file).write(ToolSettings(pulse_width=7), 4, 9)
+    assert Memory(file).read(TOOL) == (ToolSettings(), 4, 9)
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"in_force": {"speed": 1}, "counter": 1}', '{"counter": 1}'])

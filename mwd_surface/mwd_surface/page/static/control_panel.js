@@ -17,7 +17,7 @@ function asked(control) {
 
 function buttons(control, judge) {
   if (!control.enabled) return [];
-  const button = (id, text, decision, on) => el("button", { type: "button", id, disabled: !(judge && on), onclick: () => judge(decision) }, text);
+  const button = (id, text, decision, on) => el("button", { type: "button", id, disabled: !(judge && on), onclick: () => judge(decision, control.pending_number) }, text);
   const held = control.state === "controller" || control.state === "fault";
   return [el("div", { class: "buttons" },
     button("grant-control", "Grant", GRANT, control.pending), button("deny-control", "Deny", DENY, control.pending),
@@ -28,7 +28,7 @@ function controlPart(control) {
   if (!control.enabled) return [el("p", { class: "empty" }, "The driller has the rig: control is switched off (control.enabled).")];
   return [
     el("p", {}, pill(KINDS[control.state], control.owner ? `${control.owner} has control` : control.state === "fault" ? "fault" : "the driller has the rig"), ` ${control.role}`),
-    control.pending ? el("p", { class: "headline" }, `${control.pending} asks for control, ${control.pending_reason}.`) : "",
+    control.pending ? el("p", { class: "headline" }, `${control.pending} asks for control (request ${control.pending_number}), ${control.pending_reason}.`) : "",
     control.reason ? el("p", {}, control.reason) : "",
     control.refusal ? el("p", { class: "headline" }, control.refusal) : "",
     facts([
@@ -62,7 +62,7 @@ function keep(place, key, build) {
   place.replaceChildren(...build());
 }
 
-// judge(decision): null where this page may not command.
+// judge(decision, number of the request that was shown): null where this page may not command.
 export function showControl(place, control, advice, judge) {
   if (!place.firstChild) {
     const part = (title, count) => el("div", {}, el("h2", {}, title), ...Array.from({ length: count }, () => el("div", {})));
@@ -72,5 +72,5 @@ export function showControl(place, control, advice, judge) {
   if (advice) keep(next.children[1], JSON.stringify([advice, units.isField()]), () => advicePart(advice));
   if (!control) return;
   keep(rig.children[1], JSON.stringify([control, units.isField()]), () => controlPart(control));
-  keep(rig.children[2], JSON.stringify([control.enabled, control.state, control.pending, judge !== null]), () => buttons(control, judge));
+  keep(rig.children[2], JSON.stringify([control.enabled, control.state, control.pending_number, judge !== null]), () => buttons(control, judge));
 }

@@ -11,7 +11,8 @@ const UNITS = { pulse_width: " s", carrier: " Hz", toolface_rate: " times" };
 
 let chosen = "";
 
-const decide = (word) => () => act("decide_downlink", { decision: DECISIONS[word], operator_name: operatorName() });
+// number: of the request that was shown, so that none is granted that came in its place.
+const decide = (word, number) => () => act("decide_downlink", { decision: DECISIONS[word], operator_name: operatorName(), number });
 
 export function showDownlink(table, server) {
   const place = byId("downlink");
@@ -48,10 +49,10 @@ function buttons(table) {
   return el("div", { class: "buttons" },
     free ? choice : "",
     button("downlink-draft", "Draft", draft, free),
-    button("downlink-submit", "Ask for permission", decide("submit"), table.state === "draft"),
-    button("downlink-grant", "Grant", decide("grant"), table.state === "pending"),
-    button("downlink-deny", "Deny", decide("deny"), table.state === "pending"),
-    button("downlink-abort", "Abort", decide("abort"), UNDER_WAY.includes(table.state)));
+    button("downlink-submit", "Ask for permission", decide("submit", table.number), table.state === "draft"),
+    button("downlink-grant", "Grant", decide("grant", table.number), table.state === "pending"),
+    button("downlink-deny", "Deny", decide("deny", table.number), table.state === "pending"),
+    button("downlink-abort", "Abort", decide("abort", table.number), UNDER_WAY.includes(table.state)));
 }
 
 function options(table) {

@@ -131,7 +131,7 @@ function showSteering() {
 
 function showControlAndAdvice() {
   const { control, advice } = connection.sections;
-  const judge = (decision) => act("judge_control", { decision, operator_name: operatorName() });
+  const judge = (decision, number) => act("judge_control", { decision, operator_name: operatorName(), number });
   showControl(byId("control-panel"), control, advice, mayCommand(connection.server) ? judge : null);
 }
 
