@@ -17,6 +17,7 @@ from mwd_sensors.core import wire
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
@@ -38,6 +39,12 @@ SIZES = ((1024, 768), (1920, 1080), (390, 844))
 ALL_SIZES = (*SIZES, (1280, 800), (844, 390))
 
 
+# What a test has shown stays live for as long as a slow machine needs to look; tests of silence take LiveSettings().
+PATIENT = LiveSettings(
+    **{field.name: 30.0 for field in dataclasses.fields(LiveSettings) if field.name.endswith("_period")}
+)
+
+
 RECORDING = RecorderStatus(RecorderState.RECORDING, "", Path("bags/a"), 7, 0, 0, 0, 0, 0, -1, 61.0, 1, 0.0, ())
 
 
@@ -51,8 +58,8 @@ def near(name, least):
 class Rig:
     """A surface unit without a node: state, alarms, surveys and the page's server."""
 
-    def __init__(self, token=TOKEN):
-        self.state, self.tables = LiveState(), StateJson()
+    def __init__(self, token=TOKEN, settings=PATIENT):
+        self.state, self.tables = LiveState(settings), StateJson()
         self.book, self.calls = AlarmBook(), []
         self.list = SurveyList(well=Well(name="Nordlys 7 H", north_reference="grid", section_azimuth_deg=60.0))
         self.server = PageServer(PageSettings(port=0), self.command, token=token)
@@ -158,7 +165,7 @@ def show(browser, rig, size=(1024, 768), path=""):
     wait(browser, lambda: text(browser, "#well-name") == "Nordlys 7 H")
 
 
-def wait(browser, condition, seconds=5.0):
+def wait(browser, condition, seconds=20.0):
     WebDriverWait(browser, seconds, poll_frequency=0.02).until(lambda _: condition())
 
 

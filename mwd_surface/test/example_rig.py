@@ -132,7 +132,7 @@ def values(whole=None, sample=None, rig=None, later=0.0, **changes):
     return rig_values(state, accepted_surveys(whole), now_ns=NOW_NS + round(later * S), **changes)
 
 
-def eventually(condition, timeout=10.0):
+def eventually(condition, timeout=60.0):
     """Wait until something that another thread or process does is true; its value."""
     end = time.monotonic() + timeout
     while time.monotonic() < end:

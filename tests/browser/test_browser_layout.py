@@ -27,6 +27,7 @@ from browser_page import (
 )
 from mwd_estimation.core.status import Status
 from mwd_surface.live.alarms import Severity
+from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.supervision import TABLE
 from mwd_surface.live.well_state import SurveyProgress
 
@@ -63,15 +64,18 @@ def test_nothing_moves_when_alarms_surveys_faults_and_silence_come_and_go(browse
     def layout():
         return [box(browser, place) for place in places]
 
-    with rig_on(browser, size) as rig:
+    def shows_disturbance():
+        rig.live(status=int(Status.ROTATING | Status.NO_MAG | Status.CLIPPED | Status.MAG_DISTURBED))
+        return "magnetic disturbance" in text(browser, "#pills")
+
+    with rig_on(browser, size, settings=LiveSettings()) as rig:
         rig.live()
-        wait(browser, lambda: state_of(browser, "attitude.inclination") == "live")
+        wait(browser, lambda: state_of(browser, "attitude.inclination") in ("live", "stale"))
         before = layout()
         rig.state.on_survey_progress(SurveyProgress(True, "averaging", 7.0, 9.0, waits_for="gyro"), time.monotonic())
         rig.book.raise_alarm("a", Severity.CRITICAL, 9 * "a long text of an alarm ", 9 * "do this ", 10**18)
         rig.publish()
-        rig.live(status=int(Status.ROTATING | Status.NO_MAG | Status.CLIPPED | Status.MAG_DISTURBED))
-        wait(browser, lambda: "magnetic disturbance" in text(browser, "#pills"))
+        wait(browser, shows_disturbance)
         assert layout() == before, "trouble"
         wait(browser, lambda: state_of(browser, "attitude.inclination") == "stale")
         assert layout() == before, "stale"
@@ -178,7 +182,7 @@ CUT = """
 @pytest.mark.parametrize("size", ALL_SIZES)
 def test_alarms_troubles_and_what_a_survey_waits_for_are_read_to_their_ends(browser, size):
     words = "#alarm, .alarm-what, .alarm-remedy, .alarm-age, #pills .pill, #datum, .taking, .doing, .value .under"
-    with rig_on(browser, size) as rig:
+    with rig_on(browser, size, settings=LiveSettings()) as rig:
         waits = SurveyProgress(True, "averaging on", 12.0, 108.0, waits_for="gyro azimuth sigma 2.1 deg")
         rig.state.on_survey_progress(waits, time.monotonic())
         rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))

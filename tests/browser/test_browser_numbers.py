@@ -10,6 +10,7 @@ import pytest
 from browser_page import SIZES, click, rig_on, show, state_of, text, wait
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
+from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import ReferenceField
 from mwd_surface.surveys.plan import Offset
 
@@ -57,13 +58,17 @@ def test_one_switch_changes_every_unit_and_is_remembered(browser):
 
 
 def test_the_pumps_are_named_on_or_off_and_not_at_all_where_the_rig_is_silent(browser):
-    with rig_on(browser) as rig:
+    with rig_on(browser, settings=LiveSettings()) as rig:
         r = wire.RIG_STATE.empty(1)
-        for flow, word in ((0.03, "pumps on"), (0.0, "pumps off")):
-            r["flow_rate"], r["valid"] = flow, 128
+
+        def pills():
             rig.state.on_rig_state(r, time.monotonic())
             rig.push()
-            wait(browser, lambda word=word: word in text(browser, "#pills"))
+            return text(browser, "#pills")
+
+        for flow, word in ((0.03, "pumps on"), (0.0, "pumps off")):
+            r["flow_rate"], r["valid"] = flow, 128
+            wait(browser, lambda word=word: word in pills())
         wait(browser, lambda: "pumps" not in text(browser, "#pills"))
 
 

@@ -34,7 +34,7 @@ def mwd(graph, *words):
         capture_output=True,
         text=True,
         check=False,
-        timeout=90,
+        timeout=360,
     )
     return done.returncode, done.stdout + done.stderr
 

@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 def mwd(graph, *words):
     """Output and status of a command of `mwd` in the domain of the graph."""
     command = [sys.executable, "-P", "-m", "mwd_surface.cli", *words]
-    done = subprocess.run(command, env=graph.environment, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, env=graph.environment, capture_output=True, text=True, timeout=480, check=False)
     return done.stdout + done.stderr, done.returncode
 
 

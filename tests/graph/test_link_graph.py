@@ -78,7 +78,7 @@ def run(tmp_path_factory):
             capture_output=True,
             text=True,
             check=False,
-            timeout=90,
+            timeout=360,
         )
         assert played.returncode == 0, played.stderr
         until(lambda: "survey 1" in graph.log(surface), 30, "a survey")

@@ -15,7 +15,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.runs import simulate
-from running_graph import PLACE, samples_of, until
+from running_graph import CALL, PLACE, samples_of, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -29,17 +29,17 @@ schedule: [{kind: still, seconds: 2.0, pumps: false}, {kind: drill, seconds: 6.0
 vibration: {random: [{band_hz: [8.0, 300.0], acceleration_mps2: [6.0, 12.0, 12.0], when: drilling}]}
 interference: {axial_nt: 2500.0}
 """
-SEEK = """
-import sys, rclpy
+SEEK = (
+    CALL
+    + """
+import sys
 from mwd_msgs.srv import SeekReplay
 rclpy.init(); node = rclpy.create_node("talk")
-client = node.create_client(SeekReplay, "/replay/seek")
-assert client.wait_for_service(30.0)
 for offset in sys.argv[1:]:
-    future = client.call_async(SeekReplay.Request(offset=float(offset)))
-    rclpy.spin_until_future_complete(node, future, timeout_sec=30.0)
-    assert future.result().success, future.result().message
+    answer = call(node, SeekReplay, "/replay/seek", offset=float(offset))
+    assert answer.success, answer.message
 """
+)
 TOPICS = ("imu/mag", "gyro/data_raw", "imu/temperature", "imu/data_raw")
 # A stamp behind the last may be a stray one; the estimator waits for a few before it takes it that time went back.
 DOUBTED = 3
@@ -78,7 +78,7 @@ def test_each_round_of_a_loop_and_what_follows_a_seek_equal_a_fresh_start(tmp_pa
             )
         until(lambda: "round 2 is over" in reported.read_text(), 120, "two rounds")
         # To 7 s, forward or backward as it comes; then backward to 4 s.
-        subprocess.run([sys.executable, "-c", SEEK, "7", "4"], env=graph.environment, check=True, timeout=60)
+        subprocess.run([sys.executable, "-c", SEEK, "7", "4"], env=graph.environment, check=True, timeout=240)
         rounds = reported.read_text().count("is over")
         until(lambda: reported.read_text().count("is over") > rounds, 60, "the end of that round")
         assert graph.end("replay")[0] == 0

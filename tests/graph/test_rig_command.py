@@ -54,7 +54,7 @@ def reported(tmp_path_factory):
             env=graph.environment,
             capture_output=True,
             text=True,
-            timeout=90,
+            timeout=360,
             check=False,
         )
         assert done.returncode == 0, done.stderr

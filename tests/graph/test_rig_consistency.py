@@ -292,7 +292,7 @@ def recorder(address, units):
 
 def registers(address):
     host, number = address.rsplit(":", 1)
-    end = time.monotonic() + 10.0
+    end = time.monotonic() + 60.0
     block = ()
     with socket.create_connection((host, int(number)), 10.0) as connection:
         while time.monotonic() < end and (not block or block[3] != LAST):

@@ -25,6 +25,7 @@ from mwd_surface.ros.topics import message_class
 DISCOVERY_S = 5.0  # longest wait for what is named to appear
 _QUIET_S = 1.5  # without anything new, before a list counts as whole: discovery finds one thing after the other
 _CALL_S = 600.0
+_MUTUAL_DISCOVERY_S = 0.5  # client and server find each other independently
 # Services that every node has; they are listed only when asked for by name.
 _COMMON = ("rcl_interfaces/", "lifecycle_msgs/", "type_description_interfaces/")
 
@@ -158,6 +159,8 @@ class GraphClient:
         client = self._node.create_client(made, name)
         if not client.wait_for_service(DISCOVERY_S):
             raise GraphError(f"{name} does not answer: is the node alive?")
+        # An answer is lost while the server has not discovered this client's reader, which no call can ask for.
+        time.sleep(_MUTUAL_DISCOVERY_S)
         future = client.call_async(request)
         rclpy.spin_until_future_complete(self._node, future, timeout_sec=_CALL_S)
         if not future.done():

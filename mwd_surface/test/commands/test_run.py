@@ -77,10 +77,10 @@ def test_two_wells_run_side_by_side_and_end_with_their_tables(start, tmp_path):
     for port in (int(port) for ports in rigs for port in ports):
         socket.create_connection(("127.0.0.1", port), 5.0).close()
     for page in pages:
-        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(page, timeout=5.0) as answer:
+        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(page, timeout=30.0) as answer:
             assert b"<html" in answer.read().lower()
     for process, folder, well in ((first, None, "a"), (second, tmp_path / "mine", "pad/b")):
-        out, err = process.communicate(timeout=90)
+        out, err = process.communicate(timeout=300)
         assert process.returncode == 0, err
         assert "Traceback" not in out + err
         assert "surveys against the truth" in out, out + err
@@ -114,7 +114,7 @@ def test_an_interrupt_ends_everything_in_order(start, tmp_path):
     assert len(nodes_of(process)) >= 2
     time.sleep(1.0)  # some samples to record
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=120)
     assert process.returncode == 0, err
     assert "Traceback" not in out + err
     assert nodes_of(process) == []
@@ -130,7 +130,7 @@ def test_nothing_is_left_when_the_command_itself_is_killed(start):
     nodes = nodes_of(process)
     process.kill()
     process.wait()
-    end = time.monotonic() + 15.0
+    end = time.monotonic() + 60.0
     while nodes_of(process) and time.monotonic() < end:
         time.sleep(0.1)
     assert nodes
@@ -140,7 +140,7 @@ def test_nothing_is_left_when_the_command_itself_is_killed(start):
 def test_a_wrong_word_is_refused_before_anything_starts(start, tmp_path):
     for words, sentence in ((("--well", "7 b"), "--well"), (("--rate", -1), "--rate"), (("--method", "s4"), "s4")):
         process = start(*words)
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=240)
         assert process.returncode in (1, 2)
         assert sentence in err
         assert "Traceback" not in err

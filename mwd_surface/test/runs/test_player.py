@@ -79,14 +79,14 @@ def ask(address, given):
     body = json.dumps(given).encode()
     request = urllib.request.Request(f"{address}replay", body, {"Content-Type": "application/json"}, method="POST")  # noqa: S310
     try:
-        with urllib.request.urlopen(request, timeout=5.0) as answer:  # noqa: S310
+        with urllib.request.urlopen(request, timeout=30.0) as answer:  # noqa: S310
             return answer.status
     except urllib.error.HTTPError as error:
         return error.code
 
 
 def state(address):
-    with urllib.request.urlopen(f"{address}state.json", timeout=5.0) as answer:  # noqa: S310
+    with urllib.request.urlopen(f"{address}state.json", timeout=30.0) as answer:  # noqa: S310
         return json.load(answer)
 
 

@@ -48,7 +48,7 @@ def order(folder, name, code):
     return Order(name, [sys.executable, "-S", "-c", code], folder / f"{name}.log")
 
 
-def until(condition, seconds=10.0):
+def until(condition, seconds=60.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it did not happen"
