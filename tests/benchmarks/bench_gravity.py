@@ -12,6 +12,7 @@ vqf, imufusion, ahrs from PyPI; those that are not installed are left out by nam
 
 from __future__ import annotations
 
+import importlib.resources
 import importlib.util
 import math
 import sys
@@ -27,8 +28,11 @@ from consistency import consistency
 from mwd_estimation.gravity import fuzzy_mahony, smoother
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.bounded import filter as gravity_bounded
+from mwd_estimation.settings import derivation, tool_file
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.settings import from_mapping
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import REFERENCE_DATA, ROOT
@@ -306,12 +310,31 @@ def accuracy(title: str, rows: dict[str, Follow], seeds: int, calibrated: bool =
     return out
 
 
-def honesty(name: str, run: Callable[..., Any], cases: dict[str, tuple[Path, Changes]], seeds: range) -> list[str]:
+def told(path: Path, changes: Changes) -> Any:
+    """Parameters of the default method for the place of the scenarios and the tool file of the scenario's grade."""
+    grade = scenario.read(path, changes).ahrs.grade
+    table = tool_file.from_file(Path(str(importlib.resources.files("mwd_sensors"))) / f"simulator/grades/{grade}.yaml")
+    return derivation.gravity_params(from_mapping(EstimatorSettings, {"tool": table}), GRAVITY)
+
+
+def default_params() -> Any:
+    """Parameters of the default method for the place of the scenarios and a tool of which nothing is told."""
+    return derivation.gravity_params(EstimatorSettings(), GRAVITY)
+
+
+def honesty(
+    name: str,
+    run: Callable[..., Any],
+    cases: dict[str, tuple[Path, Changes]],
+    seeds: range,
+    tool_file_given: bool = True,
+) -> list[str]:
     """
     Squared error over published variance (NEES, 1 expected) of inclination and toolface, case by case.
 
-    The 95 % band is that of a chi-square of as many degrees of freedom as independent samples were seen, all seeds
-    together; a value outside it is marked: > bold, < cautious.
+    The filter knows the figures of the tool's grade (`tool_file_given`), or nothing of the tool. The 95 % band is that
+    of a chi-square of as many degrees of freedom as independent samples were seen, all seeds together; a value outside
+    it is marked: > bold, < cautious.
     """
     out = [f"| {name} | " + " | ".join(cases) + " | inside |", "|---" * (len(cases) + 2) + "|"]
     rows: dict[str, list[str]] = {"NEES inclination": [], "NEES toolface": [], "sigma inclination, deg": []}
@@ -319,10 +342,11 @@ def honesty(name: str, run: Callable[..., Any], cases: dict[str, tuple[Path, Cha
     for number, (path, changes) in enumerate(cases.values()):
         squares: dict[str, list[tuple[Array, Array]]] = {row: [] for row in inside}
         sigma = []
+        params = told(path, changes) if tool_file_given else default_params()
         for seed in seeds:
             # A seed draws the tool: cases with the same tools would err alike.
             t, w, f, down = drilled(path, {**changes, "seed": seed + 1000 * number})
-            got, late = run(t, w, f), t - t[0] > SKIP_NS
+            got, late = run(params, t, w, f), t - t[0] > SKIP_NS
             errors = np.degrees(got.inclination) - inclination(down), toolface(got.g_t) - toolface(down)
             published = got.sigma_inclination, got.sigma_toolface
             for row, error, one in zip(squares, errors, published, strict=True):
@@ -458,18 +482,13 @@ def main(seeds: int = 3) -> list[str]:
     """Print all tables; returns their Markdown rows. Honesty takes four times the seeds."""
     rows = methods()
     default = gravity.method(gravity.DEFAULT)
-    # The place of the scenarios is known, as to the estimator.
-    params = default.Params(gravity=GRAVITY, gravity_sigma=0.002)
     bench: dict[str, tuple[Path, Changes]] = {case: (SCENARIOS / "bench" / f"{case}.yaml", {}) for case in CASES}
     others = {case: (SCENARIOS / "bench" / "rot155.yaml", changes) for case, changes in HELD_OUT.items()}
     own = {name: rows[name] for name in list(rows)[-2:]}
     once, again, fresh = range(1, 4 * seeds + 1), range(101, 4 * seeds + 101), range(201, 4 * seeds + 201)
 
-    def follow(t: NDArray[np.int64], w: Array, f: Array) -> Any:
+    def follow(params: Any, t: NDArray[np.int64], w: Array, f: Array) -> Any:
         return default.run(params, default.initial(params), t, w, f)
-
-    def smooth(t: NDArray[np.int64], w: Array, f: Array) -> Any:
-        return smoother.smooth(params, t, w, f)
 
     out: list[str] = []
     for table in (
@@ -478,7 +497,8 @@ def main(seeds: int = 3) -> list[str]:
         lambda: honesty("default", follow, bench, once),
         lambda: honesty("default, other seeds", follow, bench, again),
         lambda: honesty("default, held out", follow, others, fresh),
-        lambda: honesty("smoother", smooth, bench, once),
+        lambda: honesty("default, no tool file", follow, others, fresh, tool_file_given=False),
+        lambda: honesty("smoother", smoother.smooth, bench, once),
         lambda: real(rows),
         honest_on_broad,
         speed,

@@ -85,7 +85,7 @@ class Smoother:
 
 
 def transition(sums: Any) -> Array:
-    """Transition of the steady errors over one update, shape (STEADY, STEADY), from its sums (`Sums`)."""
+    """Transition of the steady errors over one update, shape (STEADY, STEADY), from its sums, equation (3)."""
     T = float(sums["time"])
     F = np.eye(STEADY)
     F[TILT : TILT + 2, BIAS : BIAS + 3] = -sums["bias"]
@@ -105,7 +105,7 @@ def transition(sums: Any) -> Array:
 
 
 def _back(part: Track, log: Log) -> None:
-    """Backward pass over one block; directions and sigmas of `part` are replaced in place."""
+    """Backward pass over one block, equation (12) of the filter's page: replaces directions and sigmas of `part`."""
     count = int(log.entries[0])
     if count < 2:
         return

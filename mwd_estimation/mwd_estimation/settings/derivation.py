@@ -48,7 +48,7 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
     tool, chosen = settings.tool, method(settings.gravity.method)
     default: Any = chosen.Params()
     expert, usual = dataclasses.asdict(settings.gravity.expert), Gyro()
-    calibration = tool.calibration_mrad / 1e3
+    calibration = accelerometer_tilt(tool)
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
         "gravity_sigma": _LOCAL_GRAVITY if gravity else getattr(default, "gravity_sigma", 0.0),
@@ -76,13 +76,24 @@ def _in_proportion(default: Any, name: str, figure: float, usual: float) -> floa
     return float(getattr(default, name, 0.0)) * max(figure / usual, _LEAST_GYRO)
 
 
+def accelerometer_tilt(tool: Tool) -> float:
+    """
+    Tilt that the errors of the accelerometers give the direction of gravity, 1 sigma, rad.
+
+    A scale error turns the vector by its difference between two axes times sine and cosine of the angle to them: half
+    of it, root mean square over all attitudes.
+    """
+    sensor = tool.accelerometer
+    return math.hypot(sensor.bias_ug / 1e6, 0.5 * sensor.scale_ppm / 1e6, sensor.misalignment_mrad / 1e3)
+
+
 def accelerometer_only_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.Params:
     """Parameters of the method that remains while the gyros are faulty."""
     default = accelerometer_only.Params()
     return default._replace(
         gravity=gravity or STANDARD_GRAVITY,
         accel_range=min(settings.tool.accelerometer.range_g) * STANDARD_GRAVITY,
-        sigma_floor=max(default.sigma_floor, settings.tool.calibration_mrad / 1e3),
+        sigma_floor=max(default.sigma_floor, accelerometer_tilt(settings.tool)),
     )
 
 

@@ -260,6 +260,7 @@ class EstimatorSettings:
         "north": "survey.north_seek_s and tool.gyro",
         "rotary": "survey.rotary_s",
         "fusion": "verdict",
+        "tool.calibration_mrad": "part of tool.accelerometer (bias_ug, scale_ppm, misalignment_mrad)",
         **{f"survey.{name}": now for name, now in Survey.FORMER.items()},
         **{f"verdict.{name}": now for name, now in Verdict.FORMER.items()},
         **dict.fromkeys(gravity.METHODS, "gravity.expert and tool"),

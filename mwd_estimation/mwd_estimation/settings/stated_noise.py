@@ -40,7 +40,7 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tupl
         stated.get(vector, Noise()) for vector in ("angular_velocity", "linear_acceleration", "magnetic_field")
     )
     gyro_noise, mag_bias = tool.gyro.noise_deg_sqrt_h, tool.magnetometer.bias_nt
-    tilt, accel_bias = tool.calibration_mrad, tool.accelerometer.bias_ug
+    accel_bias = tool.accelerometer.bias_ug
     taken = "more than the tool's: sigma is widened by it"
     # What the continuous attitude averages over, s, which is less than a station does.
     seconds = max(2.0 * settings.attitude.smoothing_s, accel.period_s, mag.period_s)
@@ -49,8 +49,7 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tupl
         gyro_noise = density
         notes.append(f"the covariance of angular_velocity states {density:.2g} deg/sqrt(h), {taken}")
     if accel.density > _ACCEL_NOISE:
-        share = accel.density / STANDARD_GRAVITY / math.sqrt(seconds)
-        tilt, accel_bias = math.hypot(tilt, share * 1e3), math.hypot(accel_bias, share * 1e6)
+        accel_bias = math.hypot(accel_bias, accel.density / STANDARD_GRAVITY / math.sqrt(seconds) * 1e6)
         notes.append(f"the covariance of linear_acceleration states {accel.sigma:.2g} m/s^2 a sample, {taken}")
     if mag.sigma * 1e9 > mag_bias:
         mag_bias = math.hypot(mag_bias, mag.density * 1e9 / math.sqrt(seconds))
@@ -62,6 +61,5 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tupl
         gyro=dataclasses.replace(tool.gyro, noise_deg_sqrt_h=gyro_noise),
         accelerometer=dataclasses.replace(tool.accelerometer, bias_ug=min(accel_bias, 1e5)),
         magnetometer=dataclasses.replace(tool.magnetometer, bias_nt=min(mag_bias, 1e4)),
-        calibration_mrad=min(tilt, 500.0),
     )
     return dataclasses.replace(settings, tool=tool), notes

@@ -102,8 +102,9 @@ class Accelerometer:
     )
     bias_ug: float = setting(
         408.0,
-        "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigmas and acceptance limits of "
-        "surveys. The default is the ISCWSA MWD tool code's (0.004 m/s^2).",
+        "Bias of each axis that calibration leaves, 1 sigma. Raising it widens the sigma of inclination and toolface "
+        "of every sample, and the acceptance limits of surveys. The default is the ISCWSA MWD tool code's (0.004 "
+        "m/s^2); a calibration certificate may state less, a unit as it leaves the factory has some 3000.",
         unit="ug",
         low=0.0,
         high=1e5,
@@ -124,6 +125,15 @@ class Accelerometer:
         unit="ppm",
         low=0.0,
         high=1e5,
+        expert=True,
+    )
+    misalignment_mrad: float = setting(
+        0.1,
+        "Direction error of each axis that calibration leaves, 1 sigma. Raising it, the bias or the scale error widens "
+        "the sigma of inclination and toolface of every sample. From the residual of a tumble calibration.",
+        unit="mrad",
+        low=0.0,
+        high=500.0,
         expert=True,
     )
 
@@ -198,14 +208,6 @@ class Tool:
         "(mean rates and forces), points (values at an instant). A wrong choice costs accuracy under vibration: 5 Hz "
         "coning of 2 deg drifts by 65 deg/h. From the data sheet.",
         choices=("integrated", "means", "points"),
-    )
-    calibration_mrad: float = setting(
-        0.15,
-        "Tilt error of the gravity direction that the calibration of the accelerometers leaves, 1 sigma. Raising it "
-        "widens the sigma of inclination and toolface of every sample. Set it from the calibration's residual.",
-        unit="mrad",
-        low=0.0,
-        high=500.0,
     )
     calibrated_low_c: float = setting(
         -40.0,

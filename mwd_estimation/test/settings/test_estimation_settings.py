@@ -129,9 +129,16 @@ def test_a_gravity_method_has_its_defaults_and_the_range_of_the_tool_and_the_gra
     settings = changed(EstimatorSettings(), {"gravity.method": name, "tool.accelerometer.range_g": [8.0, 16.0, 16.0]})
     params, default = derivation.gravity_params(settings, 9.82), methods.METHODS[name].Params()
     assert (params.gravity, params.accel_range) == (9.82, 8.0 * STANDARD_GRAVITY)
-    derived = {"gravity", "gravity_sigma", "accel_range", "gyro_range"}
+    derived = {"gravity", "gravity_sigma", "accel_range", "gyro_range", "calibration_sigma"}
     for field in getattr(default, "_fields", None) or [one.name for one in dataclasses.fields(default)]:
         assert field in derived or getattr(params, field) == getattr(default, field), field
+
+
+@pytest.mark.parametrize(("grade", "tilt_mrad"), [("mti3_calibrated", 0.15), ("mti3", 3.25), ("owsg_mwd", 0.5)])
+def test_the_gravity_filter_knows_how_well_the_accelerometers_are_calibrated(grade, tilt_mrad):
+    tool = tool_file.from_file(next(path for path in GRADES if path.name == f"{grade}.yaml"))
+    params = derivation.gravity_params(from_mapping(EstimatorSettings, {"tool": tool}), None)
+    assert params.calibration_sigma == pytest.approx(tilt_mrad / 1e3, rel=0.03)
 
 
 def test_the_bounded_filter_takes_the_gyro_of_the_tool():

@@ -3,8 +3,8 @@
 How the bounded filter goes over a data gap: by the rates on either side of it, as far as those can be trusted.
 
 Between two known rates the lost ones are taken for a random walk tied at both ends: the angle is that of the mean rate,
-its variance q T^3 / 12, with q how much rates have changed lately. How the tool vibrated meanwhile is not known:
-velocity and position begin anew; attitude and all that was learnt of the sensors stay.
+its variance q T^3 / 12, equation (7), with q how much rates have changed lately. How the tool vibrated meanwhile is not
+known: velocity and position begin anew; attitude and all that was learnt of the sensors stay.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def hole_direction(s: Record) -> tuple[float, float]:
 @compiled
 def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
     """
-    One scalar update along a tool axis; adds to `correction` and returns the whitened innovation.
+    One scalar update along a tool axis, equation (4); adds to `correction` and returns the whitened innovation.
 
     noise: variance of the white displacement, m^2. An innovation whose square is more than `gate` times its variance is
     taken for a velocity lost in a shock: velocity and displacement along that axis become as uncertain as it is large.

@@ -3,7 +3,8 @@
 Mechanisation of the bounded filter: attitude, velocity and position from one sample, and what an update needs of it.
 
 Errors live in a level frame of arbitrary heading (attitude, velocity, position) and in the tool (sensors). Samples move
-the nominal values and add to the sums; the covariance moves once for each update (`propagate`).
+the nominal values and add to the sums; the covariance moves once for each update (`propagate`). Numbers of equations,
+here and in the modules beside this one, are those of ``docs/methods/bounded_gravity_filter.md``.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ def rotate(s: Record, px: float, py: float, pz: float) -> None:
 @compiled
 def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     """
-    Move the nominal values and the sums by one sample; returns the square of the acceleration, (m/s^2)^2.
+    Move the nominal values and the sums by one sample, equations (1) and (2); returns the squared acceleration.
 
     w: measured rate, rad/s; f: measured specific force, m/s^2, of the interval of dt seconds that ends at the sample.
     """
@@ -122,7 +123,7 @@ def move(s: Record) -> None:
 @compiled
 def propagate(P: Array, sums: Sums, size: int) -> None:
     """
-    P <- F P F' over the sums since the last update; noise is added by the caller.
+    P <- F P F' over the sums since the last update, equation (3); noise is added by the caller.
 
     tilt' = tilt - int(C) bias - int(C e_x w_x) scale - int(C e_yz w_x) askew;
     velocity' = velocity + [mean of both tilts x] force + T down;

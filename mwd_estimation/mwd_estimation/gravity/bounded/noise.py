@@ -109,7 +109,7 @@ def follow_motion(s: Record, w: Array) -> None:
 
 @compiled
 def explained(s: Record) -> float:
-    """Displacement, m^2, that forces would leave that are as white as neighbouring samples are."""
+    """Displacement, m^2, that forces would leave that are as white as neighbouring samples are, equation (6)."""
     # White force of density one leaves a displacement of variance time^3 / 16 behind the three high-passes.
     return SWING_TIME**3 / 16.0 * s.motion.rough
 
@@ -153,7 +153,7 @@ def _displacement(s: Record) -> tuple[float, float]:
 
 @compiled
 def add_noise(p: Params, s: Record) -> float:
-    """Noise of one interval; returns the variance that is added to the tilt, rad^2."""
+    """Noise of one interval, equation (5); returns the variance that is added to the tilt, rad^2."""
     P, T = s.P, s.sums.time
     turn = p.gyro_noise**2 * T + s.sums.turn
     density = max(WHITE_SHARE * s.motion.white, whole(s) * explained(s)) * 16.0 / SWING_TIME**3

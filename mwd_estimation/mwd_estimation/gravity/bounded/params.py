@@ -32,7 +32,8 @@ class Params(NamedTuple):
     lever_sigma : float
         Distance of the sensor from the point of the tool that moves least, m.
     calibration_sigma : float
-        Tilt that calibration errors of the accelerometers leave, rad: a floor of sigma. 0.003 as from the factory.
+        Tilt that calibration errors of the accelerometers leave, rad: a floor of sigma. The default is a calibrated
+        probe's; 0.003 as from the factory.
     misalignment_sigma : float
         Share of the rate about x that the gyros across it read, at switch-on, with the reserve of the bias. Raising it
         lets it settle faster and widens sigma while the tool rotates.

@@ -5,7 +5,7 @@ Covariance scale of the bounded filter: its corrections of the tilt against the 
 The noises have reserve, because motion is not white and gains need only their ratios. An update that finds as much as
 it should corrects the tilt by a variance of what the covariance shrinks by. Corrections are summed over the filter's
 own time, that in which noise adds as much as the variance of the tilt: of a filter of first order they then show the
-error's variance exactly, be it driven by the gyros or by the motion (`docs/methods/bounded_gravity_filter.md`). Their
+error's variance exactly, be it driven by the gyros or by the motion, equation (10). Their
 power is the factor of the covariance. What no innovation shows is added: calibration, a cone of the gyros across the
 axis while the tool rotates, travel along a curve.
 """
@@ -64,7 +64,7 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> N
 
 @compiled
 def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float, ny: float) -> None:
-    """Follow the power of the corrections about n, over `updates`; expected: variance of one correction, rad^2."""
+    """Follow the power of the corrections about n, over `updates`, equation (8); expected: their variance, rad^2."""
     T = s.sums.time
     own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
     share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
@@ -102,7 +102,7 @@ def _heading_rate(s: Record) -> float:
 
 @compiled
 def floors(p: Params, s: Record) -> tuple[float, float]:
-    """Variances that no innovation shows, of the inclination and of the tilt across the hole, rad^2."""
+    """Variances that no innovation shows, of the inclination and of the tilt across the hole, rad^2, equation (11)."""
     C, turn2 = s.C, s.turning**2
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)
@@ -128,7 +128,7 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
 
 @compiled
 def publish(p: Params, s: Record) -> None:
-    """Sigma of inclination and of toolface, rad, at most pi, until the covariance changes again."""
+    """Sigma of inclination and of toolface by equation (9), rad, at most pi, until the covariance changes again."""
     tilt, aside = tilts(s)
     along, across = s.innovations.along.power, s.innovations.across.power
     floor_along, floor_aside = floors(p, s)
