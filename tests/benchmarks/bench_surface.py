@@ -18,10 +18,13 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import aiohttp
+import numpy as np
 import yaml
 
 import running_graph
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.page.page_server import PageServer
+from mwd_surface.page.settings import PageSettings
 from project import SCENARIOS
 from running_graph import PLACE, until
 
@@ -212,6 +215,34 @@ def replayed(folder: Path, seconds: float, rate: float, given: Callable[[str], N
     ]
 
 
+def latency(count: int = 300) -> list[str]:
+    """From a state handed to the page's server until a watcher has it, in ms."""
+    took = []
+
+    async def talk(server: PageServer) -> None:
+        async with aiohttp.ClientSession() as session, session.ws_connect(f"{server.address}live") as socket:
+            await socket.receive()
+            for k in range(count):
+                began = time.perf_counter()
+                server.push({"now": 0.0, "sections": {"a": {"k": k}}, "revisions": {"a": k}})
+                while json.loads((await socket.receive()).data)["sections"].get("a", {}).get("k") != k:
+                    pass
+                took.append(1e3 * (time.perf_counter() - began))
+
+    server = PageServer(PageSettings(port=0))
+    server.start()
+    try:
+        asyncio.run(talk(server))
+    finally:
+        server.stop()
+    half, most = np.quantile(took, (0.5, 0.99))
+    return [
+        "| from a state to its watcher, ms | median | 99 % | limit |",
+        "|---|---|---|---|",
+        f"| {count} states | {half:.0f} | {most:.0f} | 200 |",
+    ]
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -221,6 +252,7 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=10.0, help="how fast it is replayed")
     parser.add_argument("--progress", action="store_true", help="print memory as it goes")
     options = parser.parse_args()
+    print("\n".join(latency()) + "\n", flush=True)
     with tempfile.TemporaryDirectory() as name:
         # Each in a folder of its own: logs of nodes of the same name must not be mixed up.
         one, two, three = (Path(name) / word for word in ("live", "replay", "fast"))
