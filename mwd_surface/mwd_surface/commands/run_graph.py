@@ -12,8 +12,7 @@ import typer
 if TYPE_CHECKING:
     from mwd_surface.runs.supervise import Supervisor
 
-_READY_WITHIN = 120.0  # s from the start, or from when the filters were ready
-_PREPARED_WITHIN = 900.0  # s for the filters, which the first start on a machine compiles: minutes on a busy one
+_SAY_EVERY = 30.0  # s between two words on what the start waits for
 _SETTLE = 1.5  # s between the last sample and the end, for what is still on its way
 _POLL = 0.1
 
@@ -74,7 +73,7 @@ def run_graph(
                 if "sonde" in orders:
                     supervisor.start(orders["sonde"])
                 _run_to_end(supervisor, interrupts, address, story, last, options.hold)
-        except _StartError as error:
+        except StartError as error:
             terminal.warn(f"{error}; logs in {logs}")
             raise typer.Exit(1) from error
         finally:
@@ -97,7 +96,7 @@ def _in_one_process(
     return {"well": {}, **others}, dataclasses.replace(options, words=words), "well"
 
 
-class _StartError(RuntimeError):
+class StartError(RuntimeError):
     """The graph did not start; the message says which node and why."""
 
 
@@ -124,33 +123,53 @@ class _Interrupts:
 
 
 def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: str, logs: Path) -> bool:
-    """Until the page answers and says that the estimator is active; False when interrupted."""
+    """
+    Until the page answers and says that the estimator is active; False when interrupted.
+
+    Slow is no error: what is waited for is said again and again. A node that fails ends the wait.
+    """
     import time
 
     from mwd_surface.commands import terminal
 
-    began = last = time.monotonic()
+    began = said = time.monotonic()
     with terminal.waiting("starting the nodes; the first time their filters are compiled"):
         while not interrupts.count:
             supervisor.watch()
             if supervisor.failing:
-                raise _StartError("; ".join(supervisor.failing))
-            rows = _state(address).get("findings", {}).get("rows", [])
-            if any(row["name"].endswith("estimator: lifecycle") and row["message"] == "active" for row in rows):
+                raise StartError("; ".join(supervisor.failing))
+            words = {log.stem: log.read_text(errors="replace") for log in logs.glob("*.log")}
+            missing = waits_for(_state(address), words)
+            if not missing:
                 return True
             now = time.monotonic()
-            for log in logs.glob("*.log"):
-                words = log.read_text(errors="replace")
-                # A node that cannot open its topics, files or port lives on, unconfigured, for somebody to mend it.
-                _, found, reason = words.partition("cannot configure: ")
-                if found:
-                    raise _StartError(f"{log.stem} cannot start: {reason.splitlines()[0]}")
-                if "preparing the filters" in words and "the filters are ready" not in words:
-                    last = now
-            if now - last > _READY_WITHIN or now - began > _PREPARED_WITHIN:
-                raise _StartError(f"the nodes are not ready after {now - began:.0f} s")
+            if now - said > _SAY_EVERY:
+                said = now
+                terminal.remark(f"not ready after {now - began:.0f} s: {missing}")
             time.sleep(_POLL)
     return False
+
+
+def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
+    """
+    What is missing before the scenario can be played, in words; empty when nothing is.
+
+    state : sections of the page, empty while it does not answer. logs : what each node has logged, by its name.
+    Raises StartError where a node says that it cannot be configured: it lives on, for somebody to mend it.
+    """
+    for node, words in logs.items():
+        _, found, reason = words.partition("cannot configure: ")
+        if found:
+            raise StartError(f"{node} cannot start: {reason.splitlines()[0]}")
+    if any("preparing the filters" in words and "the filters are ready" not in words for words in logs.values()):
+        return "the estimator compiles its filters"
+    if not state:
+        return "the surface node is starting, its page does not answer"
+    rows = state.get("findings", {}).get("rows", [])
+    heard = next((row["message"] for row in rows if row["name"].endswith("estimator: lifecycle")), None)
+    if heard is None:
+        return "the surface node does not hear the estimator (`mwd doctor` looks at the network between them)"
+    return "" if heard == "active" else f"the estimator is {heard}"
 
 
 def _run_to_end(
