@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.page.page_server import PageServer
     from mwd_surface.runs.player import Player, Playing
+    from mwd_surface.surveys.plan import Plan
     from mwd_surface.surveys.survey_list import SurveyList
 
 _PERIOD_S = 0.1  # between two states of the page
@@ -25,6 +27,9 @@ def view(
     rate: Annotated[float, typer.Option(help="Seconds of the recording in a second.")] = 1.0,
     start: Annotated[float, typer.Option(help="Begin so many seconds after the first message.")] = 0.0,
     paused: Annotated[bool, typer.Option("--paused", help="Do not play until the button is pressed.")] = False,
+    plan: Annotated[
+        Path | None, typer.Option(help="Planned path, CSV or WITSML; by default the file named in the recording.")
+    ] = None,
 ) -> None:
     """
     Show a recording on the live page: play it at any rate, and go to any moment of it with the slider.
@@ -43,6 +48,7 @@ def view(
     from mwd_surface.runs import launch_plan
     from mwd_surface.runs.bundle import newest_recording
     from mwd_surface.runs.player import Player, Playing, namespace_of
+    from mwd_surface.surveys.plan import with_section
 
     if not 0.01 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0.01 to 1000")
@@ -54,11 +60,13 @@ def view(
     asked = Playing(not paused, rate, start)
     with contextlib.ExitStack() as held:
         bag = held.enter_context(Bag(recording))
+        planned = _plan(bag, plan)
         if namespace_of(bag):
             surveys = _surveys(bag)
         else:
             bag, surveys = held.enter_context(_processed(bag))
-        player = Player(bag, namespace_of(bag), surveys)
+        surveys = dataclasses.replace(surveys, well=with_section(surveys.well, planned))
+        player = Player(bag, namespace_of(bag), surveys, planned)
         page_port = held.enter_context(launch_plan.page_port(port))
 
         def on_replay(given: dict[str, float | bool]) -> None:
@@ -100,13 +108,33 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
 def _surveys(bag: Bag) -> SurveyList:
     """The survey list of a recording; empty where it has none."""
     from mwd_surface.bags.bag_reader import BagError
+    from mwd_surface.runs.recorded_settings import recorded_settings
     from mwd_surface.surveys.survey_list import SurveyList
     from mwd_surface.surveys.survey_source import surveys_of_bag
 
     try:
-        return surveys_of_bag(bag)
+        surveys = surveys_of_bag(bag)
     except BagError:
-        return SurveyList()
+        surveys = SurveyList()
+    recorded = recorded_settings(bag).surface
+    return surveys if recorded is None else dataclasses.replace(surveys, well=recorded.well)
+
+
+def _plan(bag: Bag, path: Path | None) -> Plan | None:
+    """The plan of a file, or of the file that the surface node of the recording had."""
+    from mwd_surface.commands import terminal
+    from mwd_surface.runs.recorded_settings import SURFACE
+    from mwd_surface.surveys.plan_file import read_plan
+
+    if path is not None:
+        return read_plan(path)
+    named = dict(bag.metadata().get(SURFACE, {})).get("plan.file", "")
+    if not named:
+        return None
+    if not Path(named).expanduser().is_file():
+        terminal.remark(f"the plan of this recording, {named}, is not on this machine; --plan names it")
+        return None
+    return read_plan(Path(named).expanduser())
 
 
 @contextlib.contextmanager

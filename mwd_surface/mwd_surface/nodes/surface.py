@@ -56,6 +56,7 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.parameter_tables import ParameterTables
 from mwd_surface.ros.topics import OF_TOOL, OVER_LINK
 from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
+from mwd_surface.surveys.plan import with_section
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_store import StoreError
 
@@ -80,7 +81,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
         def apply(job: concurrent.futures.Future[Any]) -> None:
             self._plan.use(job.result())
-            self._surveys.change_settings(self._plan.with_section(settings.well), settings.rules, settings.leg)
+            self._surveys.change_settings(with_section(settings.well, self._plan.plan), settings.rules, settings.leg)
             self._show_well()
 
         # A disk may take its time; the node meanwhile serves page and rig.
@@ -122,7 +123,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._supervision = SupervisionMonitor(context)
         self._plan = PlanServer(live, context.alarm_log)
         self._plan.use(self._plan.read(settings.plan, settings.well.north_reference))
-        well = self._plan.with_section(settings.well)
+        well = with_section(settings.well, self._plan.plan)
         self._slides = self._closed_on_cleanup(SlideRecorder(context, settings.slides))
         self._surveys = self._closed_on_cleanup(
             SurveyListServer(

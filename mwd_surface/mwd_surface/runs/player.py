@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from mwd_surface.bags.bag_reader import Bag, Block
 from mwd_surface.live.alarms import Alarm
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_state import WellState
-from mwd_surface.surveys.message_conversion import stamp_of
+from mwd_surface.surveys.message_conversion import advice_of, stamp_of
+from mwd_surface.surveys.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
 from mwd_surface.surveys.survey_list import SurveyList
 
 # Time before the moment that is looked for that is played first, for the charts and for latched values, s.
@@ -27,7 +29,8 @@ CHARTS_S = 300.0
 # The state is brought forward in steps of at most so long, s: charts keep their rows.
 _STEP_S = 0.5
 _BLOCK = 512  # messages read at a time
-_TOPICS = ("rig/state", "gravity", "attitude", "dynamics", "interference", "imu/temperature", "imu/mag")
+_BIT_DEPTH = 1  # bit of `valid` of RigState
+_TOPICS = ("imu/data_raw", "rig/state", "gravity", "attitude", "dynamics", "interference", "imu/temperature", "imu/mag")
 
 
 class Player:
@@ -41,6 +44,8 @@ class Player:
         Of the well, with a slash at its end.
     surveys : SurveyList
         All surveys of the recording; each is shown from its stamp on.
+    plan : Plan, optional
+        Of the well.
 
     Attributes
     ----------
@@ -49,11 +54,15 @@ class Player:
         Time played so far, after the first message.
     """
 
-    def __init__(self, bag: Bag, namespace: str, surveys: SurveyList) -> None:
-        self._bag, self._surveys = bag, surveys
+    def __init__(self, bag: Bag, namespace: str, surveys: SurveyList, plan: Plan | None = None) -> None:
+        self._bag, self._surveys, self._plan = bag, surveys, plan
         self._names = {namespace + topic: topic for topic in _TOPICS if bag.topics.get(namespace + topic) is not None}
         self.length_s = bag.duration_s
         self._alarms = _alarms(bag, f"{namespace}alarms")
+        self._advice = [
+            (log_ns, advice_of(message))
+            for log_ns, message in _messages(bag, f"{namespace}steering/advice", "mwd_msgs/msg/SteeringAdvice")
+        ]
         self.at_s = 0.0
         self.seek(0.0)
 
@@ -63,7 +72,8 @@ class Player:
         begin_s = max(at_s - CHARTS_S, 0.0)
         self._live = LiveState()
         self._handlers: dict[str, Callable[[Samples, float], None]] = {
-            "rig/state": self._live.on_rig_state,
+            "imu/data_raw": lambda _samples, now: self._live.on_stream("sonde", 0, now),
+            "rig/state": self._on_rig_state,
             "gravity": self._live.on_gravity,
             "attitude": self._live.on_attitude,
             "dynamics": self._live.on_dynamics,
@@ -71,7 +81,11 @@ class Player:
             "imu/temperature": self._live.on_temperature,
             "imu/mag": self._live.on_magnetic_field,
         }
-        self._shown = self._alarms_shown = -1
+        self._shown = self._alarms_shown = self._advice_shown = -1
+        self._bit_depth: float | None = None
+        self._path_to: tuple[int, float | None] | None = None
+        if self._plan is not None:
+            self._live.on_plan(interpolated(self._plan, DRAWN_STEP), begin_s)
         begin_ns = self._bag.start_ns + round(begin_s * 1e9)
         self._blocks: Iterator[Block] = self._bag.blocks(list(self._names), begin_ns, block_messages=_BLOCK)
         self._pending: Block = {}
@@ -86,6 +100,7 @@ class Player:
             self._feed(self.at_s)
         self._show_surveys(self.at_s)
         self._show_alarms(self.at_s)
+        self._show_advice(self.at_s)
 
     def state(self) -> WellState:
         """State of the well at this moment."""
@@ -120,14 +135,25 @@ class Player:
         """Show the surveys that had been taken by this moment."""
         now_ns = self._bag.start_ns + round(now * 1e9)
         records = tuple(r for r in self._surveys.records if r.survey.stamp_ns <= now_ns)
-        if len(records) == self._shown:
+        if len(records) != self._shown:
+            self._shown = len(records)
+            table = dataclasses.replace(self._surveys, records=records).to_mapping()
+            self._known = SurveyList.from_mapping(table, self._surveys.rules)
+            self._live.on_well(self._known.well, now)
+            self._live.on_records(self._known.records, now)
+        if self._path_to == (len(records), self._bit_depth):
             return
-        self._shown = len(records)
-        table = dataclasses.replace(self._surveys, records=records).to_mapping()
-        known = SurveyList.from_mapping(table, self._surveys.rules)
-        self._live.on_well(known.well, now)
-        self._live.on_records(known.records, now)
-        self._live.on_trajectory(known.definitive(), now)
+        self._path_to = len(records), self._bit_depth
+        path = self._known.definitive(bit_depth=self._bit_depth)
+        self._live.on_trajectory(path, now)
+        offset, dogleg = offset_of_end(self._plan, path)
+        self._live.on_offset(offset, now, dogleg)
+
+    def _on_rig_state(self, samples: Samples, now: float) -> None:
+        """Take the state of the rig; the path is projected to its bit."""
+        self._live.on_rig_state(samples, now)
+        known = samples["bit_depth"][(samples["valid"] & _BIT_DEPTH) != 0]
+        self._bit_depth = float(known[-1]) if len(known) else self._bit_depth
 
     def _show_alarms(self, now: float) -> None:
         """Show the alarms that stood at this moment."""
@@ -137,12 +163,26 @@ class Player:
             self._alarms_shown = which
             self._live.on_alarms(self._alarms[which][1] if which >= 0 else (), (), now, now_ns)
 
+    def _show_advice(self, now: float) -> None:
+        """Show the advice on steering that held at this moment."""
+        now_ns = self._bag.start_ns + round(now * 1e9)
+        which = sum(log_ns <= now_ns for log_ns, _ in self._advice) - 1
+        if which != self._advice_shown:
+            self._advice_shown = which
+            self._live.on_advice(self._advice[which][1], now)
+
+
+def _messages(bag: Bag, topic: str, type_name: str) -> Iterator[tuple[int, Any]]:
+    """Each message of a topic with the time at which it was logged, ns; none where the topic is of another type."""
+    about = bag.topics.get(topic)
+    if about is None or about.type_name != type_name:
+        return
+    for log_ns, _, _, data in bag.messages([topic]):
+        yield log_ns, bag.decode(topic, data)
+
 
 def _alarms(bag: Bag, topic: str) -> list[tuple[int, tuple[Alarm, ...]]]:
     """Each list of alarms in a recording, newest alarm first, with the time at which it was logged, ns."""
-    about = bag.topics.get(topic)
-    if about is None or about.type_name != "mwd_msgs/msg/AlarmList":
-        return []
     fields = ("id", "severity", "text", "remedy", "active", "acknowledged", "count")
     return [
         (
@@ -153,10 +193,10 @@ def _alarms(bag: Bag, topic: str) -> list[tuple[int, tuple[Alarm, ...]]]:
                     last_ns=stamp_of(one.last),
                     **{name: getattr(one, name) for name in fields},
                 )
-                for one in bag.decode(topic, data).alarms
+                for one in message.alarms
             ),
         )
-        for log_ns, _, _, data in bag.messages([topic])
+        for log_ns, message in _messages(bag, topic, "mwd_msgs/msg/AlarmList")
     ]
 
 

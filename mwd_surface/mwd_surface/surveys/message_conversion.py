@@ -12,6 +12,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from mwd_surface.surveys.advice import Advice, AdviceMode
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Decision, Judgement, Survey, SurveyRecord
 from mwd_surface.surveys.well_path import Definitive
@@ -35,6 +36,18 @@ _LATER = {
     "hypotheses",
     "hypothesis_odds",
 }
+
+
+# Fields of SteeringAdvice that are -1 where they are not known.
+_KNOWN_OR_NOT = (
+    "sigma",
+    "confidence",
+    "from_depth",
+    "slide_to_depth",
+    "to_depth",
+    "dogleg_severity",
+    "motor_yield",
+)
 
 
 def stamp_of(time: Any) -> int:
@@ -117,6 +130,26 @@ def fill_list(message: Any, surveys: SurveyList, new_record: Callable[[], Any], 
         line = new_record()
         fill_record(line, record, new_azimuth)
         message.records.append(line)
+
+
+def advice_of(message: Any) -> Advice:
+    """The Advice of a mwd_msgs/msg/SteeringAdvice."""
+
+    def known(value: float) -> float | None:
+        return None if value < 0.0 else float(value)
+
+    mode = AdviceMode(message.mode)
+    return Advice(
+        mode=mode,
+        toolface=float(message.toolface) if mode == AdviceMode.SLIDE else None,
+        magnetic=bool(message.toolface_mode),
+        limit=float(message.limit),
+        **{name: known(getattr(message, name)) for name in _KNOWN_OR_NOT},
+        survey=int(message.survey),
+        stamp_ns=stamp_of(message.header.stamp),
+        source=str(message.source),
+        reason=str(message.reason),
+    )
 
 
 def fill_trajectory(message: Any, path: Definitive, stamp_ns: int) -> None:

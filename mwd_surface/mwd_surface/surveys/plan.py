@@ -17,6 +17,10 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_tau
+from mwd_surface.surveys.well import Well
+from mwd_surface.surveys.well_path import Definitive
+
+DRAWN_STEP = 10.0  # m between the points of the plan that the page draws
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,6 +151,26 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
         vertical=float(away[2]),
         toolface=_toolface_of(-away, inclination, azimuth),
     )
+
+
+def offset_of_end(plan: Plan | None, path: Definitive) -> tuple[Offset | None, float | None]:
+    """Offset of the end of a path from the plan, and the dogleg severity from there to the target, rad/m, if known."""
+    if plan is None or len(path.md) < 2:
+        return None, None
+    end = path.positions[-1], float(path.inclination[-1]), float(path.azimuth[-1])
+    try:
+        dogleg: float | None = steering_to(*end, plan.target).dogleg_severity
+    except ValueError:
+        # The target is reached or behind the bit: no arc leads there.
+        dogleg = None
+    return offset_from(plan, *end), dogleg
+
+
+def with_section(well: Well, plan: Plan | None) -> Well:
+    """Set the vertical section of a well along the plan, where no other is configured."""
+    if plan is None or well.section_azimuth_deg >= 0.0:
+        return well
+    return dataclasses.replace(well, section_azimuth_deg=math.degrees(plan.section_azimuth))
 
 
 def nearest(plan: Plan, point: ArrayLike) -> float:

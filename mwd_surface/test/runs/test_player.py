@@ -17,7 +17,9 @@ from mwd_surface.page.state_json import StateJson
 from mwd_surface.runs import process, simulate
 from mwd_surface.runs.player import Player, namespace_of
 from mwd_surface.runs.run_output import OutputSettings
+from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.well import Well
 from running_graph import until
 
 pytestmark = pytest.mark.slow
@@ -73,6 +75,20 @@ def deepest(path, at_s):
         end_ns = bag.start_ns + round(at_s * 1e9) + 1
         parts = [block["/w1/rig/state"][1] for block in bag.blocks(["/w1/rig/state"], end_ns=end_ns)]
     return float(parts[-1]["bit_depth"][-1])
+
+
+def test_the_path_goes_to_the_bit_and_is_compared_with_the_plan(recorded):
+    surveys = SurveyList(well=Well(sensor_to_bit=3.0, section_azimuth_deg=40.0))
+    with Bag(recorded[1]) as bag:
+        player = Player(bag, "/w1/", surveys, plan_of([0.0, 600.0], [0.0, 0.0], [0.0, 0.0], name="straight"))
+        for at in (20.0, 5.0):
+            player.seek(at)
+            sections = StateJson().snapshot(player.state())["sections"]
+            assert sections["well"]["sensor_to_bit"] == 3.0
+            assert sections["plan"]["name"] == "straight"
+            assert sections["path"]["measured_depth"][-1] == pytest.approx(deepest(recorded[1], at))
+            assert sections["offset"]["known"]
+            assert sections["links"]["sonde"]["state"] == "live"
 
 
 def ask(address, given):

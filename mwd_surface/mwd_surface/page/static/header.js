@@ -55,7 +55,7 @@ let pillsText = "";
 const TOOL = { still: "tool still", rotating: "tool rotating", sliding: "tool sliding" };
 const TROUBLE = {
   sensor_fault: "sensor faulty", sensor_suspect: "sensor in doubt", clipped: "sensor at its limit", mag_disturbed: "magnetic disturbance",
-  no_mag: "no usable magnetometer", initialising: "settling", aliased: "vibration too fast for the sensor",
+  no_mag: "no magnetometer", initialising: "settling", aliased: "vibration too fast",
   no_reference: "no reference field", correction_refused: "azimuth not corrected",
 };
 
@@ -76,7 +76,7 @@ function recorderPill(recorder, now, silent) {
 }
 
 // What the tool and the rig do is said only while they tell it.
-export function showPills(sections, now, silent, select) {
+export function showPills(sections, now, silent, select, replayed) {
   const { links, recorder, attitude, rig } = sections;
   const list = [];
   const alive = (name) => links && stateOfStream(links[name], now, silent) === "live";
@@ -84,7 +84,9 @@ export function showPills(sections, now, silent, select) {
   if (attitude && alive("estimator")) {
     const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));
     if (doing) list.push(["system", "info", TOOL[doing]]);
-    const bad = Object.keys(TROUBLE).filter((word) => attitude.status.includes(word));
+    // Which sensor is faulty is in the line of alarms; that there is no magnetometer says what comes of it.
+    const told = attitude.status.includes("no_mag") ? ["sensor_fault", "sensor_suspect"] : [];
+    const bad = Object.keys(TROUBLE).filter((word) => attitude.status.includes(word) && !told.includes(word));
     list.push(...bad.map((word) => ["system", "doubtful", TROUBLE[word]]));
   }
   if (rig && alive("rig")) {
@@ -94,7 +96,8 @@ export function showPills(sections, now, silent, select) {
   // What does not fit in the row is left out from the end: the recorder stands first, as it shows nowhere else, then trouble.
   const rank = (kind) => ["reject", "doubtful", "stale"].indexOf(kind) + 1 || 9;
   list.sort((a, b) => rank(a[1]) - rank(b[1]));
-  if (recorder) list.unshift(recorderPill(recorder, now, silent));
+  // A recording that is played is not recorded.
+  if (recorder && !replayed) list.unshift(recorderPill(recorder, now, silent));
   const text = JSON.stringify(list);
   if (text === pillsText) return;
   const held = [...byId("pills").children].indexOf(document.activeElement);

@@ -103,7 +103,7 @@ function tick() {
   refresh(sections, now, silent);
   dial.show(sections.toolface, sections.quill, now, silent);
   showProgress(sections, now, silent);
-  showPills(sections, now, silent, select);
+  showPills(sections, now, silent, select, Boolean(connection.server.replay));
   showAlarmStrip(sections, now);
   const linkSince = sections.link?.since ? Math.max(0, now - sections.link.since) : 0;
   showLinkStrip(sections.link, linkSince);
