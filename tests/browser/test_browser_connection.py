@@ -83,7 +83,7 @@ def test_in_silence_no_pill_says_what_tool_or_rig_do(browser):
             pills = text(browser, "#pills")
             return all(one in pills for one in words)
 
-        wait(browser, lambda: shows("tool still", "no usable magnetometer"))
+        wait(browser, lambda: shows("tool still", "no magnetometer"))
         wait(browser, lambda: "no estimator" in text(browser, "#pills"))
         assert "tool" not in text(browser, "#pills")
         assert "magnetometer" not in text(browser, "#pills")

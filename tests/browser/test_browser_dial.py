@@ -32,6 +32,23 @@ def test_a_wanted_toolface_is_a_sector_with_a_word_for_inside_and_outside(browse
         wait(browser, lambda: text(browser, ".dial-note") == "ROTATING")
 
 
+def test_the_needle_leaves_the_words_of_the_dial_readable(browser):
+    covered = """
+      const needle = document.querySelector(".needle").getBoundingClientRect();
+      const word = [...document.querySelectorAll(".cardinal")].find((t) => t.textContent === arguments[0])
+        .getBoundingClientRect();
+      const dy = Math.min(needle.bottom, word.bottom) - Math.max(needle.top, word.top);
+      const dx = Math.min(needle.right, word.right) - Math.max(needle.left, word.left);
+      return dx > 0 && dy > 0 ? Math.min(dx / word.width, dy / word.height) : 0;
+    """
+    with rig_on(browser) as rig:
+        for degrees, word in ((0.0, "HIGH"), (90.0, "90 R"), (180.0, "LOW"), (270.0, "90 L")):
+            rig.live(toolface_deg=degrees)
+            wait(browser, lambda degrees=degrees: text(browser, ".dial-number") == f"{degrees:.0f}°")
+            # Boxes: between its two points the needle leaves room.
+            assert browser.execute_script(covered, word) < 0.4, word
+
+
 def test_near_vertical_the_dial_turns_north_up(browser):
     with rig_on(browser) as rig:
         rig.live(inclination_deg=2.0, status=65536 | int(Status.NEAR_VERTICAL))

@@ -26,6 +26,7 @@ from browser_page import (
     wait,
 )
 from mwd_estimation.core.status import Status
+from mwd_sensors.core import wire
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.supervision import TABLE
@@ -96,11 +97,19 @@ def test_nothing_is_wider_than_the_screen(browser, size):
         if size[0] >= 1024:
             height, inner = browser.execute_script("return [document.documentElement.scrollHeight, innerHeight]")
             assert height <= inner
-        table = "const t = document.querySelector('#tab-surveys'); return [t.scrollWidth, t.clientWidth]"
+        table = "const t = document.querySelector('.table-box'); return [t.scrollWidth, t.clientWidth]"
         if browser.find_elements(By.ID, "select-surveys"):
             tab(browser, "surveys")
         wide, room = browser.execute_script(table)
         assert wide <= room
+        if size[0] >= 1024:
+            # Whole lines: the lower edge of the table's room is that of a line.
+            edges = """
+              const room = document.querySelector(".table-box").getBoundingClientRect();
+              return [...document.querySelectorAll(".surveys tr")].map((r) => r.getBoundingClientRect())
+                .filter((r) => r.top < room.bottom - 2 && r.bottom > room.bottom + 2).map((r) => [r.top, r.bottom]);
+            """
+            assert browser.execute_script(edges) == []
 
 
 def test_what_is_touched_is_large_enough_for_gloves(browser):
@@ -160,7 +169,7 @@ def test_whether_it_is_recorded_and_what_the_alarm_is_stay_in_view_beside_troubl
         rig.book.raise_alarm("mag", Severity.CRITICAL, "magnetometer no longer sends samples", "plug", time.time_ns())
         rig.publish()
         rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))
-        wait(browser, lambda: "no usable magnetometer" in text(browser, "#pills"))
+        wait(browser, lambda: "no magnetometer" in text(browser, "#pills"))
         wait(browser, lambda: "no longer" in text(browser, ".alarm-what"))
         cut = """
           const row = document.getElementById("pills").getBoundingClientRect();
@@ -170,7 +179,22 @@ def test_whether_it_is_recorded_and_what_the_alarm_is_stay_in_view_beside_troubl
             what.scrollWidth - what.clientWidth];
         """
         assert max(browser.execute_script(cut)) <= 1
+        with_pumps = wire.RIG_STATE.empty(1)
+        with_pumps["flow_rate"], with_pumps["valid"] = 0.03, 128
+        rig.state.on_rig_state(with_pumps, time.monotonic())
+        rig.state.on_stream("sonde", 1, time.monotonic())
+        rig.push()
+        wait(browser, lambda: "pumps on" in text(browser, "#pills"))
+        assert browser.execute_script(OUT_OF_THE_ROW) == []
 
+
+# Pills that do not fit in their row, or on a phone upright in their two rows.
+OUT_OF_THE_ROW = """
+  const row = document.getElementById("pills").getBoundingClientRect();
+  return [...document.querySelectorAll("#pills .pill")].map((p) => [p.getBoundingClientRect(), p.textContent])
+    .filter(([place]) => row.width > 0 && (place.bottom > row.bottom + 1 || place.right > row.right + 1))
+    .map(([, words]) => words);
+"""
 
 # Elements whose text is wider or higher than their room.
 CUT = """

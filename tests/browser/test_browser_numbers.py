@@ -85,7 +85,7 @@ def test_a_stuck_magnetometer_leaves_no_bright_total_field(browser):
 
         wait(browser, lambda: field(int(Status.STILL)) == "live")
         wait(browser, lambda: field(int(Status.STILL | Status.NO_MAG)) == "stale")
-        assert "no usable magnetometer" in text(browser, '[data-cell="drilling.total_field"]')
+        assert "no magnetometer" in text(browser, '[data-cell="drilling.total_field"]')
 
 
 def test_why_a_direction_is_withheld_stands_beside_its_name(browser):
@@ -137,7 +137,7 @@ def test_how_far_off_plan_the_well_is_and_how_to_come_back_stand_on_the_first_sc
 def test_the_facts_of_the_well_are_never_cut_off(browser, size):
     with rig_on(browser, size) as rig:
         rig.live(status=int(Status.ROTATING | Status.NO_MAG | Status.SENSOR_FAULT | Status.CLIPPED))
-        wait(browser, lambda: "no usable magnetometer" in text(browser, "#pills"))
+        wait(browser, lambda: "no magnetometer" in text(browser, "#pills"))
         fits = "const d = document.querySelector('#datum');"
         fits += " return [d.scrollHeight - d.clientHeight, d.scrollWidth - d.clientWidth]"
         assert max(browser.execute_script(fits)) <= 1

@@ -108,11 +108,11 @@ _DOUBTFUL = Status.CLIPPED | Status.ALIASED | Status.MAG_DISTURBED | Status.NO_M
 _BAD = Status.SENSOR_FAULT | Status.SENSOR_SUSPECT | Status.INITIALISING
 # The reason for a withheld value by status bit, in order of precedence.
 _WHY = (
-    (Status.SENSOR_FAULT, "a sensor is judged faulty"),
-    (Status.SENSOR_SUSPECT, "a sensor is in doubt: wait a few seconds"),
-    (Status.INITIALISING, "the estimator is still settling"),
+    (Status.SENSOR_FAULT, "sensor faulty"),
+    (Status.SENSOR_SUSPECT, "sensor in doubt: wait"),
+    (Status.INITIALISING, "estimator settling"),
     (Status.NEAR_VERTICAL, "not defined this near to vertical"),
-    (Status.NO_MAG, "no usable magnetometer"),
+    (Status.NO_MAG, "no magnetometer"),
 )
 
 
@@ -238,7 +238,7 @@ class LiveStreams:
         self.on_stream("magnetometer", len(samples), now)
         totals = np.linalg.norm(samples["magnetic_field"], axis=1)
         if self._without_magnetometer(now):
-            self._withhold("total_field", "no usable magnetometer", now)
+            self._withhold("total_field", "no magnetometer", now)
         else:
             self._put("total_field", float(np.mean(totals)), None, now)
 

@@ -40,7 +40,7 @@ def test_an_angle_that_was_never_known_is_no_data_with_the_reason():
     state = LiveStreams()
     state.on_attitude(attitude(sigma_azimuth=-1.0, status=int(Status.NO_MAG)), 0.0)
     cell = state.attitude(0.0).azimuth
-    assert (cell.value, cell.state, cell.reason) == (None, "no data", "no usable magnetometer")
+    assert (cell.value, cell.state, cell.reason) == (None, "no data", "no magnetometer")
 
 
 def test_an_angle_whose_sigma_is_half_a_turn_is_not_shown_as_a_number():

@@ -19,7 +19,6 @@ export function stateOf(cell, now, silent) {
 export function valueBox(where, label, kind, options = {}) {
   const parts = {
     name: el("span", {}, label),
-    why: el("span", { class: "why" }),
     number: el("span", { class: "number" }, "no data"),
     unit: el("span", { class: "unit" }),
     sigma: el("span", { class: "sigma" }),
@@ -28,7 +27,7 @@ export function valueBox(where, label, kind, options = {}) {
   const box = el(
     "div",
     { class: `value ${options.big ? "big" : ""}`, "data-cell": where, "data-state": "none" },
-    el("span", { class: "name" }, parts.name, parts.why),
+    el("span", { class: "name" }, parts.name),
     el("span", { class: "reading" }, parts.number, parts.unit),
     el("span", { class: "under" }, parts.sigma, parts.age),
   );
@@ -43,12 +42,11 @@ export function refresh(sections, now, silent) {
     mark(box, "data-state", state);
     if (options.label) setText(parts.name, options.label(sections));
     const reason = state === "live" ? "" : cell?.reason || "";
-    if (options.big) setText(parts.why, reason ? ` · ${reason}` : "");
     if (state === "none") {
       setText(parts.number, "no data");
       setText(parts.unit, "");
       setText(parts.sigma, "");
-      setText(parts.age, options.big ? "" : reason);
+      setText(parts.age, reason);
       continue;
     }
     const text = options.bearing ? units.bearing(cell.value, options.decimals ?? 2) : units.number(kind, cell.value);
@@ -57,6 +55,6 @@ export function refresh(sections, now, silent) {
     const sigma = options.big ? " 1σ" : "";
     setText(parts.sigma, cell.sigma === null ? "" : `± ${units.spread(kind, cell.sigma)}${sigma}`);
     const old = units.age(Math.max(0, now - cell.at));
-    setText(parts.age, state === "stale" ? [`STALE ${old}`, options.big ? "" : reason].filter(Boolean).join(" · ") : old);
+    setText(parts.age, state === "stale" ? [`STALE ${old}`, reason].filter(Boolean).join(" · ") : old);
   }
 }

@@ -9,7 +9,8 @@ const QUILL_LASTS = 3; // s
 const HUB = 92;
 const AGE_RING = 120; // s
 const AGE_RADIUS = 189;
-const RINGS = { newest: 130, oldest: 102 };
+const LABELS_AT = 140;
+const RINGS = { newest: 122, oldest: 101 };
 
 const point = (angle, radius) => [
   CENTRE + radius * Math.sin(angle),
@@ -38,7 +39,7 @@ export class Dial {
     this.advisory = svg("path", { class: "advisory", d: "" });
     this.labels = svg("g", { class: "labels" });
     this.readings = svg("g", { class: "readings" });
-    this.needle = svg("path", { class: "needle", d: "M 200 13 L 218 55 L 200 46 L 182 55 Z" });
+    this.needle = svg("path", { class: "needle", d: "M 200 12 L 217 50 L 200 41 L 183 50 Z" });
     this.age = svg("path", { class: "age-ring", d: "" });
     this.quill = svg("path", { class: "quill", d: "M 200 14 L 190 -4 L 210 -4 Z", visibility: "hidden" });
     this.number = svg("text", { class: "dial-number", x: 200, y: 206 }, "");
@@ -59,9 +60,9 @@ export class Dial {
       svg("circle", { class: "bezel", cx: 200, cy: 200, r: 190 }),
       this.advisory,
       ticks,
-      this.labels,
       svg("circle", { class: "hub", cx: 200, cy: 200, r: HUB }),
       this.readings,
+      this.labels,
       this.age,
       this.needle,
       this.quill,
@@ -84,7 +85,7 @@ export class Dial {
     this.labelled = mode;
     this.labels.replaceChildren();
     for (let degrees = 0; degrees < 360; degrees += 30) {
-      const [x, y] = point((degrees * Math.PI) / 180, 144);
+      const [x, y] = point((degrees * Math.PI) / 180, LABELS_AT);
       const word = LABELS[mode][degrees];
       this.labels.append(
         svg("text", { x: x.toFixed(1), y: (y + 6).toFixed(1), class: word ? "cardinal" : "" }, word || String(degrees)),
@@ -173,7 +174,7 @@ export class Dial {
           const back = readings.length - 1 - k;
           const [x, y] = point(reading.angle, RINGS.newest - back * step);
           const opacity = Math.max(0.25, 1 - back / readings.length).toFixed(2);
-          const size = back === 0 ? 8 : 6;
+          const size = back === 0 ? 7 : 5;
           return reading.mode === "gravity"
             ? svg("circle", { cx: x.toFixed(1), cy: y.toFixed(1), r: size, opacity, class: reading.rotating ? "turning" : "" })
             : svg("rect", {

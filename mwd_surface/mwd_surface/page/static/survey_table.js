@@ -73,7 +73,7 @@ export class SurveyTable {
     for (const [name, kind, , level] of wanted) {
       head.append(el("th", { scope: "col", class: `at-${level}` }, name, el("small", {}, units.unit(kind))));
     }
-    head.append(el("th", { scope: "col" }, "Verdict"), el("th", { scope: "col", class: "at-2" }, "Method"), el("th", { scope: "col", class: "at-1" }, "By"));
+    head.append(el("th", { scope: "col" }, "Verdict"), el("th", { scope: "col", class: "at-2 method" }, "Method"), el("th", { scope: "col", class: "at-1" }, "By"));
     const body = el("tbody", {});
     const bit = this.projected(path);
     if (bit) body.append(this.bitRow(bit, wanted));
@@ -114,7 +114,7 @@ export class SurveyTable {
     for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text(row)));
     line.append(
       el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict), each(row)),
-      el("td", { class: "at-2" }, row.method || "–"),
+      el("td", { class: "at-2 method" }, row.method || "–"),
       el("td", { class: "at-1 by" }, row.accepted_by === "automatic" ? "auto" : row.accepted_by),
     );
     return line;
