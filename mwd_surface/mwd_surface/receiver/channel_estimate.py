@@ -2,9 +2,10 @@
 """
 The response of the channel to one pulse, estimated from pulses whose places are known or believed.
 
-The response is a Gaussian process: smooth as the band allows, and dying away. Its largest components are the unknowns,
-so a few pulses suffice, and the estimate is the posterior mean (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes
-for Machine Learning, 2006, section 2.1).
+The valve makes a rectangle of 2 TU; what the line and the gauge make of an impulse is a Gaussian process that is rough
+where the impulse arrives, smoother the later, and dies away. So the response is a Gaussian process, too, with the
+corners of the rectangle in it. Its largest components are the unknowns, so a few pulses suffice, and the estimate is
+the posterior mean (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006, section 2.1).
 """
 
 from __future__ import annotations
@@ -18,15 +19,18 @@ from mwd_sensors.core.compiled import compiled
 
 SAMPLES_PER_TU = 4
 BEFORE = 12  # samples of the response before the nominal edge: a slow rise, and an error of the time of the sync
-_RISE = 12  # samples over which the response begins
 # Length of the response: echoes of the string come within 2 depth / speed, and the line relaxes over seconds.
 _RESPONSE_S = 15.0
 _LEAST_TU, _MOST_TU = 24, 120
-_SMOOTH = 5.0  # correlation length, samples: a pulse of 2 TU through a valve and some km of mud
-_FLAT_TU, _DECAY_TU = 3.0, 3.0
-# The line behind the pulse relaxes over seconds, whatever the pulse width: a share that dies away slowly.
-_SLOW, _SLOW_S = 0.3, 8.0
-_LEAST = 1e-3  # components below this share of the largest are left out
+_PULSE = 2 * SAMPLES_PER_TU
+# An impulse may arrive before its nominal time: 1 sigma of the time of a sync, samples, and of the arrival through some
+# km of mud, s.
+_EARLY_SAMPLES, _EARLY_S = 1.5, 0.2
+# Behind its arrival friction and echoes near the gauge last some tenths of a second; the line relaxes over seconds.
+_NEAR_S, _SLOW, _SLOW_S = 0.3, 0.1, 8.0
+# Correlation length at the arrival, samples, and in how many of them it doubles: friction takes high frequencies first.
+_ROUGH, _SMOOTHER = 1.5, 3.0
+_LEAST = 3e-4  # components below this share of the largest are left out
 
 
 def response_length(tu_s: float) -> int:
@@ -51,17 +55,18 @@ def basis(length: int, tu_s: float) -> Array:
     ndarray, shape (components, length)
         Each is scaled by its standard deviation, so that their coefficients have equal variance.
     """
-    at = np.arange(length, dtype=float)
-    since = (at - BEFORE) / SAMPLES_PER_TU
-    size = (1.0 - _SLOW) * np.exp(-np.maximum(since - _FLAT_TU, 0.0) / _DECAY_TU)
-    size += _SLOW * np.exp(-np.maximum(since, 0.0) * tu_s / _SLOW_S)
-    size *= np.minimum((at + 1.0) / _RISE, 1.0) * np.minimum((length - at) / 12.0, 1.0)
-    # What comes late is smoother, as friction takes high frequencies first: late lags count by their logarithm.
-    flat = _FLAT_TU * SAMPLES_PER_TU
-    late = np.maximum(at - BEFORE - flat, 0.0)
-    lag = np.minimum(at, BEFORE + flat) + flat * np.log1p(late / flat)
-    apart = lag[:, None] - lag[None, :]
-    covariance = size[:, None] * size[None, :] * np.exp(-0.5 * (apart / _SMOOTH) ** 2)
+    at = np.arange(length, dtype=float) - BEFORE
+    step_s = tu_s / SAMPLES_PER_TU
+    early, late = np.minimum(at, 0.0), np.maximum(at, 0.0)
+    near = np.exp(-0.5 * early**2 / (_EARLY_SAMPLES**2 + (_EARLY_S / step_s) ** 2) - late * step_s / _NEAR_S)
+    size = (1.0 - _SLOW) * near + np.where(at < 0.0, near, np.exp(-late * step_s / _SLOW_S)) * _SLOW
+    size *= np.minimum((at + BEFORE + 1.0) / 4.0, 1.0) * np.minimum((length - BEFORE - at) / 12.0, 1.0)
+    lag = early + _SMOOTHER * np.log1p(late / _SMOOTHER)
+    impulse = size[:, None] * size * np.exp(-0.5 * ((lag[:, None] - lag) / _ROUGH) ** 2)
+    # Trapezoidal rule over the time that the valve is closed.
+    since = at[:, None] - at
+    pulse = np.where((since >= 0.0) & (since <= _PULSE), 1.0, 0.0) - 0.5 * ((since == 0.0) | (since == _PULSE))
+    covariance = pulse @ impulse @ pulse.T
     values, vectors = np.linalg.eigh(covariance)
     kept = values > _LEAST * values[-1]
     # The sign of an eigenvector is arbitrary; fixed here, so that figures do not depend on the linear algebra library.

@@ -200,7 +200,7 @@ class PulseReceiver(SampledReceiver):
         pressure, known = self._grid.samples(float(STEPS_PER_TU * first_tu), float(pace), count)
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
-        whitener = self._active.channel.whitener if self._active is not None else None
+        whitener = self._active.channel.stepwise if self._active is not None else None
         found = synchronisation.search(pressure, known, self._tool, low - guard, high + guard, whitener)
         if found is None or found.at >= high:
             return

@@ -26,11 +26,12 @@ from mwd_surface.receiver.channel_estimate import (
     reconstruct,
     uncertainty,
 )
-from mwd_surface.receiver.pump_lines import pump_noise
+from mwd_surface.receiver.pump_lines import SEARCH_SAMPLES, pump_noise
 from mwd_surface.receiver.whitening import filtered, prediction_error_filter, steadiness
 
 ORDER = 40
 FLOOR = 1e-6
+_KEPT = 0.5  # share of the sample before in the difference whose noise is modelled where the level is steady
 _ROUNDS, _ROUNDS_AGAIN = 4, 2
 _TAIL = 24  # samples of a whitened response beyond the response itself
 
@@ -48,6 +49,8 @@ class Channel:
         Standard deviation of the coefficients of its components.
     whitener : ndarray
         Prediction error filter of the noise.
+    stepwise : ndarray
+        The same without the level, for a search that does not know it.
     components : ndarray, shape (c, m)
         Of the response (`channel_estimate.basis`).
     memory : float
@@ -57,6 +60,7 @@ class Channel:
     response: Array
     scale: float
     whitener: Array
+    stepwise: Array
     components: Array
     memory: float
 
@@ -156,7 +160,7 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     pumps = (
         _pumps(stretch, state, probability)
         if again
-        else pump_noise(stretch.pressure, stretch.known, angles=stretch.angles)
+        else _background(stretch.pressure, stretch.known, SEARCH_SAMPLES, stretch.angles)
     )
     for turn in range(_ROUNDS_AGAIN if again else _ROUNDS):
         filtered(stretch.pressure - pumps, state.whitener, whitened)
@@ -225,7 +229,7 @@ def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
     """Pump noise of a stretch whose pulses are known from decoding it before."""
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
-    return pump_noise(stretch.pressure - explained, stretch.known, state.memory, stretch.angles)
+    return _background(stretch.pressure - explained, stretch.known, state.memory, stretch.angles)
 
 
 def _estimate(
@@ -255,16 +259,25 @@ def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array
 
 
 def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) -> Array:
-    """Noise model of what pulses and pumps leave; returns the pressure of the pumps."""
+    """Noise model of what pulses and pumps leave; returns level and pumps."""
     explained = np.empty(len(train))
     reconstruct(train, state.response, explained)
-    whitener = np.empty(ORDER + 2)
     residual = stretch.pressure - explained
-    pumps = pump_noise(residual, weight, state.memory, stretch.angles)
-    residual -= pumps
-    if prediction_error_filter(residual, np.sqrt(weight), ORDER, FLOOR, whitener) > 0.0:
-        state.whitener = whitener
-    return pumps
+    background = _background(residual, weight, state.memory, stretch.angles)
+    residual -= background
+    root, stepwise, level = np.sqrt(weight), np.empty(ORDER + 2), np.empty(ORDER + 2)
+    unexpected = prediction_error_filter(residual, root, ORDER, FLOOR, stepwise)
+    if unexpected > 0.0:
+        # The better predictor of the two: a level that wanders or steps leaves nothing for the second to know.
+        steady = prediction_error_filter(residual, root, ORDER, FLOOR, level, _KEPT) < unexpected
+        state.stepwise, state.whitener = stepwise, level if steady else stepwise
+    return background
+
+
+def _background(noise: Array, weight: Array, memory: float, angles: Array | None) -> Array:
+    """Level and pumps of pressure without its pulses."""
+    level = float(weight @ noise) / max(float(weight.sum()), 1e-300)
+    return level + pump_noise(noise, weight, memory, angles)
 
 
 def _timing(

@@ -69,7 +69,9 @@ class Transmission:
         whitener[: len(found.whitener)] = found.whitener
         # The search has fewer components than the estimate: the same variance in all, spread over more.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
-        self._channel = segment.Channel(response, found.scale, whitener, basis(len(response), tool.tu_s), memory)
+        self._channel = segment.Channel(
+            response, found.scale, whitener, whitener, basis(len(response), tool.tu_s), memory
+        )
         self._at_once, self.temper = copy.deepcopy(temper), temper
         self._presence = Presence(found.score)
         self._heard_at = 0

@@ -2,8 +2,10 @@
 """
 Noise made white: an autoregressive model of what pulses do not explain, and its prediction error filter.
 
-The model is of the first difference, so that standpipe pressure and its drift drop out. Source: S. M. Kay, Modern
-Spectral Estimation, 1988, section 7.3 (autocorrelation method, Levinson).
+The model is of the first difference, so that standpipe pressure and its drift drop out, or of the pressure less most of
+the value before, which does not lose the low frequencies of a steady pressure. Sources: S. M. Kay, Modern Spectral
+Estimation, 1988, section 7.3 (autocorrelation method, Levinson); H. Akaike, A new look at the statistical model
+identification, IEEE Trans. Autom. Control 19 (1974) 716 (order: each coefficient costs one nat).
 """
 
 from __future__ import annotations
@@ -18,7 +20,9 @@ _ROUNDS = 3
 
 
 @compiled
-def prediction_error_filter(noise: Array, weight: Array, order: int, floor: float, out: Array) -> float:
+def prediction_error_filter(
+    noise: Array, weight: Array, order: int, floor: float, out: Array, kept: float = 1.0
+) -> float:
     """
     Filter that turns noise into white noise of unit variance.
 
@@ -29,11 +33,13 @@ def prediction_error_filter(noise: Array, weight: Array, order: int, floor: floa
     weight : ndarray, shape (n,)
         0 where a sample is unknown or disturbed, 1 elsewhere.
     order : int
-        Of the autoregressive model of the first difference.
+        Highest of the autoregressive model of the difference.
     floor : float
         White noise added to the model, share of its variance: keeps empty bands from being raised.
     out : ndarray, shape (order + 2,)
         Coefficients of the filter, first the newest sample's.
+    kept : float
+        Share of the sample before in the difference. Below 1 the noise must have no mean.
 
     Returns
     -------
@@ -42,24 +48,37 @@ def prediction_error_filter(noise: Array, weight: Array, order: int, floor: floa
     """
     n = len(noise)
     lags = np.zeros(order + 1)
-    for k in range(order + 1):
-        total = 0.0
-        for i in range(1, n - k):
-            total += (noise[i] - noise[i - 1]) * weight[i] * (noise[i + k] - noise[i + k - 1]) * weight[i + k]
-        lags[k] = total
+    step = np.zeros(n)
     count = 0.0
     for i in range(n):
         count += weight[i] * weight[i]
+        if i > 0:
+            step[i] = (noise[i] - kept * noise[i - 1]) * weight[i]
+    for k in range(order + 1):
+        for i in range(1, n - k):
+            lags[k] += step[i] * step[i + k]
+    out[:] = 0.0
     if count < 2.0 * order or lags[0] <= 0.0:
-        out[:] = 0.0
         return 0.0
     lags /= count
     lags[0] *= 1.0 + floor
-    a = np.zeros(order + 1)
-    work = np.zeros(order + 1)
-    a[0] = 1.0
-    error = lags[0]
-    for m in range(1, order + 1):
+    best = np.zeros(order + 1)
+    sigma = float(np.sqrt(_predicted(lags, count, best)))
+    for i in range(order + 1):
+        out[i] += best[i] / sigma
+        out[i + 1] -= kept * best[i] / sigma
+    return sigma
+
+
+@compiled
+def _predicted(lags: Array, count: float, best: Array) -> float:
+    """Innovation variance of the model whose order Akaike's criterion chooses; best: its filter, is filled."""
+    a = np.zeros(len(lags))
+    work = np.zeros(len(lags))
+    a[0] = best[0] = 1.0
+    error = least = lags[0]
+    lowest = count * np.log(error)
+    for m in range(1, len(lags)):
         total = lags[m]
         for i in range(1, m):
             total += a[i] * lags[m - i]
@@ -70,12 +89,10 @@ def prediction_error_filter(noise: Array, weight: Array, order: int, floor: floa
             a[i] = work[i]
         a[m] = k
         error *= 1.0 - k * k
-    sigma = float(np.sqrt(error))
-    out[:] = 0.0
-    for i in range(order + 1):
-        out[i] += a[i] / sigma
-        out[i + 1] -= a[i] / sigma
-    return sigma
+        if count * np.log(error) + 2.0 * m < lowest:
+            lowest, least = count * np.log(error) + 2.0 * m, error
+            best[:] = a
+    return float(least)
 
 
 @compiled
