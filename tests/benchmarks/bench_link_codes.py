@@ -14,6 +14,7 @@ import time
 import numpy as np
 from scipy import signal
 
+import telemetry_limits as limits
 from mwd_sensors.simulator import carrier_tool, pulse_tool, serial_channel
 from mwd_sensors.simulator.earth_channel import RATE_HZ as EARTH_HZ
 from mwd_sensors.simulator.earth_channel import EarthChannel, EarthVoltage, earth_run
@@ -21,7 +22,6 @@ from mwd_sensors.simulator.earth_line import Ground, response
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.mud_pumps import Pump
-from mwd_sensors.telemetry import limits
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE, frame_bytes
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.receivers import receiver_of

@@ -5,8 +5,8 @@ import dataclasses
 
 import numpy as np
 
+import telemetry_limits as limits
 from mwd_sensors.simulator.carrier_tool import transmit
-from mwd_sensors.telemetry import limits
 from mwd_sensors.telemetry.tool_configuration import starting
 from mwd_surface.receiver.carrier_receiver import CarrierReceiver
 

@@ -8,10 +8,10 @@ import pytest
 from link_runs import TOOLS, pairs, reception, simulated, white
 from scipy import stats
 
+import telemetry_limits as limits
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.pulse_tool import Transmission, link_run, transmit
-from mwd_sensors.telemetry import limits
 from mwd_sensors.telemetry.tool_configuration import encode
 from mwd_surface.receiver.pulse_receiver import PulseReceiver, decode
 from mwd_surface.receiver.words import BELIEVED

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from mwd_sensors.telemetry import limits
+import telemetry_limits as limits
 from mwd_sensors.telemetry.pulse_position import packets
 
 
