@@ -28,6 +28,9 @@ NEAR_VERTICAL_BELOW = math.radians(3.0)  # where the high side is too short to n
 BACKWARD_LIMIT = 50  # samples whose stamps advance again, after which a clock that jumped back counts
 RATE_WITHIN = 200.0  # rad/s: beyond it a value is garbage, not motion
 FORCE_WITHIN = 4000.0  # m/s^2
+AT_RANGE = (
+    0.9995  # of the range: rounding and the steps of the converter leave readings of a clipped sensor short of it
+)
 
 FIRST, NEXT, AFTER_GAP, REJECTED = 0, 1, 2, 3
 
@@ -73,6 +76,12 @@ class Motion:
 
 
 CLOCK, MOTION = dtype_of(Clock), dtype_of(Motion)
+
+
+@compiled
+def clips(v: Vector, full: float) -> bool:
+    """Whether a component of v, a rate, rad/s, or force, m/s^2, is at the end of the range `full`."""
+    return bool(max(abs(v[0]), abs(v[1]), abs(v[2])) >= AT_RANGE * full)
 
 
 class Track(NamedTuple):

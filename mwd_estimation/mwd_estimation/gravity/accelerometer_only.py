@@ -103,7 +103,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
             dt = 1e-9 * (stamps[i] - before) if verdict == track.NEXT else 0.0
             if verdict == track.AFTER_GAP:
                 bits |= _GAP
-            if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
+            if track.clips(f, p.accel_range):
                 bits |= _CLIPPED
             for c in range(3):
                 s.down[c] = -f[c] / norm

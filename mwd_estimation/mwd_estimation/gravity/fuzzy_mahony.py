@@ -207,9 +207,7 @@ def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Ar
             if s.age < p.start_s or not s.clock.started:
                 bits |= _INITIALISING
         else:
-            if max(abs(w[0]), abs(w[1]), abs(w[2])) >= p.gyro_range:
-                bits |= _CLIPPED
-            if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
+            if track.clips(w, p.gyro_range) or track.clips(f, p.accel_range):
                 bits |= _CLIPPED
             u = (-f[0] / p.gravity, -f[1] / p.gravity, -f[2] / p.gravity)
             dt = 0.0

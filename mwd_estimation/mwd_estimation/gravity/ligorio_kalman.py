@@ -144,9 +144,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
         if verdict == track.REJECTED or (verdict != track.NEXT and norm == 0.0):
             bits = _REJECTED
         else:
-            if max(abs(w[0]), abs(w[1]), abs(w[2])) >= p.gyro_range:
-                bits |= _CLIPPED
-            if max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
+            if track.clips(w, p.gyro_range) or track.clips(f, p.accel_range):
                 bits |= _CLIPPED
             dt = 0.0
             if verdict == track.NEXT:

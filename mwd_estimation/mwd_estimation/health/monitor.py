@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
+from mwd_estimation.core.track import AT_RANGE
 from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, sample_stream, signal_checks
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import weigh
@@ -27,9 +28,6 @@ from mwd_estimation.health.signal_checks import SignalLimits
 from mwd_estimation.health.stream_checks import STREAM
 from mwd_estimation.health.window_checks import WindowJudge, WindowLimits
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-
-# Readings count as the end of the range from so close to it.
-_AT_RANGE = 0.9995
 
 
 @dataclasses.dataclass(frozen=True)
@@ -213,7 +211,7 @@ def _joined(held: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
 
 
 def _constants(params: Params, limits: Limits) -> Kernel:
-    ranges = _AT_RANGE * np.array(
+    ranges = AT_RANGE * np.array(
         [math.radians(params.gyro_range_deg_s), params.accel_range_g * STANDARD_GRAVITY, params.mag_range_ut * 1e-6]
     )
     ranges[ranges == 0.0] = math.inf

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 
+from mwd_estimation.core import track
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Array, Vector
@@ -38,7 +39,7 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
     """
     s.since_shock += dt
     s.shocks -= dt / SHOCK_MEMORY * s.shocks
-    clipped = flag or max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range
+    clipped = flag or track.clips(f, p.accel_range)
     unusual = power > UNUSUAL**2 * s.power + 100.0
     if clipped or unusual:
         # A sample that is a mean of dt shows no less than the share of it that was clipped.
@@ -115,7 +116,7 @@ def follow_rate(p: Params, s: Record, dt: float, wx: float, flag: bool) -> bool:
     flag: the unit says that the x gyro was beyond its range within this sample.
     """
     c = s.clipping
-    if flag or abs(wx) >= p.gyro_range:
+    if flag or abs(wx) >= track.AT_RANGE * p.gyro_range:
         if c.sign == 0.0:
             _begin_clipping(s)
         c.sign = 1.0 if wx > 0.0 else -1.0

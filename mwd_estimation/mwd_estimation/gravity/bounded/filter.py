@@ -117,9 +117,7 @@ def _run(
             if s.started and s.sums.time >= TICK - 1e-6:
                 _update(p, s, s.last_w, i, log)
             bits |= track.follow_motion(motion, dt, w, non_gravity)
-            if flags[i] != 0 or max(abs(f[0]), abs(f[1]), abs(f[2])) >= p.accel_range:
-                bits |= _CLIPPED
-            if max(abs(w[0]), abs(w[1]), abs(w[2])) >= p.gyro_range:
+            if flags[i] != 0 or track.clips(f, p.accel_range) or track.clips(w, p.gyro_range):
                 bits |= _CLIPPED
         out.status[i] = bits | _publish(s)
         for j in range(3):

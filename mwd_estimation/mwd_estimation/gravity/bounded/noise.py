@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 
+from mwd_estimation.core import track
 from mwd_estimation.gravity.bounded.clipping import FREQUENT
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, VEL, Record
@@ -47,7 +48,7 @@ def follow_rates(p: Params, s: Record, dt: float, w: Vector, f: Vector, flag: bo
     """
     sums, motion = s.sums, s.motion
     sums.turn += (p.rate_noise**2 * (w[1] * w[1] + w[2] * w[2]) + ROTARY_NOISE**2 * w[0] * w[0]) * dt
-    if flag or max(abs(w[1]), abs(w[2])) >= p.gyro_range:
+    if flag or max(abs(w[1]), abs(w[2])) >= track.AT_RANGE * p.gyro_range:
         sums.turn += (CROSS_TURN * dt) ** 2
     df2 = (f[0] - s.last_f[0]) ** 2 + (f[1] - s.last_f[1]) ** 2 + (f[2] - s.last_f[2]) ** 2
     if dt > 0.0:
