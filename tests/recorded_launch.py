@@ -129,7 +129,7 @@ def _node(
 
 
 def _typed(value: Any, *, value_type: type) -> Any:
-    assert value_type is bool
+    assert value_type in (bool, str)
     return value
 
 

@@ -69,6 +69,8 @@ def generate_launch_description() -> LaunchDescription:
                     "use_sim_time": LaunchConfiguration("use_sim_time"),
                     "autostart": LaunchConfiguration("autostart"),
                     "params_file": LaunchConfiguration(f"{node}_params_file"),
+                    # The first time the estimator compiles its filters for a minute or two.
+                    **({"wait_for_node": "estimator"} if node == "sonde" else {}),
                 }.items(),
                 condition=IfCondition(wanted),
             )

@@ -35,6 +35,7 @@ def test_each_source_starts_its_nodes_in_the_namespace_with_their_own_parameter_
         assert files[0] == str(ROOT / one.package / "config" / f"{one.executable}.yaml")
         # A file for one node is laid over that one alone.
         assert ("s.yaml" in files) == (one.executable == "surface")
+        assert ("wait_for_node:=estimator" in one.words) == (one.executable == "sonde")
         assert all((ROOT / one.package / "config" / file).exists() for file in files if file != "s.yaml")
     assert described.environment["FASTRTPS_DEFAULT_PROFILES_FILE"].endswith("fastdds.xml")
 
@@ -50,7 +51,7 @@ def test_what_the_launch_file_starts_records_a_survey_and_ends_when_told(tmp_pat
     parameters = {
         "surface": {"folder": str(tmp_path / "data"), "page.port": 0, "record.name": "run"},
         "estimator": launch_plan.reference_parameters(read(STORY)),
-        "sonde": {"scenario": str(STORY), "rate": 4.0, "wait_for_listener_s": 60.0},
+        "sonde": {"scenario": str(STORY), "rate": 4.0},
     }
     file = tmp_path / "parameters.yaml"
     file.write_text(yaml.safe_dump({"/**": {node: {"ros__parameters": given} for node, given in parameters.items()}}))

@@ -74,6 +74,12 @@ class SondeSettings:
         high=600.0,
         fixed=True,
     )
+    wait_for_node: str = setting(
+        "",
+        "Node that must subscribe before the scenario starts, however long that takes: one that compiles its filters "
+        "first misses the scenario otherwise. Empty: wait_for_listener_s alone counts",
+        fixed=True,
+    )
     exit_at_end: bool = setting(False, "End the process when the scenario is over", fixed=True)
     burst: int = setting(
         0,
@@ -159,10 +165,19 @@ class SondeNode(GraphNode[SondeSettings]):
         )
         return sonde
 
+    def _awaits_node(self) -> bool:
+        wanted = self.settings.wait_for_node
+        readers = (
+            reader.node_name
+            for publisher in self._topic_publishers.values()
+            for reader in self.get_subscriptions_info_by_topic(publisher.topic_name)
+        )
+        return bool(wanted) and wanted not in readers
+
     def _on_timer(self) -> None:
         sonde = self._sonde
         if sonde is None:
-            if not self._discovery.complete(self._topic_publishers.values(), time.monotonic()):
+            if self._awaits_node() or not self._discovery.complete(self._topic_publishers.values(), time.monotonic()):
                 return
             if self.get_clock().now().nanoseconds == 0:
                 # Simulated time without a clock: no sample is stamped with 1970.
@@ -281,7 +296,9 @@ class SondeNode(GraphNode[SondeSettings]):
     def _progress_diagnostic(self) -> Diagnostic:
         values = tuple((topic, str(count)) for topic, count in self._published.items())
         if self._sonde is None:
-            return Diagnostic("scenario", WARN, "waiting for a listener", "start the estimator", values)
+            wanted = self.settings.wait_for_node
+            remedy = f"start {wanted}, or wait until it is active" if wanted else "start the estimator"
+            return Diagnostic("scenario", WARN, f"waiting for {wanted or 'a listener'}", remedy, values)
         if self._finished:
             return Diagnostic("scenario", OK, "over", values=values)
         elapsed, rate = self._dropped_s + time.monotonic() - self._started_at, self.settings.rate

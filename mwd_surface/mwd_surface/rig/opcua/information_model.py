@@ -49,8 +49,8 @@ async def add_well(ua: Any, server: Any, well: str) -> tuple[Any, dict[str, Any]
     # The type declares the variables; the well has its own, with values.
     await _declare(ua, kind, index)
     node = await server.nodes.objects.add_object(ua.NodeId(MANIFEST, index), f"{index}:{well}")
-    await node.delete_reference(ua.ObjectIds.BaseObjectType, ua.ObjectIds.HasTypeDefinition)
-    await node.add_reference(kind, ua.ObjectIds.HasTypeDefinition, True, False)
+    objects, organizes = server.nodes.objects, ua.ObjectIds.Organizes
+    await _set_type(ua, objects, organizes, node, ua.ObjectIds.BaseObjectType, kind)
     return node, {v.name: (await _variable(ua, node, index, v, f"{MANIFEST}.{v.name}")).nodeid for v in VARIABLES}
 
 
@@ -69,8 +69,8 @@ async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identi
     sampling = ua.DataValue(ua.Variant(SAMPLING_MS, ua.VariantType.Double))
     await node.write_attribute(ua.AttributeIds.MinimumSamplingInterval, sampling)
     if variable.unit:
-        await node.delete_reference(ua.ObjectIds.BaseDataVariableType, ua.ObjectIds.HasTypeDefinition)
-        await node.add_reference(ua.ObjectIds.AnalogUnitType, ua.ObjectIds.HasTypeDefinition, True, False)
+        plain, analog = ua.ObjectIds.BaseDataVariableType, ua.ObjectIds.AnalogUnitType
+        await _set_type(ua, parent, ua.ObjectIds.HasComponent, node, plain, analog)
         unit = ua.EUInformation(
             NamespaceUri=UNITS_NAMESPACE,
             UnitId=unit_id(variable.unit),
@@ -79,6 +79,14 @@ async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identi
         )
         await node.add_property(0, "EngineeringUnits", unit)
     return node
+
+
+async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, new: Any) -> None:
+    """Change the type of a node; a client that browses reads it from the parent's reference, which is made anew."""
+    await node.delete_reference(old, ua.ObjectIds.HasTypeDefinition)
+    await node.add_reference(new, ua.ObjectIds.HasTypeDefinition, True, False)
+    await parent.delete_reference(node, reference)
+    await parent.add_reference(node, reference, True, True)
 
 
 async def _describe_namespace(ua: Any, server: Any, index: int) -> None:

@@ -89,6 +89,11 @@ def test_the_well_has_a_type_whose_variables_it_has_and_numbers_have_units_by_ty
             owned = {(await node.read_browse_name()).Name for node in await well.get_variables()}
             azimuth, mode = await found(client, "Azimuth"), await found(client, "ToolfaceMode")
             kinds = [(await node.read_type_definition()).Identifier for node in (azimuth, mode)]
+            # What a client shows that only browses.
+            browsed = {one.NodeId: one.TypeDefinition.Identifier for one in await well.get_references()}
+            kinds += [browsed[node.nodeid] for node in (azimuth, mode)]
+            (shown,) = [one for one in await client.nodes.objects.get_references() if one.NodeId == well.nodeid]
+            kinds += [shown.TypeDefinition == kind.nodeid]
             namespaces = client.get_node(ua.ObjectIds.Server_Namespaces)
             # The name is an address with slashes, which a path of names would be cut at.
             metadata = await namespaces.get_child([ua.QualifiedName(NAMESPACE, index)])
@@ -98,7 +103,7 @@ def test_the_well_has_a_type_whose_variables_it_has_and_numbers_have_units_by_ty
 
     declared, owned, kinds, uri, product = run(look())
     assert declared == owned == {variable.name for variable in VARIABLES}
-    assert kinds == [ua.ObjectIds.AnalogUnitType, ua.ObjectIds.BaseDataVariableType]
+    assert kinds == [*(ua.ObjectIds.AnalogUnitType, ua.ObjectIds.BaseDataVariableType) * 2, True]
     assert (uri, product) == (NAMESPACE, "urn:mwd:surface")
 
 
