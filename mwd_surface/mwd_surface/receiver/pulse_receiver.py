@@ -202,7 +202,8 @@ class PulseReceiver(SampledReceiver):
         guard = SAMPLES_PER_TU * _GUARD_TU
         whitener = self._active.channel.stepwise if self._active is not None else None
         found = synchronisation.search(pressure, known, self._tool, low - guard, high + guard, whitener)
-        if found is None or found.at >= high:
+        # What lies farther behind the hop may be the flank of a sync beyond the range: it is left to the next one.
+        if found is None or found.at >= high + guard // 2:
             return
         position = float(STEPS_PER_TU * first_tu + found.at * pace)
         if self._last_sync is not None and position < self._last_sync + STEPS_PER_TU * _GUARD_TU:

@@ -51,13 +51,31 @@ _BLOCK, _MOVED = 16, 5.0
 
 @dataclasses.dataclass(frozen=True)
 class SyncFound:
-    """A sync: sample at which it starts in the data searched, log of its likelihood ratio, and the response in Pa."""
+    """
+    A sync.
+
+    Attributes
+    ----------
+    at : int
+        Sample at which it starts in the data searched.
+    score : float
+        Log of its likelihood ratio.
+    response : ndarray
+        Of a pulse, Pa.
+    scale : float
+        Standard deviation of the coefficients of its components.
+    whitener : ndarray
+        Prediction error filter of the noise.
+    settled : int
+        Samples before it that are past the start of the pumps.
+    """
 
     at: int
     score: float
     response: Array
     scale: float
     whitener: Array
+    settled: int
 
 
 def search(
@@ -157,7 +175,7 @@ def _found(
     if not _alike(whitened, found[0] @ shapes, edges, first + at, noise):
         return None
     response = found[0] @ components
-    return SyncFound(first + at, float(score[at]), response, found[1], whitener)
+    return SyncFound(first + at, float(score[at]), response, found[1], whitener, first + at)
 
 
 def _explained(whitened: Array, shapes: Array, edges: Array, first: int, count: int) -> tuple[Array, Array, Array]:

@@ -61,6 +61,7 @@ class Transmission:
     ) -> None:
         self._tool, self._grid = tool, grid
         self._clock = ToolClock(position)
+        self._settled = -min(found.settled, SAMPLES_PER_TU * _BEFORE_TU)
         self._edges = [float(SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu]
         self._chances = [1.0] * len(self._edges)
         response = np.zeros(response_length(tool.tu_s))
@@ -344,7 +345,7 @@ class Transmission:
 
     def _stretch(self, rows: Indices, start: int, stop: int, before: Part | None) -> segment.Stretch:
         """Pressure round some packets, up to and with the response of the last pulse before `stop`."""
-        begin = max(start - SAMPLES_PER_TU * _HISTORY_TU, -SAMPLES_PER_TU * _BEFORE_TU)
+        begin = max(start - SAMPLES_PER_TU * _HISTORY_TU, self._settled)
         begin = max(begin, math.ceil((self._grid.first - self._clock.start) / self._clock.pace))
         count = stop + SAMPLES_PER_TU * _AFTER_TU - begin
         pressure, known = self._grid.samples(self._clock.at(begin), self._clock.pace, count)
