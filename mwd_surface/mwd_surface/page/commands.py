@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from aiohttp import web
 
 from mwd_sensors.core.settings import unprintable
+from mwd_surface.page.request_body import json_object
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
 # Commands, and of each argument: its type and whether it may be left out.
@@ -52,12 +52,7 @@ def checked_arguments(command: str, body: bytes) -> dict[str, Any]:
     web.HTTPBadRequest
         Not JSON, or a field is missing, unknown, of another type, not finite or too long; the text names it.
     """
-    try:
-        given = json.loads(body.decode() or "{}", parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as error:
-        raise web.HTTPBadRequest(text=f"the body is not JSON: {str(error)[:200]}") from None
-    if not isinstance(given, dict):
-        raise web.HTTPBadRequest(text="the body must be a JSON object")
+    given = json_object(body)
     fields = COMMANDS[command]
     for name in given:
         if name not in fields:
@@ -86,7 +81,3 @@ def _argument(name: str, value: Any, kind: type) -> Any:
     if type(value) is int and not 0 <= value < 2**32:
         raise web.HTTPBadRequest(text=f"{name}: must be within 0 and {2**32 - 1}")
     return value
-
-
-def _refuse_constant(word: str) -> Any:
-    raise ValueError(f"{word} is not a number")

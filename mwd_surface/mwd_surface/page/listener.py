@@ -5,7 +5,10 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import logging
 import socket
+
+from aiohttp.http_exceptions import HttpProcessingError
 
 
 def peer_of(transport: asyncio.BaseTransport | None) -> str:
@@ -33,3 +36,15 @@ def port_error(error: OSError, host: str, port: int) -> OSError:
     else:
         why = f"cannot be opened: {error.strerror or error}"
     return OSError(error.errno or 0, f"page: port {port} on {host} {why}")
+
+
+def request_logger() -> logging.Logger:
+    """Logger of the web server; requests that are none, which anybody can send without end, leave no line in it."""
+    logger = logging.getLogger("mwd.page")
+    logger.addFilter(_is_own_error)
+    return logger
+
+
+def _is_own_error(record: logging.LogRecord) -> bool:
+    error = record.exc_info[1] if record.exc_info else None
+    return not isinstance(error, (HttpProcessingError, ConnectionError))

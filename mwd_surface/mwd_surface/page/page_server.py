@@ -29,8 +29,9 @@ from mwd_surface.loopback import is_loopback
 from mwd_surface.page.access import Access
 from mwd_surface.page.commands import COMMANDS, Command, checked_arguments
 from mwd_surface.page.files import PAGE, page_files, sender
-from mwd_surface.page.listener import listener, peer_of, port_error
+from mwd_surface.page.listener import listener, peer_of, port_error, request_logger
 from mwd_surface.page.replay_route import OnReplay, replay_handler
+from mwd_surface.page.request_body import read_body
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_feed import Client, Seen, StateFeed, dumps
 
@@ -209,8 +210,10 @@ class PageServer:
         application.router.add_get("/live", self._live)
         application.router.add_post("/command/{name}", self._command)
         if self._on_replay is not None:
-            application.router.add_post("/replay", replay_handler(self._on_replay))
-        runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.2, keepalive_timeout=5.0)
+            application.router.add_post("/replay", replay_handler(self._on_replay, self.settings.request_timeout))
+        runner = web.AppRunner(
+            application, access_log=None, logger=request_logger(), shutdown_timeout=0.2, keepalive_timeout=5.0
+        )
         await runner.setup()
         server = runner.server
         if server is None:
@@ -375,13 +378,7 @@ class PageServer:
         name = request.match_info["name"]
         if name not in COMMANDS:
             raise web.HTTPNotFound(text=f"no such command: {name[:60]!r}; there are {', '.join(COMMANDS)}")
-        if request.content_type != "application/json":
-            raise web.HTTPUnsupportedMediaType(text="send application/json")
-        try:
-            body = await asyncio.wait_for(request.read(), self.settings.request_timeout)
-        except TimeoutError:
-            raise web.HTTPRequestTimeout(text="the request did not arrive in time") from None
-        arguments = checked_arguments(name, body)
+        arguments = checked_arguments(name, await read_body(request, self.settings.request_timeout))
         work = asyncio.get_running_loop().run_in_executor(self._executor, self._on_command, name, arguments)
         try:
             ok, message = await asyncio.wait_for(work, self.settings.command_timeout)

@@ -343,6 +343,64 @@ def test_a_command_whose_body_never_ends_is_cut():
         slow.close()
 
 
+@contextlib.contextmanager
+def playing_a_recording(**settings):
+    asked = []
+    server = PageServer(PageSettings(port=0, **settings), on_replay=asked.append)
+    server.start()
+    try:
+        yield server, asked
+    finally:
+        server.stop()
+
+
+@pytest.mark.fault_case(77)
+def test_a_request_to_play_whose_body_never_ends_is_cut():
+    with playing_a_recording(request_timeout=0.3) as (server, asked):
+        place = urlsplit(server.address)
+        with socket.create_connection((place.hostname, place.port)) as slow:
+            head = f"POST /replay HTTP/1.1\r\nHost: {place.netloc}\r\nContent-Type: application/json\r\n"
+            slow.sendall(f"{head}Content-Length: 50\r\n\r\n{{".encode())
+            slow.settimeout(30.0)
+            assert slow.recv(12) == b"HTTP/1.1 408"
+        assert asked == []
+
+
+@pytest.mark.fault_case(79)
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        ("[" * 10_000, "not JSON"),
+        ('{"seek": 1' + "0" * 400 + "}", "seek: expected a number"),
+        ('{"rate": NaN}', "not JSON"),
+        ('{"rate": true}', "rate: expected a number"),
+        ('{"playing": 1}', "playing: expected true or false"),
+        ('{"seek": -1}', "seek: expected a number"),
+        ("[]", "must be a JSON object"),
+        ('{"speed": 1}', "a table of playing, rate and seek"),
+        (b"\xff\xfe", "not JSON"),
+    ],
+)
+def test_a_malformed_request_to_play_is_refused_with_the_field(body, words):
+    with playing_a_recording() as (server, asked):
+        status, answer, _ = ask(server, "/replay", "POST", body, JSON)
+        assert status == 400
+        assert words in json.loads(answer)["message"]
+        assert ask(server, "/replay", "POST", '{"seek": 3, "playing": true}', JSON)[0] == 200
+        assert asked == [{"seek": 3, "playing": True}]
+
+
+def test_requests_that_are_none_leave_no_line_in_the_log(caplog):
+    with running() as server:
+        place = urlsplit(server.address)
+        for junk in (b"GET / HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n", b"\x16\x03\x01\x02\x00\r\n\r\n"):
+            with socket.create_connection((place.hostname, place.port), 30.0) as connection:
+                connection.sendall(junk)
+                assert connection.recv(12).startswith(b"HTTP/1.")
+        assert ask(server)[0] == 200
+    assert caplog.records == []
+
+
 @pytest.mark.fault_case(81)
 @pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:80", "127.0.0.1.evil.example", "", "[::1", "localhost.evil"]

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The body of a request: read in time, and parsed as a JSON object."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+from aiohttp import web
+
+
+async def read_body(request: web.Request, timeout_s: float) -> bytes:
+    """
+    Body of a request that sends JSON.
+
+    Raises
+    ------
+    web.HTTPException
+        It is of another type, too large, or did not arrive in time.
+    """
+    if request.content_type != "application/json":
+        # Another site can send a plain form without being asked; not JSON.
+        raise web.HTTPUnsupportedMediaType(text="send application/json")
+    try:
+        return await asyncio.wait_for(request.read(), timeout_s)
+    except TimeoutError:
+        raise web.HTTPRequestTimeout(text="the request did not arrive in time") from None
+
+
+def json_object(body: bytes) -> dict[str, Any]:
+    """
+    Object that a body holds; an empty body is an empty one.
+
+    Raises
+    ------
+    web.HTTPBadRequest
+        It is no JSON object, or one nested too deep.
+    """
+    try:
+        given = json.loads(body.decode() or "{}", parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise web.HTTPBadRequest(text=f"the body is not JSON: {str(error)[:200]}") from None
+    if not isinstance(given, dict):
+        raise web.HTTPBadRequest(text="the body must be a JSON object")
+    return given
+
+
+def _refuse_constant(word: str) -> Any:
+    raise ValueError(f"{word} is not a number")
