@@ -64,16 +64,15 @@ class Graph:
         namespace: str = "",
         *,
         arguments: Sequence[str] = (),
-        before: Sequence[str] = (),
         **parameters: Any,
     ) -> str:
         """
         Start a node as `ros2 run` would; its name in this graph comes back.
 
-        arguments: more of ROS. before: words of a command that runs the node in another namespace.
+        arguments: more of ROS.
         """
         program = str(Path(sys.prefix) / "lib" / EXECUTABLES[node] / node)
-        return self._start([*before, program, "--ros-args", *arguments], node, namespace, parameters)
+        return self._start([program, "--ros-args", *arguments], node, namespace, parameters)
 
     def command(self, node: str, namespace: str = "", **parameters: Any) -> str:
         """Start a node as `mwd node` does."""

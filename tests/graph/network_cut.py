@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Sonde and estimator on one machine, surface on another, the cable between them cut and mended; run by `unshare -rn`.
+Sonde and estimator, and a surface on a network of its own that is cut and mended.
 
-The machines are network namespaces joined by a pair of virtual interfaces. Prints what the surface's list holds, what
-the estimator took, and what its page said, as JSON.
+Prints what the surface's list holds and what the estimator took, as JSON.
 """
 
-import contextlib
 import json
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
@@ -19,9 +16,8 @@ from mwd_msgs.msg import Survey
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 import running_graph
+from lossy_network import LossyNetwork
 from mwd_surface.surveys.survey_store import decoded
-
-HERE, THERE = "10.9.0.1", "10.9.0.2"
 
 CUT_S = float(sys.argv[2])
 STORY = """
@@ -39,47 +35,22 @@ STORY += (
 )
 
 
-def run(*words: str) -> None:
-    """Run a command of the system."""
-    subprocess.run(words, check=True)
-
-
-@contextlib.contextmanager
-def other_machine():
-    """Make the other namespace and the pair of interfaces; yields the words that run a command over there."""
-    with subprocess.Popen(["unshare", "-n", "sleep", "infinity"]) as there:
-        over = ["nsenter", "-t", str(there.pid), "-n"]
-        try:
-            own = Path("/proc/self/ns/net").readlink()
-            running_graph.until(
-                lambda: Path(f"/proc/{there.pid}/ns/net").readlink() != own, 10.0, "the other namespace"
-            )
-            run("ip", "link", "set", "lo", "up")
-            run("ip", "link", "add", "here", "type", "veth", "peer", "name", "there", "netns", str(there.pid))
-            run("ip", "addr", "add", f"{HERE}/24", "dev", "here")
-            run("ip", "link", "set", "here", "up")
-            run(*over, "ip", "addr", "add", f"{THERE}/24", "dev", "there")
-            run(*over, "ip", "link", "set", "there", "up")
-            run(*over, "ip", "link", "set", "lo", "up")
-            yield over
-        finally:
-            there.kill()
-
-
 def main() -> None:
     """Play it."""
     folder = Path(sys.argv[1])
     (folder / "story.yaml").write_text(STORY)
-    # The namespaces share a memory that a real network would not.
-    os.environ |= {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-    with other_machine() as over, running_graph.graph(folder) as graph:
-        del graph.environment["FASTRTPS_DEFAULT_PROFILES_FILE"]
-        os.environ |= graph.environment
+    network = LossyNetwork(folder)
+    with running_graph.graph(folder) as graph:
+        graph.environment = network.environment(graph.environment)
+        # This process heard of its environment too late to be preloaded into; it talks by UDP as the nodes do.
+        os.environ |= {name: value for name, value in graph.environment.items() if name != "LD_PRELOAD"}
         rclpy.init()
         node, taken = rclpy.create_node("watcher"), {}
         qos = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         node.create_subscription(Survey, "/w1/survey", lambda got: taken.setdefault(got.uuid, time.monotonic()), qos)
-        surface = graph.start("surface", "w1", before=over, folder=folder / "data", page__port=0)
+        surface = graph.start("surface", "w1", folder=folder / "data", page__port=0)
+        # Its network is its own from here on: the others get one that nothing disturbs.
+        del graph.environment["LD_PRELOAD"]
         estimator = graph.start("estimator", "w1", **running_graph.PLACE)
         sonde = graph.start("sonde", "w1", scenario=folder / "story.yaml", rate=6.0, wait_for_listener_s=60.0)
 
@@ -95,11 +66,11 @@ def main() -> None:
             return [record.survey.uuid for record in decoded(files[0].read_bytes()).records] if files else []
 
         watched(lambda: len(listed()) >= 1, 180.0, "the first survey in the list")
-        run("ip", "link", "set", "here", "down")
+        network.disturb(1.0)
         cut, before = time.monotonic(), listed()
         watched(lambda: time.monotonic() - cut > CUT_S and taken and max(taken.values()) > cut, 180.0, "a survey")
         during, lonely = [uuid for uuid, when in taken.items() if when > cut], listed()
-        run("ip", "link", "set", "here", "up")
+        network.disturb(0.0)
         mended = time.monotonic()
         watched(lambda: max(taken.values()) > mended, 120.0, "a survey after the cut")
         watched(lambda: set(taken) <= set(listed()), 60.0, "all surveys in the list")

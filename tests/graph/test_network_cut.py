@@ -11,25 +11,14 @@ import pytest
 
 SCRIPT = Path(__file__).parent / "network_cut.py"
 CUT_S = 25.0  # more than a participant of the middleware may be silent before the others forget it, 20 s
-# A container without the right to make namespaces, or a system without these tools, cannot cut a network.
-CAN_CUT = ["unshare", "-rn", "sh", "-c", "ip link add va type veth peer name vb && command -v nsenter"]
-
-
-def can_cut() -> bool:
-    """Whether namespaces and virtual interfaces can be made here."""
-    try:
-        return subprocess.run(CAN_CUT, capture_output=True, check=False).returncode == 0
-    except OSError:
-        return False
 
 
 @pytest.mark.ros
 @pytest.mark.slow
 @pytest.mark.fault_case(54)
-@pytest.mark.skipif(not can_cut(), reason="no right to make network namespaces here")
 def test_a_cut_network_costs_no_survey_and_doubles_none(tmp_path):
     done = subprocess.run(
-        ["unshare", "-rn", "--kill-child", sys.executable, str(SCRIPT), str(tmp_path), str(CUT_S)],
+        [sys.executable, str(SCRIPT), str(tmp_path), str(CUT_S)],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         capture_output=True,
         text=True,
