@@ -17,7 +17,7 @@ import numpy as np
 from mwd_surface.runs import launch_plan
 
 SOURCE = Path(__file__).with_name("lossy_network.c")
-# UDP on the loopback alone. The middleware's own range LOCALHOST would add shared memory, which goes around the network.
+# UDP on the loopback alone: the middleware's own range LOCALHOST adds shared memory, which goes around the network.
 PROFILE = """<?xml version="1.0" encoding="UTF-8" ?>
 <dds xmlns="http://www.eprosima.com">
   <profiles>

@@ -165,17 +165,6 @@ def orders(folder: Path, scenario: Path, page: int, rig: Mapping[str, Any]) -> d
     }
 
 
-def pid_of(folder: Path, node: str) -> int:
-    """Number of the process of a node of this run; 0 while there is none."""
-    for path in Path("/proc").iterdir():
-        with contextlib.suppress(OSError):
-            words = (path / "cmdline").read_bytes().split(b"\0") if path.name.isdigit() else []
-            environment = (path / "environ").read_bytes() if node.encode() in words else b""
-            if f"ROS_LOG_DIR={folder}".encode() in environment:
-                return int(path.name)
-    return 0
-
-
 def play(folder: Path, seconds: float, environment: Mapping[str, str], page: int, rig: Mapping[str, Any]) -> Run:
     """Run the graph with its clients; returns what was seen."""
     supervisor = Supervisor(environment, print)
@@ -193,7 +182,7 @@ def play(folder: Path, seconds: float, environment: Mapping[str, str], page: int
         while (now := time.monotonic()) < end:
             supervisor.watch()
             for node, used in usage.items():
-                if pid := pid_of(folder, node):
+                if pid := supervisor.pid(node):
                     used.look(node, pid, now)
             run.outages.look(time.time(), soak_clients.state_of(page))
             # Growth is judged while nothing disturbs: in the second half.
@@ -202,7 +191,7 @@ def play(folder: Path, seconds: float, environment: Mapping[str, str], page: int
                 run.kills += 1
                 print(f"kill -9 {node}")
                 run.outages.begin(time.time())
-                if pid := pid_of(folder, node):
+                if pid := supervisor.pid(node):
                     os.kill(pid, signal.SIGKILL)
             time.sleep(0.5)
     finally:

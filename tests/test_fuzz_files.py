@@ -7,17 +7,20 @@ import numpy as np
 import pytest
 import yaml
 from hypothesis import given
+from hypothesis import strategies as st
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
-from attacks import attacks
+from attacks import attacks, damaged
 from mwd_estimation.assembly.assembly import read_assembly
 from mwd_estimation.settings.tool_file import from_file
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration, as_table
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.input_files import load_yaml
+from mwd_sensors.drivers import mtdata2, probe_protocol
+from mwd_sensors.drivers.readings import Reading
 from mwd_sensors.simulator import scenario
 from mwd_sensors.telemetry import tool_configuration
 from mwd_surface.bags.bag_metadata import MetadataError
@@ -127,6 +130,38 @@ def test_a_burst():
             burst.decode(data)
         except wire.WireError:
             return
+
+    attack()
+
+
+@st.composite
+def packets(draw):
+    """Packets of an MTi whose content was damaged and whose sum is right; some of them cut."""
+    motion = Reading("imu/data_raw", 0, (0.1, 0.2, 0.3, -7.0, 0.0, 7.0))
+    whole = [mtdata2.packet(motion, 0.01, 100 * k, k)[4:-1] for k in range(2)]
+    contents = draw(st.lists(damaged(whole), min_size=1, max_size=4))
+    stream = b"".join(mtdata2.message(mtdata2.MTDATA2, content[:2000]) for content in contents)
+    return stream[: draw(st.integers(0, len(stream)))]
+
+
+@given(data=st.one_of(packets(), attacks(b"\xfa\xff\x36\xff\x10\x00\x10\x20")))
+def test_the_packets_of_a_unit(data):
+    reader = mtdata2.MtReader(5e-5)
+    for one in reader.take(data) + reader.take(data):
+        assert one.topic.startswith("imu/")
+
+
+@pytest.mark.parametrize("text", [False, True], ids=["binary", "text"])
+def test_the_line_of_a_probe(text):
+    reading = Reading("imu/data_raw", 10**18, (0.1, 0.2, 0.3, -7.0, 0.0, 7.0))
+    lines = [probe_protocol.sample(reading, 1, text), probe_protocol.command("start", 2, text, 10**18)]
+
+    @given(data=attacks(*lines))
+    def attack(data):
+        reader = probe_protocol.ProbeReader(text)
+        reader.take(data)
+        for kind, content in probe_protocol.Splitter(text).take(data):
+            probe_protocol.requested(kind, content)
 
     attack()
 

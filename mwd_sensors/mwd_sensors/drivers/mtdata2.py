@@ -33,6 +33,7 @@ _WIDTHS = {COUNT: 1, FINE_TIME: 1, STATUS: 1, TEMPERATURE: 1}
 _WIDTHS |= {ACCELERATION: 3, DELTA_V: 3, RATE_OF_TURN: 3, DELTA_Q: 4, FIELD: 3}
 _KIND = 0xFFF0  # an identifier without the format of its numbers
 _LONGEST = 2 * 2048
+_WHOLE_BYTES = 8  # of the longest whole number
 _FASTEST_S, _SLOWEST_S = 1e-4, 1.0
 
 
@@ -160,7 +161,8 @@ def _numbers(identifier: int, content: bytes) -> tuple[float, ...]:
     """Numbers of an item: whole ones of times and status, else by the low bits of the identifier."""
     kind = identifier & _KIND
     if kind in (COUNT, FINE_TIME, STATUS):
-        return (float(int.from_bytes(content, "big")),)
+        # A damaged length makes a number beyond every float.
+        return (float(int.from_bytes(content, "big")),) if len(content) <= _WHOLE_BYTES else ()
     form = identifier & 0x3
     code = (">f", ">i", ">Ih", ">d")[form]
     size = struct.calcsize(code)

@@ -85,6 +85,16 @@ def test_an_item_of_another_size_is_counted_and_the_next_packet_read(identifier)
     assert reader.counters.broken == 1
 
 
+@pytest.mark.parametrize("identifier", [mtdata2.FINE_TIME, mtdata2.COUNT, mtdata2.STATUS])
+def test_a_whole_number_of_a_damaged_length_is_counted_and_the_next_packet_read(identifier):
+    reader = MtReader()
+    huge = message(mtdata2.MTDATA2, item(identifier, b"\xff" * 200))
+    other = item(mtdata2.FINE_TIME, bytes(4)) + item(mtdata2.TEMPERATURE, bytes(4))
+    (one,) = reader.take(huge + message(mtdata2.MTDATA2, other))
+    assert one.values == (0.0,)
+    assert reader.counters.broken == 1
+
+
 def test_a_damaged_message_is_counted_and_the_next_one_read():
     reader = MtReader()
     good = [packet(MOTION, 0.01, 100 * k, k) for k in range(4)]

@@ -163,9 +163,12 @@ def _assigned(fields: list[str] | None) -> dict[str, Any]:
     for name, value in assignments(fields).items():
         *parents, leaf = name.split(".")
         place = table
-        for parent in parents:
-            place = place.setdefault(parent, {})
-        place[leaf] = value
+        try:
+            for parent in parents:
+                place = place.setdefault(parent, {})
+            place[leaf] = value
+        except (AttributeError, TypeError) as error:
+            raise ValueError(f"{name}: {'.'.join(parents)} was given a value of its own already") from error
     return table
 
 

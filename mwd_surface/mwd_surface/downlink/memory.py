@@ -6,9 +6,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from mwd_sensors.core.input_files import read_text
 from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.telemetry.tool_commands import ToolSettings, applied
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+
+_MOST_CHARACTERS = 10_000
 
 
 class Memory:
@@ -36,12 +39,10 @@ class Memory:
             The file cannot be understood; the message says what to do.
         """
         try:
-            given = json.loads(self._file.read_text(encoding="utf-8"))
-            settings = ToolSettings(**given["in_force"])
-            counter, number = int(given["counter"]), int(given.get("number", 0))
+            settings, counter, number = _kept(read_text(self._file, _MOST_CHARACTERS))
         except FileNotFoundError:
             return ToolSettings(), 0, 0
-        except (OSError, ValueError, TypeError, KeyError) as error:
+        except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
             raise ValueError(f"{self._file}: {error}; delete it if the tool runs by its tool.yaml") from error
         try:
             applied(tool, settings)
@@ -65,3 +66,12 @@ class Memory:
             self._file, json.dumps({"in_force": in_force._asdict(), "counter": counter, "number": number}) + "\n"
         )
         self._written = (in_force, counter, number)
+
+
+def _kept(text: str) -> tuple[ToolSettings, int, int]:
+    """What a file holds; ValueError, TypeError, KeyError or RecursionError where it is none."""
+    given = json.loads(text)
+    settings, counter, number = ToolSettings(**given["in_force"]), given["counter"], given.get("number", 0)
+    if [type(value) for value in (*settings, counter, number)] != [type(value) for value in (*ToolSettings(), 0, 0)]:
+        raise TypeError("a value is of another type")
+    return settings, counter, number

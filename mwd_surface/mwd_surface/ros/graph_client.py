@@ -87,7 +87,7 @@ class GraphClient:
         name, kind = self._found(service, self._services, "service")
         package, _, type_name = kind.partition("/srv/")
         made = getattr(importlib.import_module(f"{package}.srv"), type_name)
-        response: dict[str, Any] = plain(self._called(made, name, filled(made.Request(), fields)))
+        response: dict[str, Any] = plain(self._called(made, name, filled(made.Request, fields)))
         return response
 
     def listen(self, topic: str, seconds: float) -> Iterator[tuple[float, dict[str, Any]]]:
@@ -220,15 +220,17 @@ def plain(message: Any) -> Any:
     return [plain(one) for one in message] if isinstance(message, (list, tuple)) else message
 
 
-def filled(message: Any, fields: Mapping[str, Any]) -> Any:
+def filled(made: type[Any], fields: Mapping[str, Any]) -> Any:
     """
-    The message with fields of a table set.
+    A message of this class with fields of a table set, and all others as they are by default.
 
     Raises
     ------
     ValueError
         A field that it does not have (with the near misses), or a value of another type.
     """
+    # Without the check a value of another type shows only as it is sent, as an error of the middleware.
+    message = made(check_fields=True)
     kinds = message.get_fields_and_field_types()
     for name, value in fields.items():
         if name not in kinds:
@@ -237,13 +239,16 @@ def filled(message: Any, fields: Mapping[str, Any]) -> Any:
         if isinstance(before, (bool, int, str)) and type(value) is not type(before):
             raise ValueError(f"{name}: {value!r} is no {kinds[name]}")
         try:
+            if isinstance(value, str):
+                # A shell may hand over bytes that are no text.
+                value.encode()
             if isinstance(value, Mapping):
-                filled(before, value)
+                setattr(message, name, filled(type(before), value))
             elif isinstance(before, float):
                 setattr(message, name, float(value))
             else:
                 setattr(message, name, value)
-        except (AssertionError, TypeError, AttributeError, ValueError) as error:
+        except (AssertionError, TypeError, AttributeError, ValueError, OverflowError) as error:
             raise ValueError(f"{name}: {value!r} is no {kinds[name]}") from error
     return message
 

@@ -101,6 +101,11 @@ class Supervisor:
         child = self._children.get(name)
         return child is not None and child.process is not None and child.process.poll() is None
 
+    def pid(self, name: str) -> int | None:
+        """Number of the process of that name; None while there is none."""
+        child = self._children.get(name)
+        return None if child is None or child.process is None else child.process.pid
+
     def finished(self, name: str) -> bool:
         """Whether it ended by itself, with status 0."""
         return name in self._children and self._children[name].status == 0

@@ -36,7 +36,20 @@ def test_settings_that_the_tool_does_not_have_are_those_of_another_tool(tmp_path
     assert Memory(file).read(TOOL) == (ToolSettings(), 4, 9)
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"in_force": {"speed": 1}, "counter": 1}', '{"counter": 1}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "[" * 9_000,
+        '{"in_force": {"speed": 1}, "counter": 1}',
+        '{"counter": 1}',
+        '{"in_force": {}, "counter": 1e999}',
+        '{"in_force": {"sequence": "1"}, "counter": 1}',
+        '{"in_force": {"mute": 0}, "counter": 1}',
+        '{"in_force": {}, "counter": 1, "more": "' + "x" * 20_000 + '"}',
+    ],
+)
 def test_a_file_that_cannot_be_read_says_what_to_do(tmp_path, text):
     file = tmp_path / "downlink.json"
     file.write_text(text)

@@ -16,6 +16,7 @@ import json
 import math
 import random
 import time
+import urllib.parse
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -46,6 +47,7 @@ _READ_S = 1.0  # s between readings of the rig's depths
 _FIND_S = 10.0  # s between queries for what was not found
 _SHOWN = 300
 _BAD = 0x80000000  # status codes from here on are bad
+_LAST_NAMESPACE = 0xFFFF  # an index is 16 bits on the wire
 
 
 class BlackboardError(RuntimeError):
@@ -115,8 +117,8 @@ class Blackboard(LoopInterface):
             asyncua is missing, or the address is none.
         """
         self._asyncua = optional("asyncua", "asyncua", "the blackboard")
-        if not self.settings.url.startswith("opc.tcp://"):
-            raise InterfaceError(f"url: {self.settings.url!r} is no address of a blackboard; it begins with opc.tcp://")
+        if not _is_address(self.settings.url):
+            raise InterfaceError(f"url: {self.settings.url!r} is no address: write opc.tcp://host:port/")
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
@@ -289,16 +291,27 @@ async def _asked(client: Any, method: str, text: str) -> dict[str, Any]:
     ua = optional("asyncua.ua", "asyncua", "the blackboard")
     node = client.get_node(method)
     parent = await node.get_parent()
+    if parent is None:
+        raise BlackboardError(f"{method} belongs to no object: set its node id to that of the blackboard's method")
     argument = ua.Variant([text], ua.VariantType.String)
     answer = await parent.call_method(node.nodeid, argument)
     first = answer[0] if isinstance(answer, list) else answer
     try:
         table = json.loads(first)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise BlackboardError(f"{method} gave no JSON") from error
     if not isinstance(table, dict):
         raise BlackboardError(f"{method} gave no table")
     return table
+
+
+def _is_address(url: str) -> bool:
+    """Whether it names a host and a port."""
+    try:
+        parts = urllib.parse.urlsplit(url)
+        return parts.scheme == "opc.tcp" and bool(parts.hostname) and bool(parts.port)
+    except ValueError:
+        return False
 
 
 def _number(value: object) -> float:
@@ -310,9 +323,12 @@ def _made(result: dict[str, Any]) -> dict[str, tuple[int, str]]:
     """Namespace index and id of each variable that the blackboard made, by its name in the manifest."""
     try:
         rows = [(row["ManifestItemID"], row["InjectedID"]) for row in result.get("ProvidedVariables") or ()]
-        return {str(name): (int(at["NameSpaceIndex"]), str(at["ID"])) for name, at in rows}
-    except (KeyError, TypeError, ValueError) as error:
+        made = {str(name): (int(at["NameSpaceIndex"]), str(at["ID"])) for name, at in rows}
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise BlackboardError(f"the answer to the manifest is none of a blackboard ({error!r})") from error
+    if any(not 0 <= space <= _LAST_NAMESPACE for space, _ in made.values()):
+        raise BlackboardError("the answer to the manifest names a namespace that no server has")
+    return made
 
 
 def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:

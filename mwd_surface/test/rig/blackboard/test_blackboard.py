@@ -37,7 +37,7 @@ class Board:
         thread = threading.Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
         self._ready.clear()
         thread.start()
-        assert self._ready.wait(30.0)
+        assert self._ready.wait(120.0)
         try:
             yield self
         finally:
@@ -174,9 +174,26 @@ def test_depths_of_others_are_read_by_what_they_are_and_only_while_they_are_new(
         assert one.status().received == len(taken) == 2
 
 
+def placed(namespace):
+    """Answer to the manifest with every variable in this namespace."""
+    row = '{{"ManifestItemID": "{}", "InjectedID": {{"NameSpaceIndex": {}, "ID": "x"}}}}'
+    rows = ", ".join(row.format(signal.opcua, namespace) for signal in SIGNALS)
+    return f'{{"Success": true, "ProvidedVariables": [{rows}]}}'
+
+
 @pytest.mark.parametrize(
     "answer",
-    ["nonsense", "[]", '{"Success": true, "ProvidedVariables": [1]}', '{"Success": true}', '{"Success": "yes"'],
+    [
+        "nonsense",
+        "[]",
+        "[" * 50_000,
+        '{"Success": true, "ProvidedVariables": [1]}',
+        '{"Success": true}',
+        '{"Success": "yes"',
+        placed("1e999"),
+        placed("1000000"),
+        placed("-1"),
+    ],
 )
 def test_an_answer_that_is_none_ends_in_a_sentence_and_another_try(answer):
     board = Board()
@@ -188,6 +205,7 @@ def test_an_answer_that_is_none_ends_in_a_sentence_and_another_try(answer):
         eventually(lambda: one.status().state == "connected")
 
 
-def test_an_address_that_is_none_is_refused_with_a_sentence():
-    with pytest.raises(InterfaceError, match=r"begins with opc\.tcp"):
-        Blackboard(BlackboardSettings(url="http://x")).start()
+@pytest.mark.parametrize("url", ["http://x", "opc.tcp://", "opc.tcp://host", "opc.tcp://host:99999/", "opc.tcp://[::1"])
+def test_an_address_that_is_none_is_refused_with_a_sentence(url):
+    with pytest.raises(InterfaceError, match=r"write opc\.tcp"):
+        Blackboard(BlackboardSettings(url=url)).start()
