@@ -194,6 +194,7 @@ def test_the_page_shows_plan_offset_advice_reference_field_and_progress(played):
     assert played["taking"]["state"] in ("letting the string settle", "averaging")
 
 
+@pytest.mark.fault_case(40)
 def test_a_plan_that_cannot_be_read_is_an_alarm_and_the_page_goes_on_without(played):
     assert played["reported"]["bad plan"][0]
     sections = played["page without plan"]["sections"]
@@ -203,6 +204,7 @@ def test_a_plan_that_cannot_be_read_is_an_alarm_and_the_page_goes_on_without(pla
     assert any(a["id"] == "plan.file" and "no/such.csv" in a["text"] for a in sections["alarms"]["rows"])
 
 
+@pytest.mark.fault_case(87)
 def test_a_taken_port_is_an_alarm_and_the_page_comes_once_it_is_free(tmp_path):
     with running_graph.graph(tmp_path) as graph, socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]

@@ -10,7 +10,6 @@ them nothing. The others of each station are taken in by halves, so that n stati
 from __future__ import annotations
 
 import copy
-import datetime as dt
 import math
 from collections.abc import Sequence
 
@@ -21,6 +20,7 @@ from mwd_estimation.survey.run_model import RunModel
 from mwd_estimation.survey.six_axis_table import TableRow, TableStation
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.verdict import judged
+from mwd_sensors.core import utc
 
 # Probability of an external field from which the others of the run speak against a station.
 _OUTLIER = 0.5
@@ -97,7 +97,6 @@ def _revise(
 def _hours(time: str) -> float:
     """Time of a row as written, h since 1970; nan where it is none."""
     try:
-        moment = dt.datetime.fromisoformat(time.strip())
+        return utc.moment(time).timestamp() / 3600.0
     except ValueError:
         return math.nan
-    return moment.replace(tzinfo=moment.tzinfo or dt.UTC).timestamp() / 3600.0

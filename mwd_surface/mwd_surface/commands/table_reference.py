@@ -162,8 +162,9 @@ def table_reference(
 
 
 def _moment(text: str) -> dt.datetime | None:
+    from mwd_sensors.core import utc
+
     try:
-        moment = dt.datetime.fromisoformat(text.strip())
+        return utc.moment(text)
     except ValueError:
         return None
-    return moment.replace(tzinfo=moment.tzinfo or dt.UTC)

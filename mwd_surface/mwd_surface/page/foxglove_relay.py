@@ -15,6 +15,7 @@ import threading
 
 NEW, OLD = b"foxglove.sdk.v1", b"foxglove.websocket.v1"
 _HEADER = re.compile(rb"^sec-websocket-protocol:[^\r\n]*", re.IGNORECASE | re.MULTILINE)
+MOST_CONNECTIONS = 32
 _HANDSHAKE_S = 10.0
 _CHUNK = 1 << 16
 
@@ -87,6 +88,10 @@ class HandshakeRelay:
         task = asyncio.current_task()
         if task is None:
             raise RuntimeError("a connection is served in a task of the loop")
+        if len(self._connections) >= MOST_CONNECTIONS:
+            # Each costs two file handles, which page and recorder need too.
+            writer.close()
+            return
         self._connections.add(task)
         inner: asyncio.StreamWriter | None = None
         try:

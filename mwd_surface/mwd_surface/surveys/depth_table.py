@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import bisect
 import dataclasses
-import datetime as dt
 import itertools
 import math
 from pathlib import Path
 
+from mwd_sensors.core import utc
 from mwd_surface.surveys import list_columns
 from mwd_surface.surveys.depth import DepthReading
 from mwd_surface.surveys.list_columns import ListFileError
@@ -115,11 +115,7 @@ def _number(text: str, at: str) -> float:
 
 
 def _stamp(text: str, at: str) -> int:
-    if text.strip().isdigit():
-        return int(text)
     try:
-        moment = dt.datetime.fromisoformat(text.strip())
+        return int(text) if text.strip().isdecimal() else utc.stamp_ns(utc.moment(text))
     except ValueError as error:
         raise ListFileError(f"{at}: expected a time such as 2026-03-01T12:00:00Z or ns, got {text!r}") from error
-    moment = moment.replace(tzinfo=moment.tzinfo or dt.UTC)
-    return round((moment - dt.datetime(1970, 1, 1, tzinfo=dt.UTC)).total_seconds() * 1e6) * 1000

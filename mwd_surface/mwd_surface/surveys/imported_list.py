@@ -9,7 +9,6 @@ vertically at the wellhead. Stations whose own verdict is not "accept" are liste
 from __future__ import annotations
 
 import dataclasses
-import datetime as dt
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.core.reference_field import Reference
+from mwd_sensors.core import utc
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.list_file import StationList
 from mwd_surface.surveys.survey_list import SurveyList
@@ -186,8 +186,6 @@ def _figures(stations: StationList, k: int, reference: Reference | None) -> dict
 def _stamp(text: str) -> int:
     """Time of a station, ns; 0 where none is written."""
     try:
-        moment = dt.datetime.fromisoformat(text.strip())
+        return utc.stamp_ns(utc.moment(text))
     except ValueError:
         return 0
-    moment = moment.replace(tzinfo=moment.tzinfo or dt.UTC)
-    return int(moment.timestamp()) * 10**9 + moment.microsecond * 1000

@@ -43,6 +43,7 @@ def test_time_stands_still_while_paused_and_goes_on_from_there():
     assert pace.due_s(START + 2 * 10**9) == pytest.approx(100.0)
 
 
+@pytest.mark.fault_case(67)
 def test_a_seek_goes_backward_too_and_does_not_end_a_pause():
     pace = Pace(START, 10.0)
     pace.pause(12.0)

@@ -14,6 +14,7 @@ from mwd_surface.nodes import rig_bridge
 from mwd_surface.rig.port import RigSettings
 
 
+@pytest.mark.fault_case(86)
 def test_rig_data_that_come_while_the_node_is_inactive_are_dropped(tmp_path, monkeypatch):
     given, published = {}, []
     port = SimpleNamespace(start=dict, enabled=False, status=tuple)

@@ -12,7 +12,7 @@ import aiohttp
 import pytest
 
 from mwd_surface.bags.definitions import installed
-from mwd_surface.page.foxglove_relay import NEW, OLD, renamed
+from mwd_surface.page.foxglove_relay import MOST_CONNECTIONS, NEW, OLD, renamed
 from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveServer, FoxgloveSettings
 
 TEMPERATURE, LIST = "sensor_msgs/msg/Temperature", "mwd_msgs/msg/SurveyList"
@@ -121,6 +121,25 @@ def test_one_that_says_nothing_of_a_handshake_does_not_keep_others_out(server):
             assert client.info["name"] == "/w1"
 
         watched(server, script)
+
+
+def test_connections_beyond_the_most_are_closed_and_a_place_that_is_free_again_is_given(server):
+    host, _, port = server.address.removeprefix("ws://").partition(":")
+    with contextlib.ExitStack() as held:
+        for _ in range(MOST_CONNECTIONS):
+            held.enter_context(socket.create_connection((host, int(port)), 30.0))
+        with socket.create_connection((host, int(port)), 30.0) as one_more:
+            assert one_more.recv(10) == b""
+
+    async def script(client):
+        assert client.info["name"] == "/w1"
+
+    for _ in range(100):
+        # The places are free once the server has seen that the others went.
+        with contextlib.suppress(aiohttp.ClientError):
+            watched(server, script)
+            return
+    raise AssertionError("no place became free")
 
 
 def test_clients_are_told_a_time_that_is_not_the_wall_s():

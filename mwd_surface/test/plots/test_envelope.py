@@ -76,6 +76,7 @@ def test_a_gap_breaks_the_line_and_missing_values_leave_it_out():
     assert np.all(line[~np.isnan(line)] == 1.0)
 
 
+@pytest.mark.fault_case(38)
 def test_an_angle_near_north_does_not_jump_and_a_full_turn_breaks_the_line():
     t = stamps(100)
     near_north = (np.sin(np.arange(100.0)) % 360.0)[:, None]

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Times as people write them in files."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+
+_EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+_MICROSECOND = dt.timedelta(microseconds=1)
+_LEAP_SECOND = re.compile(r":59:60(?!\d)")
+
+
+def moment(text: str) -> dt.datetime:
+    """
+    Time written by ISO 8601, whatever the time zone of this machine; without an offset it is UTC.
+
+    The leap second 23:59:60 is the second after 23:59:59, as in POSIX time (IEEE Std 1003.1, section 4.19).
+
+    Raises
+    ------
+    ValueError
+        It is none, or one beyond the calendar.
+    """
+    plain, leaps = _LEAP_SECOND.subn(":59:59", text.strip())
+    found = dt.datetime.fromisoformat(plain)
+    try:
+        return found.replace(tzinfo=found.tzinfo or dt.UTC).astimezone(dt.UTC) + dt.timedelta(seconds=leaps)
+    except OverflowError as error:
+        raise ValueError(f"{text!r} is beyond the calendar") from error
+
+
+def stamp_ns(at: dt.datetime) -> int:
+    """Whole microseconds of a time as ns since 1970."""
+    return (at - _EPOCH) // _MICROSECOND * 1000
