@@ -71,17 +71,16 @@ interference: {{axial_nt: 2500.0}}
 
 @dataclasses.dataclass
 class Usage:
-    """What the process of a node used since its last start, and what was wrong with it."""
+    """What the process of a node used since its last start, and what was wrong with it after the last kill."""
 
     pid: int = 0
     since: float = 0.0
     seen: list[tuple[float, int, int]] = dataclasses.field(default_factory=list)
     faults: list[str] = dataclasses.field(default_factory=list)
 
-    def look(self, name: str, pid: int, now: float) -> None:
+    def look(self, pid: int, now: float) -> None:
         """Take resident memory, kB, file handles and threads of a process; another process begins anew."""
         if pid != self.pid:
-            self.judge(name)
             self.pid, self.since, self.seen = pid, now, []
         # A process that ends meanwhile is the supervisor's matter.
         with contextlib.suppress(OSError):
@@ -183,7 +182,7 @@ def play(folder: Path, seconds: float, environment: Mapping[str, str], page: int
             supervisor.watch()
             for node, used in usage.items():
                 if pid := supervisor.pid(node):
-                    used.look(node, pid, now)
+                    used.look(pid, now)
             run.outages.look(time.time(), soak_clients.state_of(page))
             # Growth is judged while nothing disturbs: in the second half.
             if now > next_kill and now < end - seconds / 2.0:
