@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable
 
 from mwd_estimation.core.axis_mappings import MAPPINGS, kind_of
 from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
-from mwd_sensors.core.mount import PRESETS
 
 # Units beside SI that a sensor may send, in the order of their numbers.
 OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
@@ -101,11 +100,8 @@ def _joined(names: Iterable[str]) -> str:
 
 def _few(fault: SensorFault) -> tuple[int, ...]:
     """Give the mappings that explain it, unless a wrong frame leaves too many."""
-    if fault.code == FaultCode.AXES:
-        return fault.which
-    if fault.code == FaultCode.FRAME and 0 < sum(mask.bit_count() for mask in fault.which) <= 4:
-        return fault.which
-    return ()
+    count = sum(mask.bit_count() for mask in fault.mappings)
+    return fault.mappings if fault.code == FaultCode.AXES or 0 < count <= 4 else ()
 
 
 def _sensors(fault: SensorFault) -> str:
@@ -122,7 +118,7 @@ def _axis(fault: SensorFault) -> str:
     if fault.code in (FaultCode.STUCK, FaultCode.SATURATED, FaultCode.CLIPPED):
         return "xyz"[fault.place % 3]
     if fault.code in (FaultCode.INVALID, FaultCode.NOISE):
-        return "/".join("xyz"[k] for k in _bits(fault.which[0], 3))
+        return "/".join("xyz"[k] for k in fault.axes)
     if fault.code in (FaultCode.RATE, FaultCode.STAMPS, FaultCode.REPLAYED, FaultCode.FRAME, FaultCode.MOUNT):
         return ""
     return "y/z" if fault.code == FaultCode.REST_RATE else "all"
@@ -165,7 +161,7 @@ def _noise(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 def unit_words(fault: SensorFault) -> str:
     """Name of the unit that a fault UNIT has found."""
-    name = OTHER_UNITS[fault.place // 3][max(fault.which[0] - 1, 0)]
+    name = OTHER_UNITS[fault.place // 3][fault.other_unit]
     return "G" if name == "gauss" else name
 
 
@@ -208,11 +204,11 @@ def _frame(fault: SensorFault, _: str) -> tuple[str, str]:
 
 
 def _mount(fault: SensorFault, _: str) -> tuple[str, str]:
-    if not fault.which[0]:
+    found = fault.mount
+    if not found:
         off = math.degrees(math.acos(min(max(fault.value, -1.0), 1.0)))
         remedy = "set tool.mount (mwd process: --mount) to the rotation from the unit's axes to the tool's"
         return f"the string turns about an axis {off:.0f} deg off the unit's x: the unit is mounted askew", remedy
-    found = list(PRESETS)[fault.which[0] - 1]
     turning = "the other way round" if found == "x-up" else f"about {found[0]}, not about x"
     remedy = f"set tool.mount to {found} (mwd process: --mount {found}), on top of what it is set to now"
     return f"the string turns {turning}, as seen by the unit: it is mounted {found}", remedy
@@ -220,7 +216,7 @@ def _mount(fault: SensorFault, _: str) -> tuple[str, str]:
 
 def _axes_words(fault: SensorFault, _: str) -> tuple[str, str]:
     remedy = "correct the axes in the driver or the mounting, then rotate the tool again"
-    return f"{_of(fault)}the motion shows wrong axes; {_way_words(fault.which)}", remedy
+    return f"{_of(fault)}the motion shows wrong axes; {_way_words(fault.mappings)}", remedy
 
 
 def _way_words(masks: tuple[int, ...]) -> str:

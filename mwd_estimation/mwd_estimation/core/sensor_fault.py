@@ -6,6 +6,8 @@ from __future__ import annotations
 import dataclasses
 import enum
 
+from mwd_sensors.core.mount import PRESETS
+
 # Bits of the sensors that must not be used. The last one is the whole precision unit.
 GYRO, ACCEL, MAG, PRECISION = 1, 2, 4, 8
 SENSORS = ("gyro", "accelerometer", "magnetometer")
@@ -68,10 +70,7 @@ class SensorFault:
     value, limit : float
         What was seen and what a healthy sensor keeps, in SI units; a share where samples are counted.
     which : tuple of int
-        AXES and FRAME: bits of the mappings of gyro, accelerometer and magnetometer that explain what was seen
-        (`axis_mappings`). INVALID, NOISE: bits of the axes. UNIT: number of the unit, from 1
-        (`fault_messages.OTHER_UNITS`). SIGN: bits of the sensors. MOUNT: the axis that points down-hole, its number
-        in `mount.PRESETS`, from 1; 0: none. Each in the first place; otherwise zeros.
+        As the check keeps it; `mappings`, `axes`, `sensors`, `other_unit` and `mount` read it by the code.
     unusable : int
         Bits GYRO, ACCEL, MAG, PRECISION of what must not be used while it lasts.
     since_ns : int
@@ -96,10 +95,30 @@ class SensorFault:
         return 1000 * int(self.unit != Unit.CONVENTIONAL) + 9 * int(self.code) + self.place
 
     @property
+    def mappings(self) -> tuple[int, int, int]:
+        """AXES, FRAME: of gyro, accelerometer and magnetometer the bits of the `axis_mappings` that explain it."""
+        return self.which if self.code in (FaultCode.AXES, FaultCode.FRAME) else (0, 0, 0)
+
+    @property
+    def axes(self) -> tuple[int, ...]:
+        """INVALID, NOISE: the axes that are meant."""
+        return tuple(k for k in range(3) if self.which[0] >> k & 1)
+
+    @property
+    def other_unit(self) -> int:
+        """UNIT: number of the unit that was found, in `fault_messages.OTHER_UNITS`."""
+        return max(self.which[0] - 1, 0)
+
+    @property
+    def mount(self) -> str:
+        """MOUNT: name in `mount.PRESETS` of how the unit lies in the tool; empty: askew."""
+        return list(PRESETS)[self.which[0] - 1] if self.which[0] else ""
+
+    @property
     def sensors(self) -> tuple[int, ...]:
         """Sensors that are meant: 0 gyro, 1 accelerometer, 2 magnetometer."""
         if self.code in (FaultCode.AXES, FaultCode.FRAME):
-            named = tuple(s for s in range(3) if self.which[s])
+            named = tuple(s for s in range(3) if self.mappings[s])
             return named or (1, 2)
         if self.code in (FaultCode.REPLAYED, FaultCode.MOUNT):
             return 0, 1, 2

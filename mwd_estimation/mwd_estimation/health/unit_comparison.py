@@ -277,9 +277,9 @@ class PrecisionHealth:
 
     def _named(self, fault: SensorFault) -> SensorFault:
         """Name the unit that is meant: mappings that are not proved are of either."""
-        if fault.code != FaultCode.AXES or not fault.which[2]:
+        if not fault.mappings[2]:
             return fault
-        return dataclasses.replace(fault, unit=Unit.EITHER, which=(*fault.which[:2], 0))
+        return dataclasses.replace(fault, unit=Unit.EITHER, which=(*fault.mappings[:2], 0))
 
     def _judge_samples(self, began: int, still: bool) -> int:
         limits = np.full(3, math.inf)

@@ -144,7 +144,7 @@ def inspect(
         if found is None:
             break
         reading = _read(bag, topics, *found, progress)
-    doubted = any(fault.code == FaultCode.AXES and fault.which[2] for fault in reading.faults)
+    doubted = any(fault.code == FaultCode.AXES and fault.mappings[2] for fault in reading.faults)
     apart = "mag" in mount_of(bag, topics, reading.estimator.tool.mount).unusable and bool(reading.turn)
     if doubted or apart:
         turned = mag_mounts(bag, topics, reading.given, reading.estimator)
@@ -261,10 +261,8 @@ def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | N
         changes: dict[str, str] = {}
         if fault.code in (FaultCode.SIGN, FaultCode.POINTS_UP) and fault.sensors == (1,):
             changes = {"accelerometer": "down" if before.accelerometer == "up" else "up"}
-        elif fault.code == FaultCode.MOUNT and fault.which[0]:
-            name = list(mounts.PRESETS)[fault.which[0] - 1]
-            if before.imu == "x-down":
-                changes = {"imu": name}
+        elif fault.code == FaultCode.MOUNT and fault.mount and before.imu == "x-down":
+            changes = {"imu": fault.mount}
         if changes:
             named = {f"tool.mount.{name}": value for name, value in changes.items()}
             return given, settings.changed(reading.estimator, named)

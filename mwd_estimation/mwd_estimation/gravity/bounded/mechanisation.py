@@ -129,6 +129,13 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
     velocity' = velocity + [mean of both tilts x] force + T down;
     position' = position + T velocity and a half step of what the first half of that adds.
     """
+    _carry_columns(P, sums, size)
+    _carry_columns(P.T, sums, size)
+
+
+@compiled
+def _carry_columns(P: Array, sums: Sums, size: int) -> None:
+    """P <- F P."""
     T = sums.time
     h = 0.5 * T
     fx, fy, fz = 0.5 * sums.force[0], 0.5 * sums.force[1], 0.5 * sums.force[2]
@@ -159,22 +166,3 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
         P[VEL + 1, j] -= fz * (x + nx)
         P[VEL + 2, j] += fy * (x + nx) - fx * (y + ny) + down
         P[TILT, j], P[TILT + 1, j] = nx, ny
-    for j in range(size):
-        x, y = P[j, TILT], P[j, TILT + 1]
-        nx = x - b00 * P[j, BIAS] - b01 * P[j, BIAS + 1] - b02 * P[j, BIAS + 2] - c0 * P[j, SCALE]
-        nx -= k00 * P[j, ASKEW] + k01 * P[j, ASKEW + 1]
-        ny = y - b10 * P[j, BIAS] - b11 * P[j, BIAS + 1] - b12 * P[j, BIAS + 2] - c1 * P[j, SCALE]
-        ny -= k10 * P[j, ASKEW] + k11 * P[j, ASKEW + 1]
-        if clipped:
-            turned = P[j, MISSING] + h * P[j, SLOPE]
-            nx += b00 * turned
-            ny += b10 * turned
-            P[j, MISSING] += T * P[j, SLOPE]
-        down = T * P[j, DOWN]
-        P[j, POS] += T * (P[j, VEL] + 0.5 * fz * y)
-        P[j, POS + 1] += T * (P[j, VEL + 1] - 0.5 * fz * x)
-        P[j, POS + 2] += T * (P[j, VEL + 2] + 0.5 * (fy * x - fx * y) + 0.25 * down)
-        P[j, VEL] += fz * (y + ny)
-        P[j, VEL + 1] -= fz * (x + nx)
-        P[j, VEL + 2] += fy * (x + nx) - fx * (y + ny) + down
-        P[j, TILT], P[j, TILT + 1] = nx, ny
