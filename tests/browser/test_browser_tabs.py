@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Path, charts, steering and system."""
 
+import dataclasses
 import re
 import time
 
@@ -20,6 +21,7 @@ from browser_page import (
     wait,
 )
 from mwd_surface.live.inputs import Clock, InputState, InputTable, Role
+from mwd_surface.live.link_state import LOCKED, SEARCHING, LinkStatus
 
 pytestmark = pytest.mark.slow
 
@@ -144,3 +146,20 @@ def test_the_azimuth_has_a_strip_over_time_and_over_depth(browser):
         wait(browser, lambda: "Azimuth" in text(browser, ".charts"))
         click(browser, "#tab-charts .choice")
         wait(browser, lambda: "Azimuth, °" in text(browser, ".depth-box"))
+
+
+def test_two_links_are_named_in_strip_and_tab(browser):
+    pulses = LinkStatus(
+        *("mud_pulse", LOCKED, "", True, 9.5, 3.5, 1e-4, 0.01, 0.4, "survey", 2, 7, 12.0, -1.0), stamp_ns=1, at=0.0
+    )
+    em = LinkStatus(
+        *("em", SEARCHING, "no marker yet", False, 0.0, 0.0, 0.0, -1.0, -1.0, "", 0, 0, -1.0, -1.0), stamp_ns=1, at=0.0
+    )
+    with rig_on(browser) as rig:
+        rig.state.on_link(dataclasses.replace(pulses, others=(em,)), time.monotonic())
+        rig.push()
+        wait(browser, lambda: "em: searching" in (text(browser, "#link-strip") or ""))
+        assert "mud pulse: locked" in text(browser, "#link-strip")
+        tab(browser, "link")
+        wait(browser, lambda: "no marker yet" in (text(browser, ".link-others") or ""))
+        assert text(browser, ".link-reason").startswith("In use: mud pulse.")

@@ -69,6 +69,8 @@ class LinkStatus:
     picture : PressurePicture or None
     pump_lines : tuple of float
         Strokes of each pump, Hz.
+    others : tuple of LinkStatus
+        Links beside this one, by name.
     """
 
     link: str
@@ -92,6 +94,7 @@ class LinkStatus:
     survey: tuple[LinkWordState, ...] = ()
     frames: tuple[LinkFrameState, ...] = ()
     words: tuple[LinkWordState, ...] = ()
+    others: tuple[LinkStatus, ...] = ()
 
 
 class LinkCollector:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections import deque
 from collections.abc import Callable
@@ -34,7 +35,7 @@ _FIELDS = (
 
 class LinkMonitor:
     """
-    Takes the messages of the links in use and shows the state of the one that is best.
+    Takes the messages of the links in use and shows the state of the one that is best, and of the others beside it.
 
     Parameters
     ----------
@@ -157,5 +158,6 @@ class LinkMonitor:
     def _show(self) -> None:
         if self._qualities:
             self._shown = best_link(self._qualities, self._shown)
-            status = self._collectors[self._shown].status(self._qualities[self._shown])
-            self._live.on_link(status, time.monotonic())
+            by_name = {name: self._collectors[name].status(one) for name, one in sorted(self._qualities.items())}
+            shown = by_name.pop(self._shown)
+            self._live.on_link(dataclasses.replace(shown, others=tuple(by_name.values())), time.monotonic())

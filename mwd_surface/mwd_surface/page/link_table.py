@@ -20,11 +20,15 @@ _MAX_FRAMES = 12
 
 
 def link_table(link: LinkStatus | None) -> dict[str, Any]:
-    """Return the link as a plain table; without one only known: False."""
+    """Return the link in use as a plain table, and those beside it; without one only known: False."""
     if link is None:
         return {"known": False}
+    others = [_table(one) for one in link.others]
+    return {"known": True, **_table(link), "picture": _picture(link), "others": others}
+
+
+def _table(link: LinkStatus) -> dict[str, Any]:
     return {
-        "known": True,
         "name": link.link.replace("_", " "),
         "state": STATE_WORDS[link.state],
         "reason": link.reason,
@@ -43,7 +47,6 @@ def link_table(link: LinkStatus | None) -> dict[str, Any]:
         "survey": [_word(word) for word in link.survey],
         "words": [_word(word) for word in link.words],
         "frames": [_frame(frame) for frame in link.frames[-_MAX_FRAMES:]],
-        "picture": _picture(link),
     }
 
 

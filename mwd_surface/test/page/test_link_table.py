@@ -70,6 +70,15 @@ def test_what_is_unknown_is_none_and_the_state_is_said_in_words():
     assert table["toolface_age"] == 12.0
 
 
+def test_each_link_in_use_is_named_with_its_own_words():
+    collector = LinkCollector()
+    collector.on_word(word(0))
+    second = dataclasses.replace(collector.status(QUALITY), link="em", state=NO_FLOW)
+    table = link_table(dataclasses.replace(QUALITY, others=(second,)))
+    assert (table["name"], table["words"]) == ("mud pulse", [])
+    assert [(one["name"], one["state"], len(one["words"])) for one in table["others"]] == [("em", "pumps off", 1)]
+
+
 def test_the_page_gets_it_as_json():
     live = LiveState()
     collector = LinkCollector()

@@ -23,6 +23,8 @@ function wordBox(word) {
     el("span", { class: "name" }, word.name), el("span", { class: "number" }, word.status === "erased" ? "erased" : valueText(word)), bar);
 }
 
+const state = (link) => pill(KINDS[link.state] || "idle", `${link.name}: ${link.state}`);
+
 const margin = (link) => (link.margin_db === null ? "" : `margin ${link.margin_db < 0 ? "−" : "+"}${Math.abs(link.margin_db).toFixed(1)} dB`);
 
 // State, margin, the pass under way and the words of the last survey.
@@ -32,11 +34,11 @@ export function showLinkStrip(link, since) {
   if (!link?.known) return;
   const running = link.words_expected ? `${link.mode} ${link.words_done} of ${link.words_expected}` : "";
   const old = link.survey_age === null ? "" : `survey ${units.age(link.survey_age + since)} old`;
-  const key = JSON.stringify([link.state, link.reason, link.margin_db, running, old, link.survey]);
+  const key = JSON.stringify([link.state, link.reason, link.margin_db, running, old, link.survey, link.others.map((one) => [one.name, one.state])]);
   if (key === place.dataset.key) return;
   place.dataset.key = key;
   place.replaceChildren(
-    el("span", { class: "link-state" }, pill(KINDS[link.state] || "idle", `${link.name}: ${link.state}`)),
+    el("span", { class: "link-state" }, [link, ...link.others].map(state)),
     el("span", { class: "link-say" }, [margin(link), running, old, link.reason].filter(Boolean).join(" · ")),
     el("span", { class: "link-words" }, link.survey.map(wordBox)),
   );
@@ -54,14 +56,25 @@ export function showLink(link) {
       el("div", { class: "link-pictures" },
         el("figure", {}, el("figcaption", {}, "Spectrum of the pressure, the newest on the right"), el("canvas", { id: "link-waterfall", role: "img" })),
         el("figure", {}, el("figcaption", {}, "Pressure of the last two minutes; the pulses chosen below it"), el("canvas", { id: "link-wave", role: "img" }))),
-      el("div", { class: "link-tables" }));
+      el("div", { class: "link-tables" }),
+      el("div", { class: "link-others" }));
   }
-  setText(place.querySelector(".link-reason"), link.reason || `Words arrive: ${margin(link)}.`);
+  const says = link.reason || `Words arrive: ${margin(link)}.`;
+  setText(place.querySelector(".link-reason"), link.others.length ? `In use: ${link.name}. ${says}` : says);
   if (!byId("tab-link").hidden) {
     drawWaterfall(byId("link-waterfall"), link);
     drawWave(byId("link-wave"), link);
   }
-  place.querySelector(".link-tables").replaceChildren(figures(link), passes(link), words(link));
+  place.querySelector(".link-tables").replaceChildren(...tables(link));
+  place.querySelector(".link-others").replaceChildren(...link.others.map(other));
+}
+
+const tables = (link) => [figures(link), passes(link), words(link)];
+
+// A link beside the one in use.
+function other(link) {
+  return el("section", { "aria-label": link.name },
+    el("p", {}, state(link), ` ${link.reason || margin(link)}`), el("div", { class: "link-tables" }, tables(link)));
 }
 
 function figures(link) {
