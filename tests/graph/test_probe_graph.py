@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From recording to emulator to serial line to probe node, estimator and recorder: the same bits as without a line."""
 
+import dataclasses
 import subprocess
 import sys
 
@@ -12,10 +13,13 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.status import Status
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core.settings import changed
 from mwd_sensors.drivers.readings import FIELDS
 from mwd_sensors.simulator.scenario import read
+from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import simulate
+from mwd_surface.surveys.message_conversion import survey_of, survey_of_fields
 from running_graph import PLACE, samples_of, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -25,9 +29,15 @@ name: probe
 seed: 8
 date: 2026-03-01T06:00:00
 place: {latitude_deg: 38.3, longitude_deg: 109.6}
-schedule: [{kind: drill, seconds: 6.0, rpm: 120.0, rop_m_h: 20.0}]
-vibration: {random: [{band_hz: [8.0, 300.0], acceleration_mps2: [3.0, 3.0, 3.0]}]}
+schedule:
+  - {kind: drill, seconds: 6.0, rpm: 120.0, rop_m_h: 20.0}
+  - {kind: still, seconds: 45.0, pumps: false}
+  - {kind: drill, seconds: 4.0, rpm: 120.0, rop_m_h: 20.0}
+vibration:
+  random: [{band_hz: [8.0, 300.0], acceleration_mps2: [3.0, 3.0, 3.0]}]
+  shocks: [{rate_hz: 1.0, peak_g: [3.0, 5.0], width_ms: [0.5, 1.0], when: always}]
 ahrs: {changes: {flags_clipping: true, accelerometer: {range_g: [1.2, 1.2, 1.2]}}}
+precision: {grade: tactical_north, changes: {flags_clipping: true, accelerometer: {range_g: [0.95, 0.95, 0.95]}}}
 """
 
 
@@ -56,7 +66,8 @@ def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, p
         settings = [f"port:={link}", f"protocol:={protocol}", "clock:=unit", "wait_for_listener_s:=60.0"]
         command(graph, "probe", "node", "probe", "--ros-args", *(w for s in settings for w in ("-p", s)))
         until(lambda: "trying again" in graph.log("probe"), 60, "the probe node looks for its line")
-        command(graph, "emulator", "emulate", str(sent), "--protocol", protocol, "--link", str(link), "--wait")
+        words = ["--protocol", protocol, "--link", str(link), "--wait", "--rate", "4"]
+        command(graph, "emulator", "emulate", str(sent), *words)
         assert graph.wait("emulator", 90) == 0
         until(lambda: "was lost" in graph.log("probe"), 20, "the node sees that the line is gone")
         for name in ("probe", estimator, surface):
@@ -68,11 +79,21 @@ def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, p
         for field in fields:
             assert mine[field].tobytes() == expected[field].tobytes()
     flags = clip_flags.of(samples_of(sent, "/imu/data_raw"))
-    assert np.array_equal(clip_flags.of(samples_of(got, "/imu/data_raw")), flags)
-    assert 0.0 < np.mean(flags == clip_flags.ACCEL) < 1.0
+    for topic in ("/imu/data_raw", "/gyro/data_raw"):
+        expected = clip_flags.of(samples_of(sent, topic))
+        assert np.array_equal(clip_flags.of(samples_of(got, topic)), expected)
+        assert 0.0 < np.mean(expected & clip_flags.ACCEL != 0) < 1.0
     live, alone = samples_of(got, "/attitude"), Pipeline(changed(EstimatorSettings(), PLACE))
     alone.push_mag(samples_of(sent, "/imu/mag"))
     alone.push_precision(samples_of(sent, "/gyro/data_raw"))
     alone.push_temperature(samples_of(sent, "/imu/temperature"))
-    assert live.tobytes() == alone.push_imu(samples_of(sent, "/imu/data_raw")).attitude.tobytes()
+    offline = alone.push_imu(samples_of(sent, "/imu/data_raw"))
+    assert live.tobytes() == offline.attitude.tobytes()
+    # The gyrocompass, which is told what the precision unit clipped, finds the same north to the bit.
+    (survey,) = offline.surveys
+    expected = survey_of_fields(survey_fields(survey, survey.status), survey.stamp_ns)
+    with Bag(got) as bag:
+        (heard,) = (survey_of(bag.decode("/survey", data)) for _, _, _, data in bag.messages(["/survey"]))
+    assert any(one.method.startswith("gyro") for one in heard.azimuths)
+    assert heard == dataclasses.replace(expected, frame_id=heard.frame_id, sequence=heard.sequence)
     assert np.array_equal(live["status"] & np.uint32(Status.CLIPPED) != 0, flags != 0)
