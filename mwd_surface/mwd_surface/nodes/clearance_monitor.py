@@ -80,7 +80,7 @@ class ClearanceMonitor:
 
     def _report_file(self, remarks: tuple[str, ...]) -> None:
         if remarks:
-            remedy = "correct the file of the offset wells, then set well.offset_wells again"
+            remedy = "correct the file or the setting it names, then set well.offset_wells again"
             self._alarm_log.raise_alarm(_FILE, Severity.WARNING, "; ".join(remarks), remedy)
         else:
             self._alarm_log.clear_alarm(_FILE)

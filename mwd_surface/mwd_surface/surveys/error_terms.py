@@ -265,7 +265,7 @@ def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> dic
         ahead = md[-1] + (md[-1] - md[0] if md.size > 1 else 30.0)
         md, inc, azi = np.append(md, ahead), np.append(inc, inc[-1]), np.append(azi, azi[-1])
     if _needs_latitude(code) and not math.isfinite(reference.latitude):
-        raise ValueError(f"{code} is a gyro code and needs the latitude of the well: give the well's position")
+        raise ValueError(f"{code} is a gyro code and needs the latitude of the well (well.latitude_deg, --lat)")
     # Without convergence welleng has one set of axes, those of true north.
     header = SurveyHeader(
         latitude=math.degrees(reference.latitude) if math.isfinite(reference.latitude) else 0.0,
