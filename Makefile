@@ -9,6 +9,7 @@
 # make deb    out/mwd_*.deb: ROS 2, messages, packages and mwd in /opt/mwd, for machines of this distribution
 # make docs   the site, in docs/_build/html
 # make pictures  the pictures of the page in README and docs, from the run of `make run`
+# make tour  the commands of the README one after the other, with their times, into docs/tour.md
 PYTHON ?= python3
 BIN := .venv/bin
 # What another sourced ROS would put in front of ours.
@@ -17,7 +18,7 @@ CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO
 # waits for real nodes; tests/work_order.py has their order.
 PYTEST = $(CLEAN) $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
 
-.PHONY: run test test-ubuntu check setup lint config docs pictures lock bench fuzz soak sbom deb clean
+.PHONY: run test test-ubuntu check setup lint config docs pictures tour lock bench fuzz soak sbom deb clean
 
 setup:
 	@$(PYTHON) .ci/setup
@@ -53,6 +54,9 @@ docs: setup
 
 pictures: setup
 	@$(CLEAN) $(BIN)/python docs/pictures.py
+
+tour: setup
+	@$(CLEAN) $(BIN)/python docs/tour.py
 
 deb: setup
 	@$(CLEAN) $(BIN)/python .ci/deb
