@@ -21,6 +21,7 @@ from mwd_surface.commands.run_options import (
     parameter_file,
     set_parameters,
 )
+from mwd_surface.commands.scenario import scenario_names
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
 
 
 def run(
-    scenario: Annotated[str, typer.Argument(help="Name (see `mwd scenario list`) or YAML file.")] = "demo",
+    scenario: Annotated[
+        str, typer.Argument(help="Name (see `mwd scenario list`) or YAML file.", autocompletion=scenario_names)
+    ] = "demo",
     well: Annotated[str, typer.Option(help="Name of the well: the namespace of its topics.")] = "well_1",
     port: Annotated[int | None, typer.Option(help="Port of the live page; by default 8080 or a free one.")] = None,
     rate: Annotated[float, typer.Option(help="Seconds of the run in a second; 0: as fast as possible.")] = 1.0,

@@ -34,8 +34,20 @@ def list_() -> None:
     terminal.output().print(table, soft_wrap=False)
 
 
+def scenario_names(begin: str) -> list[str]:
+    """Names of scenarios with this begin, for the completion of a command line."""
+    from mwd_sensors.simulator import scenario_files
+
+    return [name for name in scenario_files.names() if name.startswith(begin)]
+
+
 def simulate(
-    scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="Name (`mwd scenario list`) or YAML file.")],
+    scenario: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO", help="Name (`mwd scenario list`) or YAML file.", autocompletion=scenario_names
+        ),
+    ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the bag; must not exist.")],
     seed: Annotated[int | None, typer.Option(help="Replaces the scenario's seed.")] = None,
     namespace: Annotated[str, typer.Option(help="Namespace of the topics, such as /well_2.")] = "",
