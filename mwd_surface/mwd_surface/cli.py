@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from typing import Annotated
@@ -103,6 +104,14 @@ app.command(rich_help_panel=_MACHINE)(security)
 app.command(rich_help_panel=_MACHINE)(version)
 app.command(rich_help_panel=_MACHINE)(bundle)
 
+_FULL = ": free the disk, or write to another one"
+_REMEDIES = {
+    errno.ENOSPC: _FULL,
+    errno.EDQUOT: _FULL,
+    errno.EROFS: ": write to another folder",
+    errno.EMFILE: ": close other programs of this user, or raise its limit (ulimit -n)",
+}
+
 
 def main() -> None:
     """
@@ -138,6 +147,7 @@ def _end(error: BaseException) -> None:
     sentence = str(error)
     if isinstance(error, OSError) and error.strerror:
         sentence = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+        sentence += _REMEDIES.get(error.errno or 0, "")
     sys.stderr.write(f"mwd: {sentence}\n")
     sys.exit(2)
 

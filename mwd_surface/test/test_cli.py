@@ -313,6 +313,13 @@ def test_a_damaged_recording_is_recovered(tmp_path):
     assert mwd("process", tmp_path / "bag", "-o", tmp_path / "out").returncode == 0
 
 
+@pytest.mark.fault_case(62)
+def test_a_full_disk_is_named_with_its_remedy():
+    done = mwd("security", "w1", "-o", "/dev/full")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "mwd: No space left on device: free the disk, or write to another one\n"
+
+
 def test_an_unknown_node_is_refused():
     done = mwd("node", "engine")
     assert done.returncode == 2
