@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of other people: whatever their bytes are, a parser gives a result or its own error, never another."""
 
+import io
 import math
 
 import numpy as np
@@ -12,6 +13,7 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
+from scipy.io import wavfile
 
 from attacks import attacks, damaged
 from mwd_estimation.assembly.assembly import read_assembly
@@ -27,6 +29,7 @@ from mwd_surface.bags.bag_metadata import MetadataError
 from mwd_surface.bags.bag_metadata import read as read_metadata
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.receiver import pressure_files
 from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.runs import calibration_run, run_config
 from mwd_surface.surveys.list_columns import ListFileError
@@ -162,6 +165,37 @@ def test_the_line_of_a_probe(text):
         reader.take(data)
         for kind, content in probe_protocol.Splitter(text).take(data):
             probe_protocol.requested(kind, content)
+
+    attack()
+
+
+def pressure_samples():
+    """A WAV of two gauges, and the same as CSV."""
+    table = np.arange(400).reshape(200, 2).astype("<i2")
+    file = io.BytesIO()
+    wavfile.write(file, 100, table)
+    lines = "".join(f"{k * 0.01:.2f},{2e7 + a:.0f},{2e7 + b:.0f}\n" for k, (a, b) in enumerate(table.tolist()))
+    return {".wav": file.getvalue(), ".csv": f"time_s,pressure_pa,pressure_2_pa\n{lines}".encode()}
+
+
+@pytest.mark.parametrize("suffix", [".wav", ".csv"])
+def test_a_file_of_pressure(suffix, tmp_path):
+    path = tmp_path / f"pressure{suffix}"
+    whole = pressure_samples()[suffix]
+
+    # The head of a file says how to read the rest of it.
+    @given(data=st.one_of(attacks(whole), damaged([whole[:48]]).map(lambda head: head + whole[48:])))
+    def attack(data):
+        path.write_bytes(data)
+        for gauge in (1, 2):
+            try:
+                found = pressure_files.read(path, gauge)
+            except ValueError as error:
+                # Names the file, and is no error of a library.
+                if str(path) not in str(error):
+                    raise
+            else:
+                assert len(found.time_s) == len(found.pressure_pa)
 
     attack()
 

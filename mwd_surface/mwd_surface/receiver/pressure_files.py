@@ -160,8 +160,11 @@ def _no_column(path: Path, names: list[str], name: str, more: str = "") -> str:
 
 def _header(path: Path) -> tuple[list[str], str]:
     """Names of the columns in lower case, and what stands between them: comma, semicolon or tab."""
-    with path.open(encoding="utf-8-sig") as file:
-        first = file.readline()
+    try:
+        with path.open(encoding="utf-8-sig") as file:
+            first = file.readline()
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: no text in UTF-8; export it as CSV UTF-8") from error
     between = max(",;\t", key=first.count)
     return [name.strip().strip('"').lower() for name in first.split(between)], between
 
@@ -196,7 +199,8 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
             # Chunks that are not samples, and an end that is missing, as a recorder leaves when its power fails.
             warnings.simplefilter("ignore", wavfile.WavFileWarning)
             rate, samples = wavfile.read(path)
-    except (ValueError, EOFError, struct.error) as error:
+    except (ValueError, EOFError, struct.error, ZeroDivisionError, UnboundLocalError) as error:
+        # The last two are scipy's answer to a file without a chunk of its format or samples, or with a width of 0.
         raise ValueError(f"{path}: no WAV that can be read (PCM or float): {error}") from error
     table = samples if samples.ndim == 2 else samples[:, np.newaxis]
     if gauge > table.shape[1]:
