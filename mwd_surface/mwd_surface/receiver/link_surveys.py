@@ -137,6 +137,9 @@ def _same(station: _Station, heard: HeardSurvey) -> bool:
 
 
 def _agree(one: LinkValue, two: LinkValue, quantity: str) -> bool:
+    """Whether two words can be of one value: the same code, or within the rounding of both where their steps differ."""
+    if one.sigma == two.sigma:
+        return one.raw == two.raw
     off = one.value - two.value
     if quantity in _ANGLES:
         off = math.remainder(off, math.tau)

@@ -94,6 +94,15 @@ def test_one_link_gives_each_survey_at_once_and_a_repeated_one_once():
     assert [len(one) for one in (first, again, complete, other)] == [1, 0, 1, 1]
 
 
+def test_a_survey_of_the_next_rest_that_differs_by_one_code_is_another_one():
+    (first, second), _ = surveys_of(
+        (100.0, heard("mud_pulse", 50.0)),
+        (400.0, heard("mud_pulse", 350.0, inclination=math.tau / 2**12)),
+        tools=(MUD,),
+    )
+    assert [len(first), len(second)] == [1, 1]
+
+
 def test_surveys_whose_time_is_not_known_are_one_where_their_values_agree():
     (first, second, third), _ = surveys_of(
         (100.0, heard("em", 90.0, half_s=math.inf)),
