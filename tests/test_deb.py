@@ -67,6 +67,14 @@ def test_nothing_in_it_points_back_to_where_it_was_made(installed):
         assert [path for path in texts if sys.prefix.encode() + b"/" in path.read_bytes()] == []
 
 
+def test_what_python_writes_beside_the_files_goes_with_the_package(installed):
+    prefix, root = installed
+    said(prefix, "mwd", "version")
+    assert any(prefix.rglob("__pycache__"))
+    subprocess.run([root / "DEBIAN/prerm", "remove"], check=True)
+    assert not any(prefix.rglob("__pycache__"))
+
+
 def test_an_interpreter_of_this_machine_alone_is_refused_with_the_remedy(tmp_path):
     if Path(sys.executable).resolve().parent == Path("/usr/bin"):
         pytest.skip("this interpreter is the distribution's")
