@@ -10,6 +10,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
+from mwd_sensors.ros.stop_signals import STOP_PATIENCE
 
 _RESPAWN_DELAY = 2.0  # s
 _SWITCHES = ("use_sim_time", "autostart")
@@ -46,6 +47,8 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
                 output="screen",
                 respawn=LaunchConfiguration("respawn"),
                 respawn_delay=_RESPAWN_DELAY,
+                # A signal that comes while Python ends would kill a node that is ending in order.
+                sigterm_timeout=str(STOP_PATIENCE),
             ),
         ]
     )
