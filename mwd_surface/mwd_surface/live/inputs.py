@@ -17,7 +17,7 @@ import math
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.source_selection import SourceSelection, short_name
 
-SONDE, GAUGE, HAND = "sonde", "gauge", "hand"
+SONDE, GAUGE, HAND, BLOCK = "sonde", "gauge", "hand", "block"
 # m; a third of a joint of drill pipe, well above what the stretch of the string and a tally's rounding make.
 DISAGREEMENT = 3.0
 _WINDOW = 60.0  # s over which the shortest way is looked for
@@ -123,6 +123,7 @@ class DepthSources:
         self._selection = selection
         self._depths: dict[str, tuple[float, float]] = {}
         self._hand: tuple[float, float] | None = None
+        self._block: tuple[float, float] | None = None
 
     def take(self, frame: str, bit_depth: float, now: float) -> None:
         """Take a valid bit depth, m, of any source, in force or not."""
@@ -133,6 +134,10 @@ class DepthSources:
     def set_by_hand(self, bit_depth: float, now: float) -> None:
         """Take a person's word for the bit depth, m."""
         self._hand = (now, bit_depth)
+
+    def take_block(self, bit_depth: float | None, now: float) -> None:
+        """Take the depth, m, that the block of the source in force carries on; None: the source gives its own."""
+        self._block = None if bit_depth is None else (now, bit_depth)
 
     def by_hand(self, now: float) -> float | None:
         """Return the depth by hand that goes before every source's, m; None where none does."""
@@ -149,15 +154,23 @@ class DepthSources:
         live = self._live(now)
         name = HAND if hand is not None else source if source in live else ""
         depth = hand if hand is not None else live.get(source)
+        if self._block is not None and now - self._block[0] <= self._selection.rules.silent_after:
+            name, depth = BLOCK, self._block[1]
         rows = [state for key, state in states.items() if key not in self._depths]
         known = sorted(self._depths, key=lambda key: (self._selection.rank(key), key))
         rows += [self._row(key, states[key], name, live) for key in known if key in states]
         if self._hand is not None:
             age = now - self._hand[0]
-            role = Role.IN_FORCE if name == HAND else Role.SILENT
+            role = {HAND: Role.IN_FORCE, BLOCK: Role.STANDBY}.get(name, Role.SILENT)
             rows.append(InputState(HAND, Clock.HOST, 0.0, age, age, role, 1, self._hand[1]))
+        if name == BLOCK:
+            of_source = states.get(source, InputState(BLOCK, Clock.RIG))
+            begun = "a depth by hand" if hand is not None else f"the last depth of {source}"
+            words = f"{begun}, carried on by the block"
+            row = dataclasses.replace(of_source, name=BLOCK, role=Role.IN_FORCE, priority=1, bit_depth=depth)
+            rows.append(dataclasses.replace(row, reason=words))
         apart = [abs(other - depth) for key, other in live.items() if key != name] if depth is not None else []
-        at = self._hand if name == HAND else self._depths.get(name)
+        at = {HAND: self._hand, BLOCK: self._block}.get(name, self._depths.get(name))
         return InputTable(tuple(rows), name, None if at is None else now - at[0], max(apart, default=None))
 
     def _row(self, key: str, state: InputState, name: str, live: dict[str, float]) -> InputState:

@@ -6,12 +6,14 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import numpy as np
 from mwd_msgs import msg
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.time_stamps import stamp
+from mwd_surface.live.block_track import BlockTrack
 from mwd_surface.live.inputs import GAUGE, SONDE, Clock, DepthSources, InputClock, InputState, InputTable
 from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS, SourceSelection, short_name
 from mwd_surface.ros.context import SurfaceContext
@@ -38,6 +40,7 @@ class InputMonitor:
         self._context, self._node, self._live = context, context.node, context.live
         self._over_link = link
         self._clocks: dict[str, InputClock] = {}
+        self._block = BlockTrack()
         self._simulated = False
         self.table = InputTable()
 
@@ -67,22 +70,31 @@ class InputMonitor:
 
     def on_depth_by_hand(self, bit_depth: float) -> None:
         """Take a bit depth that a person has set, m."""
+        self._block.start(bit_depth)
         self._depths.set_by_hand(bit_depth, time.monotonic())
 
     def in_force(self, samples: Samples) -> tuple[Samples, Samples]:
         """
         Return the rig data in force as they are paired with surveys, and as they are shown.
 
-        While a depth by hand goes before the source's, surveys are paired with none of its depths, and the depth by
-        hand is shown.
+        Where the source gives no depth, or a depth by hand goes before it, block and slips carry the last depth on;
+        where they cannot, surveys are paired with no depth of the rig, and the depth by hand is shown.
         """
-        hand = self._depths.by_hand(time.monotonic())
+        now, bit = time.monotonic(), msg.RigState.BIT_DEPTH
+        hand = self._depths.by_hand(now)
+        if hand is not None:
+            samples = samples.copy()
+            samples["valid"] &= np.uint32(~bit & 0xFFFFFFFF)
+        given = samples["valid"] & bit
+        paired = self._block.carry(samples)
+        if len(samples):
+            carried = paired["valid"][-1] & bit and not given[-1]
+            self._depths.take_block(self._block.depth if carried else None, now)
         if hand is None:
-            return samples, samples
-        paired, shown = samples.copy(), samples.copy()
-        paired["valid"] &= ~msg.RigState.BIT_DEPTH
-        shown["valid"] |= msg.RigState.BIT_DEPTH
-        shown["bit_depth"] = hand
+            return paired, paired
+        shown = paired.copy()
+        shown["bit_depth"][shown["valid"] & bit == 0] = hand
+        shown["valid"] |= bit
         return paired, shown
 
     def _note(self, name: str, stamp_ns: int) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.live.inputs import DISAGREEMENT, HAND, Clock, DepthSources, InputClock, InputState, Role
+from mwd_surface.live.inputs import BLOCK, DISAGREEMENT, HAND, Clock, DepthSources, InputClock, InputState, Role
 from mwd_surface.live.source_selection import SourceRules, SourceSelection
 
 S = 1_000_000_000
@@ -125,3 +125,22 @@ def test_without_any_source_the_hand_holds_for_ever():
     rig.sources.set_by_hand(1020.0, 0.0)
     table = rig.table(1e6)
     assert (table.depth_source, table.depth_age) == (HAND, 1e6)
+
+
+def test_the_block_carries_on_what_a_source_or_a_person_gave_last():
+    rig = Rig()
+    rig.speak(0.0, rig_floor=1000.0)
+    rig.sources.take_block(1003.0, 8.0)
+    table = rig.table(9.0)
+    assert (table.depth_source, table.depth_age, table.named(BLOCK).bit_depth) == (BLOCK, 1.0, 1003.0)
+    assert "rig_floor" in table.named(BLOCK).reason
+    rig.sources.set_by_hand(1020.0, 9.0)
+    rig.sources.take_block(1020.5, 10.0)
+    table = rig.table(10.0)
+    assert (table.depth_source, table.named(BLOCK).bit_depth) == (BLOCK, 1020.5)
+    assert (table.named(HAND).role, table.named(BLOCK).role) == (Role.STANDBY, Role.IN_FORCE)
+    # A block that is read no more leaves the depth by hand, a source that speaks its own depth.
+    assert rig.table(20.0).depth_source == HAND
+    rig.speak(20.0, rig_floor=1020.0)
+    rig.sources.take_block(None, 20.0)
+    assert rig.table(20.0).depth_source == "rig_floor"

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_surface.live.inputs import HAND, SONDE, InputTable
+from mwd_surface.live.inputs import BLOCK, HAND, SONDE, InputTable
 from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.derived_values import rig_input
@@ -43,7 +43,7 @@ FLOATS: dict[int, tuple[str, float, float]] = {
 }
 _AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78
 # Register 78 by the name of the source of depth; 0: none, 9: another.
-DEPTH_SOURCES = {"": 0, HAND: 1, "rig_floor": 2, OPCUA: 3, WITS: 4, MODBUS: 5}
+DEPTH_SOURCES = {"": 0, HAND: 1, "rig_floor": 2, OPCUA: 3, WITS: 4, MODBUS: 5, BLOCK: 6}
 _ANOTHER, _NO_CLOCK = 9, 255
 # The name by which the authority knows a controller that came by Modbus, before its number.
 CONTROLLER = "modbus "
