@@ -28,8 +28,10 @@ def readings(blocks, *, slips=(), step_s=1.0, depth=None):
 
 
 def test_connections_of_the_simulated_rig_are_followed_by_the_block_alone():
-    sonde = Sonde(read(ROOT / "mwd_sensors" / "scenarios" / "connections.yaml"), epoch_ns=S)
-    truth = np.concatenate([block["rig/state"] for block in sonde.blocks(1.0)])
+    stand = [{"kind": "drill", "seconds": 60.0, "rop_m_h": 540.0}, {"kind": "connection", "seconds": 60.0}]
+    changes = {"schedule": stand, "cycles": 2, "vibration": {}}
+    scenario = read(ROOT / "mwd_sensors" / "scenarios" / "connections.yaml", changes)
+    truth = np.concatenate([block["rig/state"] for block in Sonde(scenario, epoch_ns=S).blocks(1.0)])
     stands = int(np.sum(np.diff(truth["in_slips"].astype(int)) == 1))
     assert stands >= 2
     blind = truth.copy()
