@@ -96,7 +96,10 @@ class Clients:
     def _run(self) -> None:
         async def together() -> None:
             self._task = asyncio.current_task()
-            await asyncio.gather(*(client.run() for client in self.clients))
+            # Unlike gather, it waits until each of them has closed its connection.
+            async with asyncio.TaskGroup() as group:
+                for client in self.clients:
+                    group.create_task(client.run())
 
         try:
             self._loop.run_until_complete(together())
