@@ -2,6 +2,7 @@
 """Stations of a table taken together: what a run shows of its string, what it revises, and what it leaves out."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,6 +57,29 @@ def test_the_first_value_knows_the_rows_before_it_only_and_the_first_of_all_is_a
     (only,) = run_stations(rows[:1], SETTINGS)
     assert only.station.azimuth == only.first.azimuth
     assert not only.revised
+
+
+def test_rows_without_times_are_taken_stand_after_stand():
+    rows, _ = drawn(7)
+    timed = [replace(row, time=f"2026-06-01T{k // 2:02d}:{30 * (k % 2):02d}:00") for k, row in enumerate(rows)]
+    for without, given in zip(run_stations(rows, SETTINGS), run_stations(timed, SETTINGS), strict=True):
+        assert without.station.azimuth == pytest.approx(given.station.azimuth, abs=1e-9)
+        assert without.station.sigma_azimuth == pytest.approx(given.station.sigma_azimuth, rel=1e-6)
+
+
+def test_a_multi_station_analysis_of_the_run_stands_beside_its_azimuths():
+    errors, sigmas = [], []
+    for seed in range(20, 26):
+        rows, azimuth = drawn(seed)
+        for row, truth in zip(run_stations(rows, SETTINGS), azimuth, strict=True):
+            beside = row.station.by_method("msa")
+            assert beside.refused is None
+            errors.append(wrap_pi(beside.azimuth - truth))
+            sigmas.append(beside.sigma)
+    # Its field and reference are exact: no more than its sigma is asked.
+    assert np.mean(np.square(errors)) < np.mean(np.square(sigmas))
+    alone, _ = drawn(3, count=2)
+    assert run_stations(alone, SETTINGS)[0].station.by_method("msa") is None
 
 
 def test_two_runs_in_one_table_are_two_runs():

@@ -84,6 +84,8 @@ OF_TABLES = (
     Column("first_azimuth_deg", "azimuth with the rows before it in its run alone"),
     Column("first_sigma_azimuth_deg", "1 sigma"),
     Column("first_verdict", "verdict with the rows before it alone", text=True),
+    Column("azimuth_msa_deg", "by multi-station analysis of the run, for comparison"),
+    Column("sigma_azimuth_msa_deg", "1 sigma"),
 )
 COLUMNS = tuple(column.name for column in OF_STATIONS)
 ROW_COLUMNS = (*COLUMNS, *(column.name for column in OF_TABLES))
@@ -125,11 +127,16 @@ def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
         "alternative_odds": " ".join(number(odds, 4) for _, odds in station.alternatives),
         "hypotheses": " ".join(f"{name} {number(odds, 3)}" for name, odds in station.hypotheses),
     }
-    for method in (AzimuthMethod.RAW, AzimuthMethod.SINGLE_STATION):
-        found = station.by_method(method)
-        line[f"azimuth_{method}_deg"] = _around(found.azimuth if found else None)
-        line[f"sigma_azimuth_{method}_deg"] = _degrees(found.sigma if found else None)
-    return line
+    return line | _of_method(station, AzimuthMethod.RAW) | _of_method(station, AzimuthMethod.SINGLE_STATION)
+
+
+def _of_method(station: Station, method: AzimuthMethod) -> dict[str, str]:
+    """Azimuth of one method and its sigma; empty where it was not tried."""
+    found = station.by_method(method)
+    return {
+        f"azimuth_{method}_deg": _around(found.azimuth if found else None),
+        f"sigma_azimuth_{method}_deg": _degrees(found.sigma if found else None),
+    }
 
 
 def row_cells(row: TableStation) -> dict[str, str]:
@@ -144,6 +151,7 @@ def row_cells(row: TableStation) -> dict[str, str]:
         "first_azimuth_deg": _around(row.first.azimuth),
         "first_sigma_azimuth_deg": _degrees(row.first.sigma_azimuth) if known else "",
         "first_verdict": row.first.verdict,
+        **_of_method(row.station, AzimuthMethod.MULTI_STATION),
     }
 
 
