@@ -31,6 +31,7 @@ from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.stated_noise import with_noise
 from mwd_estimation.survey.static_survey import Refusal
+from mwd_estimation.survey.station_record import Station
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.input_covariance import Noise
 from mwd_sensors.core.mount import Mount, resolve
@@ -167,6 +168,10 @@ class Pipeline:
         Samples may follow all the same.
         """
         return self._estimate.finish()
+
+    def revisions(self) -> dict[int, Station]:
+        """Surveys, by number, of which the later ones say something else than was published; that stays."""
+        return self._estimate.bin_stage.decision.revisions()
 
     def set_reference(self, reference: Reference) -> None:
         """Judge and correct by this field from now on; the interference is estimated anew."""

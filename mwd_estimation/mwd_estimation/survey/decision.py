@@ -24,6 +24,7 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, measured
+from mwd_estimation.survey.revision import Taken, findings, is_revised
 from mwd_estimation.survey.run_model import RunModel, declination_sigma, gyro_azimuth
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
@@ -108,6 +109,9 @@ class SurveyDecision:
     def __init__(self, settings: StationSettings, faults: FaultHistory) -> None:
         self._settings, self._faults = settings, faults
         self._run = RunModel(settings)
+        # Stations of the run in order, with what was found of them, and what left the estimator, by number.
+        self._taken: dict[int, tuple[Taken, Finding | None]] = {}
+        self._published: dict[int, Station] = {}
 
     def begin(
         self,
@@ -134,13 +138,43 @@ class SurveyDecision:
         """
         average = self._faults.readable(average)
         one = _measured(average, reference, self._settings)
-        finding = self._run.take(one, average.end_ns / _NS_PER_HOUR, gyro, learn=usable)
+        taken = Taken(one, average.end_ns / _NS_PER_HOUR, gyro)
+        finding = self._run.take(*taken, learn=usable)
         survey = _survey(average, sequence, self._decided(one, finding, gyro), _weights(finding, gyro))
         faulty = self._faults.judge(survey)
+        if usable and faulty is survey:
+            self._taken[sequence] = taken, finding
         return Provisional(faulty, one, finding, self._run.shared(), faulty is survey)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
         """The survey, with what the azimuth propagated to it says of its own."""
+        survey = self._continued(provisional, propagated)
+        self._published[survey.sequence] = survey.station
+        return survey
+
+    def revisions(self) -> dict[int, Station]:
+        """
+        Stations of which the whole run says something else than was published.
+
+        That is another verdict, or an azimuth more than its sigma away.
+
+        Returns
+        -------
+        dict of int to Station
+            By number of the survey. What was published stays; a revision is a proposal.
+        """
+        taken, before = [one for one, _ in self._taken.values()], [found for _, found in self._taken.values()]
+        revised = {}
+        for number, one, now in zip(self._taken, taken, findings(taken, before, self._settings), strict=True):
+            first = self._published.get(number)
+            if first is None or (now is not None and now.repeats is not None):
+                continue
+            station = judged(one.measured, now, self._settings)
+            if is_revised(first, station, first.sigma_azimuth):
+                revised[number] = dataclasses.replace(station, azimuths=first.azimuths)
+        return revised
+
+    def _continued(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
         azimuth, sigma = propagated.station_azimuth, propagated.station_sigma
         if not (math.isfinite(azimuth) and sigma > 0.0) or provisional.survey.kind != STATIC:
             return provisional.survey

@@ -17,13 +17,12 @@ import numpy as np
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.revision import is_revised
 from mwd_estimation.survey.six_axis_columns import Columns, find_columns, numbers
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
 
 Refine = Callable[[Reference, str], Reference]
-# An azimuth that moves by less, rad, is no revision worth a word.
-_REVISED = math.radians(0.05)
 
 
 @dataclass(frozen=True)
@@ -79,12 +78,7 @@ class TableStation:
     @property
     def revised(self) -> bool:
         """Whether its run says something else than the station did when it was taken."""
-        if self.first is None or self.first.verdict != self.station.verdict:
-            return self.first is not None
-        moved = self.station.azimuth - self.first.azimuth
-        if not math.isfinite(moved):
-            return math.isfinite(self.station.azimuth) != math.isfinite(self.first.azimuth)
-        return abs(math.remainder(moved, math.tau)) > _REVISED
+        return self.first is not None and is_revised(self.first, self.station)
 
 
 def stations(

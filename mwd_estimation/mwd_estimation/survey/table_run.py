@@ -3,13 +3,11 @@
 The stations of one run together: what each said when it was taken, and what it says with all of the run.
 
 The first value of a station knows the stations above it in the table, as the live one does; its revision knows every
-other station of the run, and no station counts for itself twice. A station whose field is not that of the others tells
-them nothing. The others of each station are taken in by halves, so that n stations need some n log2(n) steps.
+other station of the run (`revision`). A station whose field is not that of the others tells them nothing.
 """
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -19,9 +17,8 @@ import numpy as np
 from mwd_estimation.core.reference_field import to_north
 from mwd_estimation.survey import multi_station_analysis
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, measured
-from mwd_estimation.survey.posterior.hypotheses import Hypothesis
+from mwd_estimation.survey.revision import Taken, findings, is_outlier
 from mwd_estimation.survey.run_model import RunModel, declination_sigma
 from mwd_estimation.survey.six_axis_table import TableRow, TableStation
 from mwd_estimation.survey.station_record import MethodAzimuth
@@ -29,8 +26,6 @@ from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.verdict import judged
 from mwd_sensors.core import utc
 
-# Probability of an external field from which the others of the run speak against a station.
-_OUTLIER = 0.5
 # Between two rows without a time, h: a stand. How a field from outside drifts follows from it.
 _STAND = 0.5
 # A multi-station analysis is compared from so many stations on.
@@ -61,15 +56,15 @@ def run_stations(rows: Sequence[TableRow], settings: StationSettings) -> list[Ta
 def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
     own = [measured(row.f_t, row.b_t, row.reference, settings) for row in rows]
     sound = [k for k, row in enumerate(rows) if not row.faults]
-    hours = dict(zip(sound, _hours([rows[k].time for k in sound]), strict=True))
+    hours = _hours([rows[k].time for k in sound])
+    taken = {k: Taken(own[k], hour) for k, hour in zip(sound, hours, strict=True)}
     model = RunModel(settings)
-    first = {k: model.take(own[k], hours[k]) for k in sound}
-    final: dict[int, Finding | None] = {}
-    if sound:
-        _revise(RunModel(settings), sound, own, hours, final)
-    fitting = [k for k in sound if not _outlier(final[k])]
-    if 0 < len(fitting) < len(sound):
-        _revise(RunModel(settings), fitting, own, hours, final)
+    first = {k: model.take(*one) for k, one in taken.items()}
+    final = dict(zip(sound, findings(list(taken.values()), list(first.values()), settings), strict=True))
+    fitting = [k for k in sound if not is_outlier(final[k])]
+    if len(fitting) < len(sound):
+        others = findings([taken[k] for k in fitting], [first[k] for k in fitting], settings)
+        final |= zip(fitting, others, strict=True)
     stations, together = [], _multi_station(own, sound, settings)
     for k, row in enumerate(rows):
         last = final.get(k)
@@ -81,29 +76,10 @@ def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
                 dataclasses.replace(station, azimuths=(*station.azimuths, *together.get(k, ()))),
                 row.run,
                 judged(own[k], first.get(k), settings, row.faults),
-                _outlier(last),
+                is_outlier(last),
             )
         )
     return stations
-
-
-def _outlier(finding: Finding | None) -> bool:
-    return finding is not None and finding.hypotheses.get(Hypothesis.EXTERNAL, 0.0) > _OUTLIER
-
-
-def _revise(
-    model: RunModel, at: list[int], own: list[Measured], hours: dict[int, float], found: dict[int, Finding | None]
-) -> None:
-    """Findings of stations `at`, by a model that has learned of every station but these."""
-    if len(at) == 1:
-        found[at[0]] = model.take(own[at[0]], hours[at[0]], learn=False)
-        return
-    half = len(at) // 2
-    for mine, others in ((at[:half], at[half:]), (at[half:], at[:half])):
-        aware = copy.deepcopy(model)
-        for k in others:
-            aware.take(own[k], hours[k])
-        _revise(aware, mine, own, hours, found)
 
 
 def _multi_station(

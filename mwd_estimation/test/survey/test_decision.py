@@ -117,6 +117,35 @@ def test_readings_played_again_are_no_second_station():
     np.testing.assert_array_equal(again.shared[0], first.shared[0])
 
 
+def test_gyro_readings_revise_an_earlier_station_beside_steel_and_its_first_value_stays():
+    decide, rng, published, azimuths = decision(), np.random.default_rng(3), [], 1.9 + 0.02 * np.arange(7)
+    for k, azimuth in enumerate(azimuths):
+        # Steel turns the field and keeps total and dip; the gyro answers from the second station on.
+        still = average(k + 1, 0.8 + 0.02 * k, azimuth, turned=0.4 if k != 3 else -0.3)
+        found = Solution(None, "still", azimuth + rng.normal(0.0, 0.02), 0.03, 0.8, 0.0, 60.0, 0.03)
+        taken = decide.begin(still, k + 1, REFERENCE, found if k else None)
+        published.append(decide.complete(taken, NOTHING).station)
+    revised = decide.revisions()
+    assert published[0].verdicts.azimuth == "accept"
+    assert revised[1].verdicts.azimuth == "doubtful"
+    now = [revised.get(k + 1, one) for k, one in enumerate(published)]
+    for station, azimuth in zip(now, azimuths, strict=True):
+        error = abs(wrap_pi(station.azimuth - azimuth))
+        assert station.verdicts.azimuth != "accept" or error < 3.0 * station.sigma_azimuth
+    assert sum(one.verdicts.azimuth == "accept" for one in now) >= 5
+
+
+def test_a_run_without_surprises_keeps_its_verdicts_and_readings_played_again_stay_doubtful():
+    decide = decision()
+    for k in range(6):
+        decide.complete(decide.begin(average(k + 1, 0.5 + 0.1 * k, 1.9), k + 1, REFERENCE, None), NOTHING)
+    again = dataclasses.replace(average(3, 0.7, 1.9), start_ns=2 * 10**12)
+    assert decide.complete(decide.begin(again, 7, REFERENCE, None), NOTHING).station.verdict == "doubtful"
+    revised = decide.revisions()
+    assert 7 not in revised
+    assert all(station.verdict == "accept" for station in revised.values())
+
+
 def test_a_station_measured_again_at_rest_is_as_good_as_the_first_and_teaches_nothing():
     decide, again = decision(), average(1, 0.8, 1.9)
     first = decide.begin(again, 1, REFERENCE, None)

@@ -82,6 +82,15 @@ def test_a_multi_station_analysis_of_the_run_stands_beside_its_azimuths():
     assert run_stations(alone, SETTINGS)[0].station.by_method("msa") is None
 
 
+def test_a_row_played_twice_stays_doubtful_and_changes_nothing_of_the_others():
+    rows, _ = drawn(8)
+    twice = run_stations([*rows, rows[4]], SETTINGS)
+    assert twice[-1].station.verdicts.azimuth == twice[-1].first.verdicts.azimuth == "doubtful"
+    for one, alone in zip(twice, run_stations(rows, SETTINGS), strict=False):
+        assert one.station.azimuth == pytest.approx(alone.station.azimuth, abs=1e-3)
+        assert one.station.verdict == alone.station.verdict == "accept"
+
+
 def test_two_runs_in_one_table_are_two_runs():
     one, _ = drawn(3, axial_nt=1500.0, name="1")
     other, _ = drawn(4, axial_nt=-1500.0, name="2")

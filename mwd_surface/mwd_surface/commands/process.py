@@ -185,7 +185,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     from mwd_estimation.core.fault_messages import describe
     from mwd_estimation.core.sensor_fault import FaultCode
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.survey_table import numbered, show_surveys
+    from mwd_surface.commands.survey_table import numbered, revision_sentences, show_surveys
 
     console = terminal.output()
     for warning in summary.warnings:
@@ -213,6 +213,10 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     terminal.facts(lines)
     if summary.surveys:
         show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
+        now = {survey.sequence: survey.station for survey, _ in summary.revisions}
+        firsts = [(number, survey) for number, (survey, _) in enumerate(summary.surveys, 1) if survey.sequence in now]
+        for sentence in revision_sentences([(number, one.station, now[one.sequence]) for number, one in firsts]):
+            console.print(sentence, markup=False)
         # Of a recording without depths the line above says so.
         rows = summary.listed.records if summary.topics.rig is not None else ()
         without = [r for r in rows if r.measured_depth < 0.0 and r.comment]

@@ -107,17 +107,33 @@ def run_sentences(rows: Sequence[TableStation]) -> list[str]:
     outliers = [number for number, row in enumerate(rows, 1) if row.outlier]
     if outliers:
         lines.append(f"{numbered(outliers):>4} outlier: another field than at the other stations of the run")
-    revised = [(number, row, row.first) for number, row in enumerate(rows, 1) if row.revised and row.first is not None]
-    moves = [abs(float(wrap_pi(row.station.azimuth - first.azimuth))) for _, row, first in revised]
-    if revised:
-        known = [move for move in moves if math.isfinite(move)]
-        most = f", azimuth by {degrees(max(known), 1)} deg at most" if known else ""
-        lines.append(f"{numbered([number for number, _, _ in revised]):>4} revised by the stations after them{most}")
-    for number, row, first in revised:
-        if first.verdict != row.station.verdict:
-            sigma = f" ±{degrees(first.sigma_azimuth, 1)}" if math.isfinite(first.azimuth) else ""
-            lines.append(f"{number:>4} was {first.verdict} at first: {direction(first.azimuth)}{sigma}")
+    firsts = [(number, row, row.first) for number, row in enumerate(rows, 1)]
+    return lines + revision_sentences(
+        [(number, first, row.station) for number, row, first in firsts if row.revised and first is not None]
+    )
+
+
+def revision_sentences(revised: Sequence[tuple[int, Station, Station]]) -> list[str]:
+    """Sentences on stations that the others of their run revised: number, station at first, and now."""
+    if not revised:
+        return []
+    moves = [abs(float(wrap_pi(now.azimuth - first.azimuth))) for _, first, now in revised]
+    known = [move for move in moves if math.isfinite(move)]
+    most = f", azimuth by {degrees(max(known), 1)} deg at most" if known else ""
+    lines = [f"{numbered([number for number, _, _ in revised]):>4} revised by the stations after them{most}"]
+    for number, first, now in revised:
+        if first.verdict != now.verdict:
+            lines.append(
+                f"{number:>4} was {first.verdict} at first: {_azimuth(first)}; now {now.verdict}: {_azimuth(now)}"
+            )
     return lines
+
+
+def _azimuth(station: Station) -> str:
+    """Azimuth and 1 sigma in deg."""
+    if not math.isfinite(station.azimuth):
+        return "-"
+    return f"{direction(station.azimuth)} ±{degrees(station.sigma_azimuth, 1)}"
 
 
 def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[str]:

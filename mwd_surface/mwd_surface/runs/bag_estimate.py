@@ -242,6 +242,12 @@ class BagEstimate:
             )
         refuse_wrong_unit(self.topics, summary.faults)
         self._reject_wrong_mount()
+        revised = pipeline.revisions()
+        summary.revisions = [
+            (dataclasses.replace(survey, station=revised[survey.sequence]), depth)
+            for survey, depth in summary.surveys
+            if survey.sequence in revised
+        ]
         summary.mag_used = self._use_mag
         summary.listed, summary.live = self._list.finish()
         summary.depths = self._list.depth_source

@@ -21,7 +21,7 @@ from mwd_surface.runs.bag_input import InputSettings, refuse_damaged, worth_sayi
 from mwd_surface.runs.merger import Merger
 from mwd_surface.runs.recorded_settings import Recorded
 from mwd_surface.runs.run_config import config_text
-from mwd_surface.runs.run_output import OutputSettings, destination, drafts, fault_text, survey_text
+from mwd_surface.runs.run_output import REVISIONS, OutputSettings, destination, drafts, fault_text, survey_text
 from mwd_surface.runs.run_summary import Summary
 from mwd_surface.surveys.survey_store import encoded
 
@@ -29,7 +29,7 @@ _REVERSED = (
     "the accelerometer reads gravity instead of specific force: its signs are reversed for these results, as "
     "--accelerometer down does"
 )
-_AFTER = ("surveys.csv", "surveys.json", "faults.csv", "config.yaml")  # files named after the attitude
+_AFTER = ("surveys.csv", "surveys.json", REVISIONS, "faults.csv", "config.yaml")  # files named after the attitude
 
 
 def process(
@@ -104,6 +104,8 @@ def _processed(
             run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)
             summary = _finished(run, bag, given, sink, progress)
         (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
+        if summary.revisions:
+            (draft / REVISIONS).write_text(survey_text(summary.revisions), encoding="utf-8")
         (draft / "surveys.json").write_bytes(encoded(summary.listed))
         (draft / "faults.csv").write_text(fault_text(summary.faults), encoding="utf-8")
         config = config_text(estimator, given, wanted, summary.topics)

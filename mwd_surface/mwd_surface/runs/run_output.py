@@ -25,7 +25,10 @@ from mwd_surface.surveys import station_csv
 
 FORMATS = ("csv", "parquet", "mcap")
 MERGED = "merged"
-_RESULTS = ("attitude.csv", "attitude.parquet", MERGED, "surveys.csv", "surveys.json", "faults.csv", "config.yaml")
+# Written where later surveys change what earlier ones say.
+REVISIONS = "revisions.csv"
+_SURVEYS = ("surveys.csv", "surveys.json", REVISIONS)
+_RESULTS = ("attitude.csv", "attitude.parquet", MERGED, *_SURVEYS, "faults.csv", "config.yaml")
 SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
 FAULT_COLUMNS = ("since_ns", "cleared_ns", "severity", "sensor", "axis", "kind", "confidence", "message", "remedy")
 
@@ -112,7 +115,7 @@ def destination(
 
 
 def survey_text(surveys: list[tuple[Survey, float]]) -> str:
-    """surveys.csv."""
+    """surveys.csv; of revised surveys revisions.csv."""
     return station_csv.text(
         SURVEY_COLUMNS,
         (

@@ -49,6 +49,8 @@ class Summary:
         Where the depths of the surveys come from, in words.
     live : str
         How this list compares with the live one of the recording; empty where it has none.
+    revisions : list of (Survey, measured depth in m or nan)
+        Surveys of which the later ones say something else, as they would be now; `surveys` has the first values.
     faults : list of SensorFault
         Faults of sensors, as they were found, narrowed down or cleared.
     warnings : list of str
@@ -77,6 +79,7 @@ class Summary:
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)
     depths: str = ""
     live: str = ""
+    revisions: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)
