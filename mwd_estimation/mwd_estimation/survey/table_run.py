@@ -65,7 +65,7 @@ def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
     if len(fitting) < len(sound):
         others = findings([taken[k] for k in fitting], [first[k] for k in fitting], settings)
         final |= zip(fitting, others, strict=True)
-    stations, together = [], _multi_station(own, sound, settings)
+    stations, together = [], _multi_station(own, fitting, settings)
     for k, row in enumerate(rows):
         last = final.get(k)
         station = judged(own[k], last, settings, row.faults)
@@ -83,10 +83,10 @@ def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
 
 
 def _multi_station(
-    own: list[Measured], sound: list[int], settings: StationSettings
+    own: list[Measured], at: list[int], settings: StationSettings
 ) -> dict[int, tuple[MethodAzimuth, ...]]:
-    """Azimuths by multi-station analysis, for comparison, by place in the run; none without one field for all."""
-    read = [(k, own[k].readings, own[k].station) for k in sound]
+    """Azimuths of stations `at` by multi-station analysis, for comparison; none without one field for all."""
+    read = [(k, own[k].readings, own[k].station) for k in at]
     usable = [(k, readings, station) for k, readings, station in read if readings is not None and readings.has_field]
     references = {station.reference for _, _, station in usable}
     reference = references.pop() if len(references) == 1 else None

@@ -84,7 +84,7 @@ OF_TABLES = (
     Column("first_azimuth_deg", "azimuth with the rows before it in its run alone"),
     Column("first_sigma_azimuth_deg", "1 sigma"),
     Column("first_verdict", "verdict with the rows before it alone", text=True),
-    Column("azimuth_msa_deg", "by multi-station analysis of the run, for comparison"),
+    Column("azimuth_msa_deg", "by multi-station analysis of the run, for comparison; empty: refused, or few stations"),
     Column("sigma_azimuth_msa_deg", "1 sigma"),
 )
 COLUMNS = tuple(column.name for column in OF_STATIONS)
@@ -151,8 +151,14 @@ def row_cells(row: TableStation) -> dict[str, str]:
         "first_azimuth_deg": _around(row.first.azimuth),
         "first_sigma_azimuth_deg": _degrees(row.first.sigma_azimuth) if known else "",
         "first_verdict": row.first.verdict,
-        **_of_method(row.station, AzimuthMethod.MULTI_STATION),
+        **_multi_station(row.station),
     }
+
+
+def _multi_station(station: Station) -> dict[str, str]:
+    """The azimuth of the analysis of a run; nothing where it was refused."""
+    found = station.by_method(AzimuthMethod.MULTI_STATION)
+    return {} if found is None or found.refused is not None else _of_method(station, AzimuthMethod.MULTI_STATION)
 
 
 def text(columns: Sequence[str], lines: Iterable[Mapping[str, Any]]) -> str:
