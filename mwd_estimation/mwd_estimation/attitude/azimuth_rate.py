@@ -23,6 +23,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     PrecisionRates,
     State,
 )
+from mwd_estimation.core.track import GAP_NS
 from mwd_sensors.core.compiled import compiled
 
 # A bin is left to the other unit where an interval of the precision unit is longer than this share of the bin, or
@@ -73,7 +74,7 @@ def add_sample(p: KernelParams, s: State, sample: GyroSample, earth_north: float
         sums.vertical = True
     elif s.ring_length > 0:
         dt = (stamp - s.last_ns) * 1e-9
-        if stamp - s.last_ns <= p.gap_ns:
+        if stamp - s.last_ns <= GAP_NS:
             inverse = 1.0 / across2
             share = dt * inverse
             earth = dx * math.sqrt(across2) * share

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from mwd_estimation.attitude import attitude_rows, gyro_azimuth, rejected_samples, time_alignment, time_alignment_state
 from mwd_estimation.attitude.attitude_rows import LAST_MAGNETIC, Sources, Stretch
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationAzimuth
+from mwd_estimation.attitude.gyro_azimuth_filter import GATE
 from mwd_estimation.attitude.gyro_azimuth_state import (
     BIN_STEP,
     MAGNETIC_AZIMUTH,
@@ -109,7 +110,7 @@ class AttitudeStream:
         """Of the magnetic field against the reference, and of the magnetic azimuth against the propagated one."""
         s = self._azimuth_state[0]
         rejected, disturbed = int(s["rejected"]), int(s["disturbed"])
-        azimuth = Innovation("magnetic_azimuth", gate=self._azimuth.gate, rejected=rejected, disturbed=disturbed)
+        azimuth = Innovation("magnetic_azimuth", gate=GATE, rejected=rejected, disturbed=disturbed)
         # Those of the bin that is open wait.
         used = self._azimuths_read - len(self._waiting) - rejected - disturbed
         if used > 0 or rejected:

@@ -86,16 +86,12 @@ class Params:
         Time constant of the slow error of the magnetic azimuth, s.
     held_time_s : float
         Time for which an error of the vertical stays in the magnetic azimuth, s.
-    gate_sigmas : float
-        Innovation beyond which a magnetic azimuth is not used.
     reset_time_s : float
         Time for which good azimuths must be rejected before the azimuth is reset to them, s.
     mag_timeout_s : float
         Age of the last magnetic azimuth used, beyond which the azimuth is gyro-aided, s.
     vertical_below_deg : float
         Inclination without an azimuth, deg.
-    gap_s : float
-        Interval between samples beyond which it counts as a data gap, s.
     gap_rate_dps : float
         Rate at which the axis may turn during a data gap, 1 sigma, deg/s.
     tilt_memory_s : float
@@ -109,11 +105,9 @@ class Params:
     slow_share: float = 0.95
     slow_error_time_s: float = 14400.0
     held_time_s: float = 10.0
-    gate_sigmas: float = 4.0
     reset_time_s: float = 60.0
     mag_timeout_s: float = 2.0
     vertical_below_deg: float = 3.0
-    gap_s: float = 0.5
     gap_rate_dps: float = 0.05
     tilt_memory_s: float = 5.0
     max_sigma_deg: float = 45.0
@@ -139,12 +133,10 @@ def kernel_params(params: Params, bin_ns: int, latitude_deg: float | None, inter
         north, down, unknown = EARTH_RATE * math.cos(latitude), -EARTH_RATE * math.sin(latitude), 0.0
     return KernelParams(
         bin_ns=bin_ns,
-        gap_ns=round(params.gap_s * 1e9),
         earth_north=north,
         earth_down=down,
         held_repeats=max(2.0 * params.held_time_s / interval_s, 1.0),
         slow_error_time_s=params.slow_error_time_s,
-        gate=params.gate_sigmas,
         reset_time_s=params.reset_time_s,
         mag_timeout_s=params.mag_timeout_s,
         vertical_sin2=math.sin(math.radians(params.vertical_below_deg)) ** 2,

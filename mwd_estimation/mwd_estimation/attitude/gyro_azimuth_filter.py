@@ -30,6 +30,8 @@ from mwd_sensors.core.kalman import project_covariance, reset_state, scalar_upda
 # Turns in a bin below which it does not show the leakage; and the true rate across the axis (a curve drilled fast,
 # whirl) of which a bin leaves what is left of a part of one turn, rad/s.
 _MIN_TURNS, _ACROSS_RATE = 0.5, math.radians(0.05)
+# Innovation, sigma, beyond which a magnetic azimuth is not used.
+GATE = 4.0
 # An azimuth of a station or a gyro more than so many sigma from the propagated one disagrees with it.
 _DISAGREES = 3.0
 # A mean innovation of good magnetic azimuths beyond so many sigma over this time, s, shows a gyro whose bias moves (one
@@ -74,9 +76,7 @@ def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
 
 
 @compiled
-def correct(
-    p: KernelParams, s: State, azimuth: float, slow: float, constant: float, variance: float, extra: float
-) -> bool:
+def correct(s: State, azimuth: float, slow: float, constant: float, variance: float, extra: float) -> bool:
     """
     Update by an azimuth = x[Error.AZIMUTH] + slow x[Error.SLOW_ERROR] + constant x[Error.CONSTANT_ERROR] + noise, rad.
 
@@ -88,7 +88,7 @@ def correct(
     total = project_covariance(s.P, h, ph) + variance
     innovation = _innovation(s, azimuth, slow, constant)
     s.innovation_ratio = innovation / math.sqrt(total)
-    if abs(s.innovation_ratio) > p.gate:
+    if abs(s.innovation_ratio) > GATE:
         return False
     _update(s, ph, innovation, total + extra)
     return True
@@ -178,14 +178,14 @@ def estimate_leakage(p: KernelParams, s: State, sums: BinSums, unit: int) -> Non
             ph[i] = time * s.P[i, bias] + sums.spin * s.P[i, leakage]
         variance = time * ph[bias] + sums.spin * ph[leakage] + noise
         innovation = sums.rate[axis] - time * s.x[bias] - sums.spin * s.x[leakage]
-        if innovation * innovation <= p.gate**2 * variance:
+        if innovation * innovation <= GATE**2 * variance:
             _update(s, ph, innovation, variance)
 
 
 @compiled
 def _follow_innovations(p: KernelParams, s: State, dt: float) -> None:
     """Follow the mean innovation of good magnetic azimuths, dt since the last, and let the biases walk by it."""
-    s.innovation_mean += min(dt / _MEAN_TIME, 1.0) * (min(max(s.innovation_ratio, -p.gate), p.gate) - s.innovation_mean)
+    s.innovation_mean += min(dt / _MEAN_TIME, 1.0) * (min(max(s.innovation_ratio, -GATE), GATE) - s.innovation_mean)
     if abs(s.innovation_mean) > _BIASED_MEAN:
         for u in range(2):
             prior = p.units[u].bias ** 2
@@ -238,7 +238,7 @@ def magnetic(p: KernelParams, s: State, measured: MagneticAzimuth, azimuth: floa
     elif not s.have_azimuth:
         _first_azimuth(p, s, azimuth, slow, constant, variance)
         used = True
-    elif correct(p, s, azimuth, slow, constant, variance, extra):
+    elif correct(s, azimuth, slow, constant, variance, extra):
         used = True
     else:
         s.rejected += 1
@@ -248,7 +248,7 @@ def magnetic(p: KernelParams, s: State, measured: MagneticAzimuth, azimuth: floa
             s.resets += 1
             innovation = _innovation(s, azimuth, slow, constant)
             s.P[Error.AZIMUTH, Error.AZIMUTH] += innovation * innovation
-            correct(p, s, azimuth, slow, constant, variance, extra)
+            correct(s, azimuth, slow, constant, variance, extra)
             used = True
     if measured.usable:
         _follow_innovations(p, s, since)
@@ -276,7 +276,7 @@ def seek(p: KernelParams, s: State, azimuth: float, sigma: float) -> None:
     agrees = away * away <= _DISAGREES**2 * (s.P[Error.AZIMUTH, Error.AZIMUTH] + sigma * sigma)
     if alone and agrees and sigma * sigma >= s.P[Error.AZIMUTH, Error.AZIMUTH]:
         return
-    if alone or not agrees or not correct(p, s, azimuth, 0.0, 0.0, sigma * sigma, 0.0):
+    if alone or not agrees or not correct(s, azimuth, 0.0, 0.0, sigma * sigma, 0.0):
         if not agrees:
             s.resets += 1
         s.x[Error.AZIMUTH] = azimuth % (2.0 * math.pi)

@@ -83,16 +83,14 @@ class KernelParams(NamedTuple):
 
     Attributes
     ----------
-    bin_ns, gap_ns : int
-        Length of a bin; a longer interval between samples is a data gap.
+    bin_ns : int
+        Length of a bin.
     earth_north, earth_down : float
         The Earth's rotation, rad/s; 0 where the latitude is not known.
     held_repeats : float
         Magnetic azimuths over which an error of the vertical repeats itself.
     slow_error_time_s : float
         Time constant of the slow error of the magnetic azimuth.
-    gate : float
-        Innovation, sigma, beyond which an azimuth is rejected.
     reset_time_s : float
         After good azimuths were rejected for so long, the filter takes the next one in.
     mag_timeout_s : float
@@ -112,12 +110,10 @@ class KernelParams(NamedTuple):
     """
 
     bin_ns: int
-    gap_ns: int
     earth_north: float
     earth_down: float
     held_repeats: float
     slow_error_time_s: float
-    gate: float
     reset_time_s: float
     mag_timeout_s: float
     vertical_sin2: float

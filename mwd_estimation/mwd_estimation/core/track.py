@@ -28,6 +28,7 @@ NEAR_VERTICAL_BELOW = math.radians(3.0)  # where the high side is too short to n
 BACKWARD_LIMIT = 50  # samples whose stamps advance again, after which a clock that jumped back counts
 RATE_WITHIN = 200.0  # rad/s: beyond it a value is garbage, not motion
 FORCE_WITHIN = 4000.0  # m/s^2
+GAP_NS = 500_000_000  # a longer step between samples is a data gap, for those that have no rule of their own
 AT_RANGE = (
     0.9995  # of the range: rounding and the steps of the converter leave readings of a clipped sensor short of it
 )

@@ -37,8 +37,6 @@ class Params(NamedTuple):
     ----------
     gravity : float
         Magnitude of local gravity, m/s^2.
-    gap_s : float
-        A longer data gap is flagged, s.
     memory : float
         Time over which the disturbance is averaged for sigma, s.
     accel_range : float
@@ -48,7 +46,6 @@ class Params(NamedTuple):
     """
 
     gravity: float = STANDARD_GRAVITY
-    gap_s: float = 0.5
     memory: float = 2.0
     accel_range: float = 16.0 * STANDARD_GRAVITY
     sigma_floor: float = 0.003
@@ -88,11 +85,10 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 
 @compiled
 def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
-    gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         before = s.clock.last_ns
-        verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
+        verdict = track.admit(s.clock, stamps[i], w, f, track.GAP_NS)
         bits = 0
         norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
         if verdict == track.REJECTED or norm == 0.0:

@@ -61,8 +61,6 @@ class Params(NamedTuple):
         Magnitude of local gravity, m/s^2.
     start_s : float
         Mean in gyro axes that makes the first estimate, s.
-    gap_s : float
-        A longer data gap starts the estimate anew, s.
     gyro_range, accel_range : float
         Rate, rad/s, and force, m/s^2, at which the sensors clip.
     sigma_floor : float
@@ -77,7 +75,6 @@ class Params(NamedTuple):
     coning: float = 0.0
     gravity: float = STANDARD_GRAVITY
     start_s: float = 2.0
-    gap_s: float = 0.5
     gyro_range: float = math.radians(2000.0)
     accel_range: float = 16.0 * STANDARD_GRAVITY
     sigma_floor: float = 0.003
@@ -196,11 +193,10 @@ def fuzzy_step(non_gravity: float, rotary_rpm: float, rules: Array) -> float:
 
 @compiled
 def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
-    gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         before = s.clock.last_ns
-        verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
+        verdict = track.admit(s.clock, stamps[i], w, f, track.GAP_NS)
         bits = 0
         if verdict == track.REJECTED:
             bits = _REJECTED

@@ -54,8 +54,6 @@ class Params(NamedTuple):
         Share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates.
     start_s : float
         Time over which the estimate counts as starting, s.
-    gap_s : float
-        A longer data gap starts the estimate anew, s.
     gyro_range, accel_range : float
         Rate, rad/s, and force, m/s^2, at which the sensors clip.
     sigma_floor : float
@@ -71,7 +69,6 @@ class Params(NamedTuple):
     bias_gain: float = 0.005
     coning: float = 0.0
     start_s: float = 0.5
-    gap_s: float = 0.5
     gyro_range: float = math.radians(2000.0)
     accel_range: float = 16.0 * STANDARD_GRAVITY
     sigma_floor: float = 0.003
@@ -134,11 +131,10 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 
 @compiled
 def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
-    gap_ns = round(p.gap_s * 1e9)
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         before = s.clock.last_ns
-        verdict = track.admit(s.clock, stamps[i], w, f, gap_ns)
+        verdict = track.admit(s.clock, stamps[i], w, f, track.GAP_NS)
         bits = 0
         norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
         if verdict == track.REJECTED or (verdict != track.NEXT and norm == 0.0):

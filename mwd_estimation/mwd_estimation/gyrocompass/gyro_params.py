@@ -54,22 +54,13 @@ class GyroParams:
     method : str
         Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool
         that never moves and a gyro whose bias is small.
-    enough_sigma_deg : float
-        An automatic survey waits for a gyro azimuth no longer once its sigma is this small, deg.
     longest_turn_s : float
         A turn between two rests that takes longer ends the seek, s.
-    max_shake : float
-        Standard deviation of the axial force above which a turn ends the seek, m/s^2.
-    max_axis_step : float
-        Change of the axial force above which the hole axis lies elsewhere and the seek ends, m/s^2.
     """
 
     unit: SeekParams = TACTICAL
     method: str = SEEK
-    enough_sigma_deg: float = 0.7
     longest_turn_s: float = 30.0
-    max_shake: float = 0.25
-    max_axis_step: float = 0.03
 
 
 def seek_params(

@@ -52,8 +52,6 @@ class Params:
         Sigma of the accelerometer bias after calibration, ug.
     gyro_walk_deg_h_rth : float
         Random walk of the gyro bias in an hour, deg/h.
-    accel_walk_ug_rth : float
-        Random walk of the accelerometer bias in an hour, ug.
     sigma_position : float
         Sigma of the tool's position about the place where it rests, m.
     sigma_velocity : float
@@ -72,7 +70,6 @@ class Params:
     gyro_bias_deg_h: float = 0.1
     accel_bias_ug: float = 100.0
     gyro_walk_deg_h_rth: float = 0.0
-    accel_walk_ug_rth: float = 0.0
     sigma_position: float = 0.001
     sigma_velocity: float = 0.001
     gap: float = 0.5
@@ -170,7 +167,6 @@ def kernel_params(params: Params) -> KernelParams:
         gyro_noise=params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
         accel_noise=params.accel_noise_ug_rthz * MICRO_G,
         gyro_walk=params.gyro_walk_deg_h_rth * DEG_PER_HOUR / 60.0,
-        accel_walk=params.accel_walk_ug_rth * MICRO_G / 60.0,
         gyro_bias=params.gyro_bias_deg_h * DEG_PER_HOUR,
         accel_bias=params.accel_bias_ug * MICRO_G,
         sigma_position=params.sigma_position,

@@ -55,7 +55,6 @@ class KernelParams(NamedTuple):
     gyro_noise: float  # rad/s/sqrt(Hz)
     accel_noise: float  # m/s^2/sqrt(Hz)
     gyro_walk: float  # rad/s/sqrt(s)
-    accel_walk: float  # m/s^2/sqrt(s)
     gyro_bias: float  # rad/s
     accel_bias: float  # m/s^2
     sigma_position: float
@@ -184,7 +183,6 @@ def _predict(p: KernelParams, P: Array, dt: float, w: Work) -> None:
         P[Error.VELOCITY + i, Error.VELOCITY + i] += p.accel_noise**2 * dt
         P[Error.ATTITUDE + i, Error.ATTITUDE + i] += p.gyro_noise**2 * dt
         P[Error.GYRO_BIAS + i, Error.GYRO_BIAS + i] += p.gyro_walk**2 * dt
-        P[Error.ACCEL_BIAS + i, Error.ACCEL_BIAS + i] += p.accel_walk**2 * dt
 
 
 @compiled

@@ -26,6 +26,11 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
 _ACCEL_X = 3
+# Sigma, rad, of which an automatic survey waits for no better one.
+_ENOUGH_SIGMA = math.radians(0.7)
+# Standard deviation of the axial force, m/s^2, above which a turn ends the seek, and its change at rest above which the
+# hole axis lies elsewhere.
+_MAX_SHAKE, _MAX_AXIS_STEP = 0.25, 0.03
 # Waiting helps while the noise alone makes this share of sigma: it also hides how well a bias fits the latitude.
 _BY_NOISE = 0.1
 # How often `pending` computes a solution: one costs as much as thousands of samples.
@@ -127,11 +132,11 @@ class GyroStation:
 
     def _continues(self, seek: Seeker, imu: Bin, bin_s: float, still: bool) -> bool:
         if still:
-            return not seek.moved and abs(imu.mean[_ACCEL_X] - self._axis) <= self.gyro.max_axis_step
+            return not seek.moved and abs(imu.mean[_ACCEL_X] - self._axis) <= _MAX_AXIS_STEP
         self._turned_s += bin_s
         shake = math.sqrt(imu.scatter[_ACCEL_X, _ACCEL_X] / max(imu.count - 1, 1))
         away = abs(imu.mean[_ACCEL_X] - self._axis)
-        quiet = shake <= self.gyro.max_shake and away <= self.gyro.max_shake
+        quiet = shake <= _MAX_SHAKE and away <= _MAX_SHAKE
         return seek.turns and quiet and self._turned_s <= self.gyro.longest_turn_s
 
     def solution(self) -> Solution | None:
@@ -164,7 +169,7 @@ class GyroStation:
         return self._waited[1]
 
     def _still_better(self, found: Solution) -> Reason | None:
-        enough = math.radians(self.gyro.enough_sigma_deg)
+        enough = _ENOUGH_SIGMA
         if math.isfinite(found.sigma) and found.sigma > enough and found.limit > _BY_NOISE * found.sigma:
             return Reason(ReasonCode.SEEK_IMPROVES, found.sigma, enough, (found.elapsed,))
         return None

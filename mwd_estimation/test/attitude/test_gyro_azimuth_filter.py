@@ -113,7 +113,7 @@ def test_a_magnetic_azimuth_leaves_the_station_alone_and_its_covariance_is_josep
     gain = before @ H / (H @ before @ H + r2)
     gain[Error.STATION] = 0.0
     kept = np.eye(STATES) - np.outer(gain, H)
-    assert gyro_azimuth_filter.correct(PARAMS, s, 0.005, slow, constant, r2, 0.0)
+    assert gyro_azimuth_filter.correct(s, 0.005, slow, constant, r2, 0.0)
     assert s.x[Error.STATION] == 0.0
     assert s.x[Error.AZIMUTH] == pytest.approx(gain[Error.AZIMUTH] * 0.005)
     assert_allclose(s.P, kept @ before @ kept.T + r2 * np.outer(gain, gain), atol=1e-15)
@@ -122,7 +122,7 @@ def test_a_magnetic_azimuth_leaves_the_station_alone_and_its_covariance_is_josep
 @pytest.mark.fault_case(8)
 def test_beyond_the_gate_nothing_changes() -> None:
     s = state_of(P=np.eye(STATES) * 1e-6)
-    assert not gyro_azimuth_filter.correct(PARAMS, s, 1.0, 0.0, 0.0, 1e-6, 0.0)
+    assert not gyro_azimuth_filter.correct(s, 1.0, 0.0, 0.0, 1e-6, 0.0)
     assert_allclose(s.x, 0.0)
     assert_allclose(s.P, np.eye(STATES) * 1e-6)
     assert abs(s.innovation_ratio) > 4.0
