@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 
-from mwd_sensors.telemetry import convolution, limits
+import telemetry_limits as limits
+from mwd_sensors.telemetry import convolution
 from mwd_surface.receiver import convolutional
 
 
