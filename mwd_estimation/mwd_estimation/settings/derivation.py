@@ -28,7 +28,7 @@ from mwd_estimation.magnetic import interference_state
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import reference_of
 from mwd_estimation.settings.precision import PrecisionGyro
-from mwd_estimation.settings.tool import Gyro, Tool
+from mwd_estimation.settings.tool import Accelerometer, Gyro, Tool
 from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.posterior.hypotheses import Priors
 from mwd_estimation.survey.rotary_survey import Params as RotaryParams
@@ -40,6 +40,7 @@ from mwd_sensors.core.settings import SettingsError
 
 # Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.
 _LEAST_GYRO = 0.02
+_CALIBRATED_TILT = 1.5e-4  # rad; a tumble calibration leaves 0.1 mg, 100 ppm and 0.1 mrad
 _LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
 
 
@@ -81,9 +82,15 @@ def accelerometer_tilt(tool: Tool) -> float:
     Tilt that the errors of the accelerometers give the direction of gravity, 1 sigma, rad.
 
     A scale error turns the vector by its difference between two axes times sine and cosine of the angle to them: half
-    of it, root mean square over all attitudes.
+    of it, root mean square over all attitudes. The default figures are the tool code's, with room for what a fleet
+    meets in years; a tool of which no misalignment is told is taken for one calibrated before the run, and what is
+    beyond the tool code is added.
     """
-    sensor = tool.accelerometer
+    sensor, usual = tool.accelerometer, Accelerometer()
+    if sensor.misalignment_mrad == 0.0:
+        bias = math.sqrt(max(sensor.bias_ug**2 - usual.bias_ug**2, 0.0)) / 1e6
+        scale = math.sqrt(max(sensor.scale_ppm**2 - usual.scale_ppm**2, 0.0)) / 1e6
+        return math.hypot(_CALIBRATED_TILT, bias, 0.5 * scale)
     return math.hypot(sensor.bias_ug / 1e6, 0.5 * sensor.scale_ppm / 1e6, sensor.misalignment_mrad / 1e3)
 
 

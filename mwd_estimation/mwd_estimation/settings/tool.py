@@ -128,9 +128,10 @@ class Accelerometer:
         expert=True,
     )
     misalignment_mrad: float = setting(
-        0.1,
-        "Direction error of each axis that calibration leaves, 1 sigma. Raising it, the bias or the scale error widens "
-        "the sigma of inclination and toolface of every sample. From the residual of a tumble calibration.",
+        0.0,
+        "Direction error of each axis that calibration leaves, 1 sigma, from the residual of a tumble calibration. "
+        "With it, bias and scale error make the sigma of inclination and toolface of every sample, and raising one of "
+        "them widens it; 0 stands for not known: a calibrated tool, 0.15 mrad in all.",
         unit="mrad",
         low=0.0,
         high=500.0,

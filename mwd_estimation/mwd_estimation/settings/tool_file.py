@@ -14,6 +14,7 @@ from mwd_estimation.settings.tool import Tool
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
+TUMBLE_MRAD = 0.1  # what a tumble calibration leaves of the directions of the axes
 # Terms of a grade that a simulated sensor has and that not every block here asks for.
 _SIMULATED_ONLY = {
     "": ("name", "source", "temperature_c", "calibrated_at_c", "adc_hz"),
@@ -67,7 +68,11 @@ def from_file(path: Path, unit: type[Tool] | type[PrecisionUnit] = Tool) -> dict
     table = read_yaml(path)
     if not isinstance(table, Mapping):
         raise SettingsError(f"{path}: expected a table of settings, got {table!r}")
-    return used(table, unit)
+    read = used(table, unit)
+    if unit is Tool and isinstance(read.get("accelerometer"), dict):
+        # Figures that a file states are those of the tool, and make the sigma of its samples.
+        read["accelerometer"].setdefault("misalignment_mrad", TUMBLE_MRAD)
+    return read
 
 
 def used(table: Mapping[str, Any], unit: type[Any], where: str = "") -> dict[str, Any]:

@@ -40,6 +40,8 @@ _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
 _NS_PER_HOUR = 3.6e12
 # A gyro with a smaller share in the azimuth does not correct that of the samples.
 _COUNTS = 0.01
+# Stations that a run may still revise; a recording has fewer, and a tool that stays down for months forgets the first.
+_REVISABLE = 1000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,12 +146,16 @@ class SurveyDecision:
         faulty = self._faults.judge(survey)
         if usable and faulty is survey:
             self._taken[sequence] = taken, finding
+            while len(self._taken) > _REVISABLE:
+                del self._taken[next(iter(self._taken))]
         return Provisional(faulty, one, finding, self._run.shared(), faulty is survey)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
         """The survey, with what the azimuth propagated to it says of its own."""
         survey = self._continued(provisional, propagated)
         self._published[survey.sequence] = survey.station
+        while len(self._published) > _REVISABLE:
+            del self._published[next(iter(self._published))]
         return survey
 
     def revisions(self) -> dict[int, Station]:

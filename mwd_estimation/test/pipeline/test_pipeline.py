@@ -18,6 +18,7 @@ from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings, Survey
+from mwd_estimation.survey import decision
 from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt, wrap_pi
@@ -366,7 +367,9 @@ def test_innovations_count_what_the_field_check_rejects_however_the_stream_is_cu
 
 
 @pytest.mark.fault_case(70)
-def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey():
+def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeypatch):
+    # Of fewer stations than here, so that what is kept of them is full too.
+    monkeypatch.setattr(decision, "_REVISABLE", 10)
     pipeline, surveys, sizes = Pipeline(EstimatorSettings(), REFERENCE), 0, []
     imu, mag = _samples(seconds=30.0, rate=10.0, still_after=12.0)
     tracemalloc.start()
