@@ -86,7 +86,9 @@ class McapWriter:
         self.channels: dict[int, Channel] = {}
         self._compress = Compressor(compression, level)
         self._schemas: dict[int, Schema] = {}
-        self._chunks: list[ChunkIndex] = []
+        # As the summary has it: an hour of a fast recording has tens of thousands of chunks.
+        self._chunk_index: list[bytes] = []
+        self._written_ns: tuple[int, int] | None = None
         self._attachment_index: list[bytes] = []
         self._metadata_index: list[bytes] = []
         self._crc = 0
@@ -218,11 +220,12 @@ class McapWriter:
             offsets[channel] = offset + length + len(tail)
             tail += message_index_record(channel, entries)
         self._append(prefix + data + tail)
-        self._chunks.append(
-            ChunkIndex(
-                head.start_ns, head.end_ns, offset, length, offsets, len(tail), head.compression, len(data), head.size
-            )
+        index = ChunkIndex(
+            head.start_ns, head.end_ns, offset, length, offsets, len(tail), head.compression, len(data), head.size
         )
+        self._chunk_index.append(chunk_index_record(index))
+        start, end = self._written_ns or (head.start_ns, head.end_ns)
+        self._written_ns = min(start, head.start_ns), max(end, head.end_ns)
 
     def copy_chunk(self, head: ChunkHead, data: bytes, indexes: Mapping[int, NDArray[np.void]]) -> None:
         """Write a chunk taken from another file as it is, and count its messages by their indexes."""
@@ -263,8 +266,7 @@ class McapWriter:
         for channel, items in self._index.items():
             self.counts[channel] -= len(_entries(items))
         self._parts, self._pending, self._index = [], 0, {}
-        self.start_ns = min((chunk.start_ns for chunk in self._chunks), default=None)
-        self.end_ns = max((chunk.end_ns for chunk in self._chunks), default=0)
+        self.start_ns, self.end_ns = self._written_ns or (None, 0)
         return before - self.messages
 
     def close(self) -> None:
@@ -280,7 +282,7 @@ class McapWriter:
             len(self.channels),
             len(self._attachment_index),
             len(self._metadata_index),
-            len(self._chunks),
+            len(self._chunk_index),
             self.start_ns or 0,
             self.end_ns,
             self.counts,
@@ -289,13 +291,13 @@ class McapWriter:
             (Opcode.SCHEMA, b"".join(map(schema_record, self._schemas.values()))),
             (Opcode.CHANNEL, b"".join(map(channel_record, self.channels.values()))),
             (Opcode.STATISTICS, statistics_record(totals)),
-            (Opcode.CHUNK_INDEX, b"".join(map(chunk_index_record, self._chunks))),
+            (Opcode.CHUNK_INDEX, b"".join(self._chunk_index)),
             (Opcode.ATTACHMENT_INDEX, b"".join(self._attachment_index)),
             (Opcode.METADATA_INDEX, b"".join(self._metadata_index)),
         ]
 
     def _declare(self) -> None:
-        if not self._pending and self._chunks and len(self._chunks) % REPEAT == 0:
+        if not self._pending and self._chunk_index and len(self._chunk_index) % REPEAT == 0:
             self._declarations = b"".join(map(schema_record, self._schemas.values()))
             self._declarations += b"".join(map(channel_record, self.channels.values()))
         if self._declarations:
