@@ -34,7 +34,7 @@ class Emulator:
     Parameters
     ----------
     protocol : str
-        binary, ascii or xsens; xsens sends the IMU alone, and listens to nothing.
+        binary, ascii or xsens; xsens sends the IMU alone, and knows no command but start and stop.
     link : Path, optional
         A name for the line beside its own (/dev/pts/...).
     wait_for_start : bool
@@ -61,7 +61,8 @@ class Emulator:
                 link.unlink()
             link.symlink_to(self.device)
         self._commands = probe_protocol.Splitter(protocol == "ascii")
-        self._sending = not wait_for_start or protocol == "xsens"
+        self._sending = not wait_for_start
+        self._heard = b""  # by an MTi
         self._answers: collections.deque[Answer] = collections.deque()
         self._counter = 0
         self._before_ns = 0
@@ -150,11 +151,13 @@ class Emulator:
     def _listen(self, wait_s: float) -> None:
         """Take the commands that have come; their answers wait."""
         ready, _, _ = select.select([self._master], [], [], wait_s)
-        if not ready or self._protocol == "xsens":
-            if ready:
-                os.read(self._master, 4096)
+        if not ready:
             return
-        for kind, content in self._commands.take(os.read(self._master, 4096)):
+        data = os.read(self._master, 4096)
+        if self._protocol == "xsens":
+            self._hear(data)
+            return
+        for kind, content in self._commands.take(data):
             asked = probe_protocol.requested(kind, content)
             if asked is None:
                 continue
@@ -164,6 +167,14 @@ class Emulator:
                 continue
             told = Answer("time", "", host_ns, self._time_ns()) if name == "time" else Answer("info", NAME)
             self._answers.append(told)
+
+    def _hear(self, data: bytes) -> None:
+        """Obey the last command to measure or to be configured; one may come in parts."""
+        self._heard = (self._heard + data)[-64:]
+        start = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_MEASUREMENT))
+        stop = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_CONFIG))
+        if start != stop:  # both -1: neither came
+            self._sending = start > stop
 
 
 def _in_order(blocks: Iterable[Mapping[str, Samples]]) -> Iterator[Reading]:

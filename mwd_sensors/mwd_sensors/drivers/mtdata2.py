@@ -197,11 +197,16 @@ def _status(word: int) -> int:
     return found
 
 
-def packet(reading: Reading, interval: float, ticks: int, count: int, status_word: int = 1) -> bytes:
-    """Make the packet of a sample of the IMU, with increments in double precision, as an MTi sends it; for tests."""
+def _word(status: int) -> int:
+    """Status word of our bits: the inverse of `_status`."""
+    return sum((1 << bit for bit, ours in _CLIPS.items() if status & ours), 0 if status & FAULT else 1)
+
+
+def packet(reading: Reading, interval: float, ticks: int, count: int) -> bytes:
+    """Make the packet of a sample of the IMU, with increments in double precision, as an MTi sends it."""
     rate, force = np.array(reading.values[:3]), np.array(reading.values[3:])
     x, y, z, w = frames.quat_from_rotvec(rate * interval).tolist()
     content = item(COUNT, struct.pack(">H", count % 65536)) + item(FINE_TIME, struct.pack(">I", ticks % _WRAP))
     content += item(DELTA_Q | 3, struct.pack(">4d", w, x, y, z))
     content += item(DELTA_V | 3, struct.pack(">3d", *(force * interval).tolist()))
-    return message(MTDATA2, content + item(STATUS, struct.pack(">I", status_word)))
+    return message(MTDATA2, content + item(STATUS, struct.pack(">I", _word(reading.status))))

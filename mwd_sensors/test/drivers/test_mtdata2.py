@@ -42,8 +42,14 @@ def test_time_runs_on_over_the_end_of_its_counter_and_over_lost_packets():
 
 def test_clip_flags_and_self_test_reach_the_status():
     reader = MtReader()
+    good = item(mtdata2.STATUS, struct.pack(">I", 1))
+    assert packet(MOTION, 0.01, 0, 0).count(good) == 1
     words = (1, 1 | 1 << 9, 1 | 1 << 13, 0)
-    got = reader.take(b"".join(packet(MOTION, 0.01, 100 * k, k, word) for k, word in enumerate((1, *words))))
+    sent = []
+    for k, word in enumerate((1, *words)):
+        content = packet(MOTION, 0.01, 100 * k, k)[4:-1].replace(good, item(mtdata2.STATUS, struct.pack(">I", word)))
+        sent.append(message(mtdata2.MTDATA2, content))
+    got = reader.take(b"".join(sent))
     assert [one.status for one in got] == [0, CLIPPED_ACCEL[1], CLIPPED_GYRO[2], FAULT]
 
 

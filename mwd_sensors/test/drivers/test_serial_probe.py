@@ -9,7 +9,7 @@ import tty
 import numpy as np
 import pytest
 
-from mwd_sensors.core import burst, wire
+from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.drivers import probe_protocol, serial_probe
 from mwd_sensors.drivers.emulator import NAME, Emulator
 from mwd_sensors.drivers.readings import LAYOUTS, Reading, readings_of, samples_of
@@ -78,9 +78,12 @@ def test_a_scenario_is_played_though_most_of_its_blocks_have_no_temperature():
         assert len(samples_of(topic, [])) == 0
 
 
-def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments():
+def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments_and_its_clip_flags():
     sent = {"imu/data_raw": measured()["imu/data_raw"]}
-    with Emulator("xsens") as emulator:
+    clipped = np.arange(600).reshape(-1, 3) % 7 == 0
+    for field in ("angular_velocity", "linear_acceleration"):
+        input_covariance.mark_clipped(sent["imu/data_raw"], field, clipped)
+    with Emulator("xsens", wait_for_start=True) as emulator:
         probe = SerialProbe(LineSettings(port=emulator.device, protocol="xsens", clock="unit"))
         probe.poll(time.time_ns())
         assert probe.connected
@@ -93,6 +96,7 @@ def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments():
     mine = samples_of("imu/data_raw", got)
     for field in ("angular_velocity", "linear_acceleration"):
         assert mine[field] == pytest.approx(sent["imu/data_raw"][field][1:], rel=1e-9, abs=1e-12)
+        assert np.array_equal(input_covariance.clipped(mine, field), clipped[1:])
     assert set(np.diff(mine["stamp_ns"]).tolist()) == {10_000_000}
 
 
