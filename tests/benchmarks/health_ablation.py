@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import monitor
-from mwd_estimation.health.monitor import LIMITS, Limits
+from mwd_estimation.health.monitor import LIMITS, HealthLimits
 from mwd_sensors.simulator.faults import Fault
 
 SECONDS = 46.0
@@ -156,7 +156,7 @@ def trials() -> Iterator[Trial]:
                 yield Trial(Run(streams, run.reference), CONVENTIONAL.index(component), start)
 
 
-def outcome(trial: Trial, limits: Limits = LIMITS, without: int = -1) -> Outcome:
+def outcome(trial: Trial, limits: HealthLimits = LIMITS, without: int = -1) -> Outcome:
     """What is named with these limits, without one check."""
     imu, mag = trial.run.streams["imu/data_raw"], trial.run.streams["imu/mag"]
     state = monitor.initial(monitor.Params(), *trial.run.reference)

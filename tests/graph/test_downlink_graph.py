@@ -14,7 +14,7 @@ from mwd_sensors.simulator.scenario import read
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.downlink import COMMANDS, Frame, frame_of
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.downlink.machine import State
+from mwd_surface.downlink.machine import DownlinkState
 from mwd_surface.runs import launch_plan
 from running_graph import until
 
@@ -112,10 +112,18 @@ def test_the_terminal_refuses_asks_and_grants_in_words(run):
 
 
 def test_every_step_is_in_the_recording_and_in_the_journal(run):
-    states = [State(message.state) for message in run["DownlinkState"]]
+    states = [DownlinkState(message.state) for message in run["DownlinkState"]]
     steps = [state for k, state in enumerate(states) if k == 0 or state != states[k - 1]]
-    ordered = (State.IDLE, State.DRAFT, State.PENDING, State.GRANTED, State.ARMED, State.RUNNING, State.SENT)
-    assert tuple(steps) == (*ordered, State.CONFIRMED)
+    ordered = (
+        DownlinkState.IDLE,
+        DownlinkState.DRAFT,
+        DownlinkState.PENDING,
+        DownlinkState.GRANTED,
+        DownlinkState.ARMED,
+        DownlinkState.RUNNING,
+        DownlinkState.SENT,
+    )
+    assert tuple(steps) == (*ordered, DownlinkState.CONFIRMED)
     for word in ("granted (Bo)", "running", "sent", "confirmed"):
         assert f"downlink: 1: {word}" in run["log"]
 
@@ -128,7 +136,7 @@ def test_the_rig_went_down_to_the_lowest_level_and_came_back(run):
 
 
 def test_the_receiver_reads_on_by_the_new_pulse_width(run):
-    confirmed = next(message for message in run["DownlinkState"] if message.state == State.CONFIRMED)
+    confirmed = next(message for message in run["DownlinkState"] if message.state == DownlinkState.CONFIRMED)
     echoes = [word for word in run["LinkWord"] if word.name == "DLnk" and word.raw and word.revision]
     told = [word for word in echoes if frame_of(word.raw) == Frame(confirmed.counter, PULSE_WIDTH, 1)]
     # The tool's table is proven before the command: the first words by the new width are believed at once.

@@ -51,7 +51,7 @@ class Kind(enum.IntEnum):
     TOOLFACE = 3
 
 
-class State(enum.StrEnum):
+class TransmitterState(enum.StrEnum):
     """What the tool does."""
 
     SILENT = "silent: no flow"
@@ -146,7 +146,7 @@ class Transmitter:
         self._on_air: Iterator[_Part] = iter(())
         self._next_ns = 0
         self._begins_anew = False
-        self.state = State.SILENT
+        self.state = TransmitterState.SILENT
 
     def take_flow(self, samples: Samples) -> None:
         """Take samples of `wire.TOOL_FLOW`, in order; those of a time must come before its attitude."""
@@ -232,15 +232,17 @@ class Transmitter:
                 return []
             if self._flow.update(now, flow[1] > self._settings.flow_threshold_lpm * _LPM):
                 self._switch_flow()
-        elif self.state == State.SILENT:
+        elif self.state == TransmitterState.SILENT:
             self._begin_sending(now)
         turned = self._rotation.update(now, bool(status & Status.ROTATING))
         if turned and self._settings.rotation_switching and self.tool.names_sequences and not self.wired:
-            self._begins_anew = self.state == State.SENDING
-        if (self.state == State.WAITING and now >= self._next_ns) or (self.state == State.MUTED and self._commanded):
-            self._begin_sending(max(now, self._next_ns) if self.state == State.MUTED else self._next_ns)
+            self._begins_anew = self.state == TransmitterState.SENDING
+        if (self.state == TransmitterState.WAITING and now >= self._next_ns) or (
+            self.state == TransmitterState.MUTED and self._commanded
+        ):
+            self._begin_sending(max(now, self._next_ns) if self.state == TransmitterState.MUTED else self._next_ns)
         sent = []
-        while self.state == State.SENDING and self._next_ns <= now:
+        while self.state == TransmitterState.SENDING and self._next_ns <= now:
             if self._commanded:
                 self._begin_sending(self._next_ns)
             elif self._begins_anew:
@@ -248,25 +250,25 @@ class Transmitter:
                 self._on_air = self._parts(with_survey=self._rotation.on)
             part = next(self._on_air, None)
             if part is None:
-                self.state = State.MUTED
+                self.state = TransmitterState.MUTED
                 break
             sent += self._put_on_air(part)
         return sent
 
     def _begin_sending(self, at_ns: int) -> None:
         """Begin with a survey, by the tool configuration that commands have led to."""
-        self.state, self._next_ns, self._commanded, self._begins_anew = State.SENDING, at_ns, False, False
+        self.state, self._next_ns, self._commanded, self._begins_anew = TransmitterState.SENDING, at_ns, False, False
         self.tool = self._commands.tool()
         self._on_air = self._frames() if self.wired else self._parts(with_survey=True)
 
     def _switch_flow(self) -> None:
         self._on_air, self._begins_anew = iter(()), False
         if self._flow.on:
-            self.state = State.WAITING
+            self.state = TransmitterState.WAITING
             self._commands.speak()
             self._next_ns = self._flow.since_ns + round(self.tool.transmit_delay_s * NANOSECONDS)
         else:
-            self.state = State.SILENT
+            self.state = TransmitterState.SILENT
 
     @property
     def _number(self) -> int:

@@ -55,7 +55,7 @@ class Params:
     mag_expected: bool = True
 
 
-class Limits(NamedTuple):
+class HealthLimits(NamedTuple):
     """Limits of all checks of one unit."""
 
     signal: SignalLimits = SignalLimits()
@@ -63,7 +63,7 @@ class Limits(NamedTuple):
     window: WindowLimits = WindowLimits()
 
 
-LIMITS = Limits()
+LIMITS = HealthLimits()
 
 
 @dataclasses.dataclass
@@ -154,7 +154,7 @@ def run(
     stamp_ns: ArrayLike,
     gyro_t: ArrayLike,
     accel_t: ArrayLike,
-    limits: Limits = LIMITS,
+    limits: HealthLimits = LIMITS,
 ) -> Step:
     """
     Take a block of IMU samples of any length; the state changes in place.
@@ -166,7 +166,7 @@ def run(
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
         rad/s and m/s^2 as they come, not finite ones too.
-    limits : Limits
+    limits : HealthLimits
 
     Raises
     ------
@@ -210,7 +210,7 @@ def _joined(held: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate([held, more]) if len(held) else more
 
 
-def _constants(params: Params, limits: Limits) -> Kernel:
+def _constants(params: Params, limits: HealthLimits) -> Kernel:
     ranges = AT_RANGE * np.array(
         [math.radians(params.gyro_range_deg_s), params.accel_range_g * STANDARD_GRAVITY, params.mag_range_ut * 1e-6]
     )

@@ -13,7 +13,7 @@ TOOLCODE, CUSTOM = "toolcode", "custom"
 
 
 @dataclass(frozen=True)
-class Limits:
+class TotalLimits:
     """Fixed limits on the deviations from the reference: gravity, m/s^2, field, T, and dip, rad."""
 
     gravity: float
@@ -21,8 +21,8 @@ class Limits:
     dip: float
 
 
-def _limits(gravity_mg: float, field_nt: float, dip_deg: float) -> Limits:
-    return Limits(gravity_mg * 1e-3 * STANDARD_GRAVITY, field_nt * 1e-9, math.radians(dip_deg))
+def _limits(gravity_mg: float, field_nt: float, dip_deg: float) -> TotalLimits:
+    return TotalLimits(gravity_mg * 1e-3 * STANDARD_GRAVITY, field_nt * 1e-9, math.radians(dip_deg))
 
 
 # One service company's defaults; the rule of thumb of the ISCWSA e-book, which names none for gravity.
@@ -85,7 +85,7 @@ class QualitySettings:
     )
 
     @property
-    def fixed(self) -> Limits | None:
+    def fixed(self) -> TotalLimits | None:
         """
         The fixed limits in use; None where they follow from the tool code.
 

@@ -9,7 +9,7 @@ import pytest
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.downhole.settings import Transmit
-from mwd_estimation.downhole.transmitter import Kind, State, Transmitter
+from mwd_estimation.downhole.transmitter import Kind, Transmitter, TransmitterState
 from mwd_sensors.core import wire
 from mwd_sensors.telemetry.downlink import Downlink, Frame, programme
 from mwd_sensors.telemetry.tool_commands import command
@@ -70,7 +70,7 @@ def test_a_new_pulse_width_begins_with_a_sync_and_the_echo():
     assert echoes == [0, frame.echo]
     before = sent[syncs[1] - 1]
     assert sent[syncs[1]].start_ns == before.start_ns + round(before.duration_s * 1e9)
-    assert transmitter.state == State.SENDING
+    assert transmitter.state == TransmitterState.SENDING
 
 
 def test_what_is_sent_does_not_depend_on_the_blocks():
@@ -93,10 +93,10 @@ def test_a_sequence_is_chosen_by_its_number():
 def test_a_mute_tool_answers_and_speaks_again_at_the_next_flow_on():
     frame = told("mute")
     transmitter, sent = played([frame])
-    assert transmitter.state == State.MUTED
+    assert transmitter.state == TransmitterState.MUTED
     assert (sent[-1].name, sent[-1].raw) == ("DLnk", frame.echo)
     again, more = played([frame], off=(170.0, 180.0))
-    assert again.state == State.SENDING
+    assert again.state == TransmitterState.SENDING
     assert len(more) > len(sent)
 
 

@@ -11,7 +11,7 @@ import pytest
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.downhole.settings import Transmit
-from mwd_estimation.downhole.transmitter import Kind, State, Transmitter
+from mwd_estimation.downhole.transmitter import Kind, Transmitter, TransmitterState
 from mwd_estimation.survey.station import station
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
@@ -83,7 +83,7 @@ def seconds(one):
 def test_without_flow_the_tool_is_silent():
     transmitter, sent = run(TOOL, Transmit(), attitude(60.0), flow(60.0, [(100.0, 200.0)]))
     assert sent == []
-    assert transmitter.state == State.SILENT
+    assert transmitter.state == TransmitterState.SILENT
 
 
 def test_without_knowledge_of_the_flow_the_tool_is_silent():

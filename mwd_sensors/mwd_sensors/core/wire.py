@@ -288,6 +288,8 @@ RIG_STATE = Layout(
         ("in_slips", "bool", 1),
     ),
 )
+# Bit of `valid` that vouches for a field of RIG_STATE, by the field's name.
+RIG_VALID = {name: 1 << k for k, name in enumerate(name for name, *_ in RIG_STATE.fields if name != "valid")}
 TRUTH = Layout(
     "mwd_msgs/msg/Truth",
     (

@@ -44,7 +44,6 @@ _STREAMS = (
     "link",
     "steering",
 )
-_RIG_VALID = 2047
 _TURNING = 0.5  # rad/s of the top drive; slower is sliding
 
 
@@ -348,7 +347,7 @@ class Sonde:
         samples["pressure"] = rig.pressure_bar * 1e5 * (flow / full) ** 2
         speed = np.maximum(bit[1], 0.0) / rig.time_lapse
         samples["rate_of_penetration"] = np.where(bit[0] >= line.hole(t)[0] - 1e-6, speed, 0.0)
-        samples["valid"] = _RIG_VALID
+        samples["valid"] = sum(wire.RIG_VALID.values())
         samples["in_slips"] = line.slips(t)[0] > 0.5
         return samples
 

@@ -71,6 +71,13 @@ def test_layout_lists_the_fields_of_the_message_in_order(name):
     assert wire.LAYOUTS[f"mwd_msgs/msg/{name}"].fields == tuple(fields)
 
 
+def test_the_bits_of_rig_data_are_those_of_the_message():
+    bits = re.findall(r"^uint32 (\w+)=(\d+)$", (MESSAGES / "RigState.msg").read_text(), re.MULTILINE)
+    assert {name.lower(): int(bit) for name, bit in bits} == {
+        {"in_slips": "slips"}.get(name, name): bit for name, bit in wire.RIG_VALID.items()
+    }
+
+
 def test_damaged_bytes_are_refused_with_a_reason():
     raw = bytearray(wire.IMU.encode(wire.IMU.empty(1), "x")[0].tobytes())
     with pytest.raises(wire.WireError, match="too few"):

@@ -24,17 +24,17 @@ import threading
 
 from mwd_sensors.core.settings import unprintable
 from mwd_surface.control.rig_commands import RigCommands
-from mwd_surface.control.set_point import Limits, Mode, SetPoint, check
+from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, check
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import (
     Achieved,
+    ControlState,
     ControlStatus,
     Decision,
     Judgement,
     Permission,
     Reaction,
     Request,
-    State,
 )
 
 _TORQUE_TIME = 1.0  # s that a torque must last above its limit; a peak of stick-slip is shorter
@@ -52,7 +52,7 @@ class _Lease:
 
     number: int
     request: Request
-    limits: Limits
+    limits: LeaseLimits
     since: float
     ends: float
     heard: float
@@ -82,7 +82,7 @@ class ControlAuthority:
     def __init__(self, settings: ControlSettings, first: int = 1) -> None:
         self.settings = settings
         self.refused = 0
-        self._site = Limits.of_settings(settings)
+        self._site = LeaseLimits.of_settings(settings)
         self._reactions = {
             f"{what}_{how}": Reaction[getattr(settings, f"{what}_{how}").upper()]
             for what in ("controller_lost", "mwd_lost")
@@ -121,7 +121,7 @@ class ControlAuthority:
             self._rig.limit(limits)
             return Decision(Permission.GRANTED, owner.number, "renewed")
 
-    def _decide(self, request: Request, limits: Limits, now: float) -> Decision:
+    def _decide(self, request: Request, limits: LeaseLimits, now: float) -> Decision:
         owner, pending = self._lease, self._pending
         if pending is not None and pending.is_of(request):
             return Decision(Permission.PENDING, pending.number, pending.waits)
@@ -188,7 +188,7 @@ class ControlAuthority:
             self._end_lease(f"{self._lease.name} gave control back{because}", Reaction.RELEASE)
             return True, "top drive and pumps are the driller's"
 
-    def _checked(self, request: Request) -> Limits:
+    def _checked(self, request: Request) -> LeaseLimits:
         for name in ("controller", "role"):
             text = getattr(request, name)
             if fault := unprintable(text):
@@ -354,10 +354,10 @@ class ControlAuthority:
         """Return the state of control as of `now`."""
         with self._lock:
             rig, drive, pump = self._rig, self._rig.drive, self._rig.pump
-            state = State.PENDING if self._pending is not None else State.IDLE
-            state = State.GRANTED if self._lease is not None else state
+            state = ControlState.PENDING if self._pending is not None else ControlState.IDLE
+            state = ControlState.GRANTED if self._lease is not None else state
             status = ControlStatus(
-                state=State.FAULT if self._fault else state,
+                state=ControlState.FAULT if self._fault else state,
                 enabled=self.settings.enabled,
                 reason=self._reason,
                 limits=self._site if self._lease is None else self._lease.limits,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from mwd_surface.control.set_point import Limits, Mode, SetPoint, check, ramped
+from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, check, ramped
 
 RIG_TIMEOUT = 2.0  # s; without a command for so long the rig reacts by itself
 _REFRESH = 0.5  # s between repetitions of a command
@@ -49,7 +49,7 @@ class RigCommands:
         self._returns = returns
         self._drive, self._pump = _Channel(), _Channel()
         self._speed = self._ramp_at = 0.0
-        self._limits = Limits()
+        self._limits = LeaseLimits()
         self._sets = self._counter = 0
         self._unanswered: dict[int, int] = {}
         self._release_due = False
@@ -79,7 +79,7 @@ class RigCommands:
         """True where the top drive is asked to rotate."""
         return self.drive is not None and self.drive.mode == Mode.ROTATE
 
-    def limit(self, limits: Limits) -> None:
+    def limit(self, limits: LeaseLimits) -> None:
         """Set the limits in force; what is beyond them goes back to the driller."""
         self._limits = limits
         for point in (self.drive, self.pump):

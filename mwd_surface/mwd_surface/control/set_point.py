@@ -24,7 +24,7 @@ class Mode(enum.IntEnum):
 
 
 @dataclasses.dataclass(frozen=True)
-class Limits:
+class LeaseLimits:
     """
     Limits of a lease, each above 0; in a request 0 means: as set at the rig.
 
@@ -47,7 +47,7 @@ class Limits:
     flow: float = 0.0
 
     @classmethod
-    def of_settings(cls, settings: ControlSettings) -> Limits:
+    def of_settings(cls, settings: ControlSettings) -> LeaseLimits:
         """Return the limits set at the rig."""
         return cls(
             settings.speed_rpm * _RPM,
@@ -57,7 +57,7 @@ class Limits:
             settings.flow_lpm * _LITRE_PER_MINUTE,
         )
 
-    def within(self, site: Limits) -> Limits:
+    def within(self, site: LeaseLimits) -> LeaseLimits:
         """
         Return the narrower of each.
 
@@ -72,7 +72,7 @@ class Limits:
             if not (math.isfinite(wanted) and wanted >= 0.0):
                 raise ValueError(f"{field.name}_limit: must be finite and not below 0, got {wanted:g}")
             narrowed[field.name] = min(wanted, most) if wanted > 0.0 else most
-        return Limits(**narrowed)
+        return LeaseLimits(**narrowed)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +107,7 @@ class SetPoint:
     stamp_ns: int = 0
 
 
-def check(point: SetPoint, limits: Limits) -> None:
+def check(point: SetPoint, limits: LeaseLimits) -> None:
     """
     Whether a set-point is one and within the limits.
 

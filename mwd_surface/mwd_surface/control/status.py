@@ -7,10 +7,10 @@ import dataclasses
 import enum
 from collections.abc import Mapping
 
-from mwd_surface.control.set_point import Limits, Mode
+from mwd_surface.control.set_point import LeaseLimits, Mode
 
 
-class State(enum.IntEnum):
+class ControlState(enum.IntEnum):
     """As in mwd_msgs/ControlState."""
 
     IDLE = 0
@@ -58,7 +58,7 @@ class Request:
     priority: int = 0
     wait: bool = False
     duration: float = 0.0
-    limits: Limits = dataclasses.field(default_factory=Limits)
+    limits: LeaseLimits = dataclasses.field(default_factory=LeaseLimits)
     face: str = "graph"
 
 
@@ -97,7 +97,7 @@ class ControlStatus:
         By the name of the setting.
     """
 
-    state: State = State.IDLE
+    state: ControlState = ControlState.IDLE
     enabled: bool = False
     lease: int = 0
     owner: str = ""
@@ -109,7 +109,7 @@ class ControlStatus:
     pending_controller: str = ""
     pending_reason: str = ""
     reason: str = ""
-    limits: Limits = dataclasses.field(default_factory=Limits)
+    limits: LeaseLimits = dataclasses.field(default_factory=LeaseLimits)
     mode: Mode = Mode.RELEASE
     rotary_speed: float = 0.0
     turn: float = 0.0

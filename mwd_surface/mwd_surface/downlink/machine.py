@@ -30,7 +30,7 @@ _LEAST_FLOW, _LEAST_SPEED = 0.01, 3.0
 _LOST_S = 2.0  # between two updates; beyond it the surface itself was not watching
 
 
-class State(enum.IntEnum):
+class DownlinkState(enum.IntEnum):
     """As in mwd_msgs/DownlinkState."""
 
     IDLE = 0
@@ -47,18 +47,30 @@ class State(enum.IntEnum):
     ABORTED = 11
 
 
-ENDED = frozenset({State.CONFIRMED, State.UNCONFIRMED, State.DENIED, State.LAPSED, State.ABORTED})
-NEXT: dict[State, frozenset[State]] = {
-    State.IDLE: frozenset({State.DRAFT}),
-    State.DRAFT: frozenset({State.DRAFT, State.PENDING, State.ABORTED}),
-    State.PENDING: frozenset({State.GRANTED, State.DENIED, State.LAPSED, State.ABORTED}),
-    State.GRANTED: frozenset({State.ARMED, State.LAPSED, State.ABORTED}),
-    State.ARMED: frozenset({State.GRANTED, State.RUNNING, State.LAPSED, State.ABORTED}),
-    State.RUNNING: frozenset({State.SENT, State.ABORTED}),
-    State.SENT: frozenset({State.CONFIRMED, State.UNCONFIRMED, State.ABORTED}),
+ENDED = frozenset(
+    {
+        DownlinkState.CONFIRMED,
+        DownlinkState.UNCONFIRMED,
+        DownlinkState.DENIED,
+        DownlinkState.LAPSED,
+        DownlinkState.ABORTED,
+    }
+)
+NEXT: dict[DownlinkState, frozenset[DownlinkState]] = {
+    DownlinkState.IDLE: frozenset({DownlinkState.DRAFT}),
+    DownlinkState.DRAFT: frozenset({DownlinkState.DRAFT, DownlinkState.PENDING, DownlinkState.ABORTED}),
+    DownlinkState.PENDING: frozenset(
+        {DownlinkState.GRANTED, DownlinkState.DENIED, DownlinkState.LAPSED, DownlinkState.ABORTED}
+    ),
+    DownlinkState.GRANTED: frozenset({DownlinkState.ARMED, DownlinkState.LAPSED, DownlinkState.ABORTED}),
+    DownlinkState.ARMED: frozenset(
+        {DownlinkState.GRANTED, DownlinkState.RUNNING, DownlinkState.LAPSED, DownlinkState.ABORTED}
+    ),
+    DownlinkState.RUNNING: frozenset({DownlinkState.SENT, DownlinkState.ABORTED}),
+    DownlinkState.SENT: frozenset({DownlinkState.CONFIRMED, DownlinkState.UNCONFIRMED, DownlinkState.ABORTED}),
     # An answer that comes late is an answer.
-    State.UNCONFIRMED: frozenset({State.DRAFT, State.CONFIRMED}),
-    **dict.fromkeys(ENDED - {State.UNCONFIRMED}, frozenset({State.DRAFT})),
+    DownlinkState.UNCONFIRMED: frozenset({DownlinkState.DRAFT, DownlinkState.CONFIRMED}),
+    **dict.fromkeys(ENDED - {DownlinkState.UNCONFIRMED}, frozenset({DownlinkState.DRAFT})),
 }
 """States that may follow on each."""
 
@@ -67,8 +79,8 @@ class Transition(NamedTuple):
     """A change of the state: number of the request, states, why, who (empty: the machine), steady time, s."""
 
     number: int
-    before: State
-    after: State
+    before: DownlinkState
+    after: DownlinkState
     reason: str
     by: str
     now: float
@@ -116,7 +128,7 @@ class Machine:
         self.downlink = tool_commands.downlink_of(tool)
         self.tool, self.settings = tool, settings
         self.in_force, self.counter = in_force or ToolSettings(), counter
-        self.state, self.number = State.IDLE, number
+        self.state, self.number = DownlinkState.IDLE, number
         self.reason = self.decided_by = ""
         self.request: Request | None = None
         self.blocked_by: tuple[str, ...] = ()
@@ -143,7 +155,7 @@ class Machine:
         ValueError
             Another one is under way, nobody is named, or the tool has no such command or value.
         """
-        if self.state not in ENDED | {State.IDLE, State.DRAFT}:
+        if self.state not in ENDED | {DownlinkState.IDLE, DownlinkState.DRAFT}:
             raise ValueError(f"a downlink is {self.state.name.lower()}: one at a time; abort it first")
         if not by.strip():
             raise ValueError("operator_name: must not be empty: the journal records who asked")
@@ -158,7 +170,7 @@ class Machine:
             f"{self.about}: {len(self.programme.symbols)} symbols of {self.downlink.medium}, down to "
             f"{100.0 * self.programme.lowest:.0f} %, {self.programme.duration_s:.0f} s"
         )
-        self._go(State.DRAFT, text, self.request.by, now)
+        self._go(DownlinkState.DRAFT, text, self.request.by, now)
         return text
 
     def submit(self, by: str, now: float, number: int = 0) -> str:
@@ -170,9 +182,9 @@ class Machine:
         ValueError
             There is no draft, or it has another number.
         """
-        self._require(State.DRAFT, "there is no draft to ask for")
+        self._require(DownlinkState.DRAFT, "there is no draft to ask for")
         self._require_number(number or self.number)
-        return self._go(State.PENDING, f"{self.about}: request {self.number} waits for permission", by, now)
+        return self._go(DownlinkState.PENDING, f"{self.about}: request {self.number} waits for permission", by, now)
 
     def decide(self, granted: bool, by: str, now: float, number: int = 0) -> str:
         """
@@ -183,14 +195,14 @@ class Machine:
         ValueError
             Nothing waits for permission, it has another number, or nobody is named.
         """
-        self._require(State.PENDING, "no downlink waits for permission")
+        self._require(DownlinkState.PENDING, "no downlink waits for permission")
         self._require_number(number if granted else number or self.number)
         if not by.strip():
             raise ValueError("operator_name: must not be empty: permission is given by a named person")
         self.decided_by = by.strip()
         if granted:
-            return self._go(State.GRANTED, "granted: it starts when all interlocks hold", self.decided_by, now)
-        return self._go(State.DENIED, "denied", self.decided_by, now)
+            return self._go(DownlinkState.GRANTED, "granted: it starts when all interlocks hold", self.decided_by, now)
+        return self._go(DownlinkState.DENIED, "denied", self.decided_by, now)
 
     def abort(self, reason: str, by: str, now: float) -> str:
         """
@@ -201,11 +213,11 @@ class Machine:
         ValueError
             None is under way.
         """
-        if State.ABORTED not in NEXT[self.state]:
+        if DownlinkState.ABORTED not in NEXT[self.state]:
             raise ValueError("no downlink is under way")
         self.decided_by = by.strip() or self.decided_by
-        sent = ": the command had been sent, the tool may obey it" if self.state == State.SENT else ""
-        return self._go(State.ABORTED, reason + sent, self.decided_by, now)
+        sent = ": the command had been sent, the tool may obey it" if self.state == DownlinkState.SENT else ""
+        return self._go(DownlinkState.ABORTED, reason + sent, self.decided_by, now)
 
     # Time, rig and tool.
 
@@ -221,22 +233,26 @@ class Machine:
         lost = self._updated is not None and now - self._updated > _LOST_S
         self._updated = now
         self._stall.take(now, readings.flow, readings.pressure, 1e-3)
-        if self.state == State.PENDING and self._waited > PERMISSION_S:
-            self._go(State.LAPSED, f"nobody decided within {PERMISSION_S:.0f} s", "", now)
-        elif self.state in (State.GRANTED, State.ARMED):
+        if self.state == DownlinkState.PENDING and self._waited > PERMISSION_S:
+            self._go(DownlinkState.LAPSED, f"nobody decided within {PERMISSION_S:.0f} s", "", now)
+        elif self.state in (DownlinkState.GRANTED, DownlinkState.ARMED):
             self._before(now, readings)
-        elif self.state == State.RUNNING:
+        elif self.state == DownlinkState.RUNNING:
             self._while_running(now, readings, lost=lost)
-        elif self.state == State.SENT and now - self._since > self.answer_s:
-            self._go(State.UNCONFIRMED, self._unanswered(), "", now)
+        elif self.state == DownlinkState.SENT and now - self._since > self.answer_s:
+            self._go(DownlinkState.UNCONFIRMED, self._unanswered(), "", now)
 
     def on_echo(self, code: int, now: float) -> None:
         """Take the word by which the tool repeats the last command it received, once it is believed."""
         request = self.request
-        if request is None or self.state not in (State.SENT, State.UNCONFIRMED) or code != request.frame.echo:
+        if (
+            request is None
+            or self.state not in (DownlinkState.SENT, DownlinkState.UNCONFIRMED)
+            or code != request.frame.echo
+        ):
             return
         self.in_force = self.in_force.after(request.frame)
-        self._go(State.CONFIRMED, f"{self.about}: the tool confirms counter {request.frame.counter}", "", now)
+        self._go(DownlinkState.CONFIRMED, f"{self.about}: the tool confirms counter {request.frame.counter}", "", now)
 
     @property
     def about(self) -> str:
@@ -246,7 +262,7 @@ class Machine:
     @property
     def expected(self) -> ToolConfiguration | None:
         """Tool configuration that the command leads to while its answer is waited for, else None."""
-        if self.request is None or self.state != State.SENT:
+        if self.request is None or self.state != DownlinkState.SENT:
             return None
         return tool_commands.applied(self.tool, self.in_force.after(self.request.frame))
 
@@ -261,24 +277,24 @@ class Machine:
 
     def elapsed(self, now: float) -> float:
         """Time of the programme at a steady time, s; 0 before it, its duration after it."""
-        if self.programme is None or self.state not in (State.RUNNING, State.SENT):
+        if self.programme is None or self.state not in (DownlinkState.RUNNING, DownlinkState.SENT):
             return 0.0
         return min(max(now - self._started, 0.0), self.programme.duration_s)
 
     def _before(self, now: float, readings: Readings) -> None:
         """Wait for the interlocks, then for a steady drilling value, which the tool takes for the top of the scale."""
         if self._waited > PERMISSION_S:
-            self._go(State.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
+            self._go(DownlinkState.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
             return
         self.blocked_by = blocked(readings, self.downlink, self.settings, stalled=self._stall.stalled, running=False)
         value = medium_value(readings, self.downlink)
         if self.blocked_by or value is None:
             self._steady.clear()
-            if self.state == State.ARMED:
-                self._go(State.GRANTED, self.blocked_by[0], "", now)
+            if self.state == DownlinkState.ARMED:
+                self._go(DownlinkState.GRANTED, self.blocked_by[0], "", now)
             return
-        if self.state == State.GRANTED:
-            self._go(State.ARMED, "all interlocks hold: waiting for a steady drilling value", "", now)
+        if self.state == DownlinkState.GRANTED:
+            self._go(DownlinkState.ARMED, "all interlocks hold: waiting for a steady drilling value", "", now)
         self._steady.append((now, value))
         values = [one for _, one in self._steady]
         if max(values) - min(values) > _STEADY * max(values):
@@ -291,7 +307,7 @@ class Machine:
             # Used up before the first symbol, and kept with this transition: a surface that dies from here on must not
             # give another command the number by which the tool may answer this one.
             self.counter = self.request.frame.counter if self.request is not None else self.counter
-            self._go(State.RUNNING, f"{self.about}: from {words(self.base, self.downlink)}", "", now)
+            self._go(DownlinkState.RUNNING, f"{self.about}: from {words(self.base, self.downlink)}", "", now)
 
     def _watch(self, base: float, readings: Readings) -> DeviationWatch:
         turns, share = self.downlink.medium == ROTATION, self.settings.tolerance
@@ -314,7 +330,7 @@ class Machine:
         elif self._deviation.take(now, asked, value, other):
             self.abort("operator input: flow or rotation is not what was asked", "", now)
         elif now - self._started >= self.programme.duration_s:
-            self._go(State.SENT, f"{self.about}: sent, waiting for the tool's answer", "", now)
+            self._go(DownlinkState.SENT, f"{self.about}: sent, waiting for the tool's answer", "", now)
         else:
             self.set_point = asked
 
@@ -325,7 +341,7 @@ class Machine:
             return f"sent; the tool cannot answer: add {ECHO_WORD} to a sequence of its tool.yaml"
         return f"sent, but the tool did not answer within {self.answer_s:.0f} s: send it again"
 
-    def _require(self, state: State, text: str) -> None:
+    def _require(self, state: DownlinkState, text: str) -> None:
         if self.state != state:
             raise ValueError(text)
 
@@ -334,17 +350,17 @@ class Machine:
             which = f"request {number} was replaced" if number else "number: must be that of the request"
             raise ValueError(f"{which}; the one at hand is {self.number}: {self.about}")
 
-    def _go(self, after: State, reason: str, by: str, now: float) -> str:
+    def _go(self, after: DownlinkState, reason: str, by: str, now: float) -> str:
         if after not in NEXT[self.state]:
             raise ValueError(f"state: {after.name} cannot follow {self.state.name}")
         self.transitions.append(Transition(self.number, self.state, after, reason, by, now))
         self.state, self.reason, self._since = after, reason, now
-        if after == State.PENDING or (after == State.GRANTED and by):
+        if after == DownlinkState.PENDING or (after == DownlinkState.GRANTED and by):
             self._waited = 0.0
-        if after not in (State.GRANTED, State.ARMED, State.RUNNING):
+        if after not in (DownlinkState.GRANTED, DownlinkState.ARMED, DownlinkState.RUNNING):
             self.blocked_by = ()
-        if after != State.RUNNING:
+        if after != DownlinkState.RUNNING:
             self.set_point = None
-        if after in (State.GRANTED, State.ARMED):
+        if after in (DownlinkState.GRANTED, DownlinkState.ARMED):
             self._steady.clear()
         return reason

@@ -44,14 +44,14 @@ class Quantity:
     wrap: float = 0.0
 
 
-# Bits of RigState.valid stand before what they vouch for; for the attitude the sigma does that.
+# A bit of RigState.valid vouches for each of these; for the attitude the sigma does that.
 _RIG_QUANTITIES = (
-    (1, Quantity("bit_depth_m", "bit_depth", 1.0, 3)),
-    (2, Quantity("hole_depth_m", "hole_depth", 1.0, 3)),
-    (64, Quantity("rpm", "rotary_speed", _RPM, 2)),
-    (128, Quantity("flow_l_per_min", "flow_rate", 60_000.0, 1)),
-    (256, Quantity("pressure_kpa", "pressure", 1e-3, 1)),
-    (8, Quantity("hookload_kn", "hookload", 1e-3, 2)),
+    Quantity("bit_depth_m", "bit_depth", 1.0, 3),
+    Quantity("hole_depth_m", "hole_depth", 1.0, 3),
+    Quantity("rpm", "rotary_speed", _RPM, 2),
+    Quantity("flow_l_per_min", "flow_rate", 60_000.0, 1),
+    Quantity("pressure_kpa", "pressure", 1e-3, 1),
+    Quantity("hookload_kn", "hookload", 1e-3, 2),
 )
 _ANGLES = (
     ("sigma_inclination", Quantity("inc_deg", "inclination", _DEG, 4)),
@@ -59,7 +59,7 @@ _ANGLES = (
     ("sigma_gravity_toolface", Quantity("toolface_deg", "gravity_toolface", _DEG, 3, 360.0)),
 )
 _SIGMAS = tuple((sigma, Quantity(f"sigma_{q.key}", sigma, _DEG, q.decimals)) for sigma, q in _ANGLES)
-QUANTITIES = tuple(q for _, q in (*_RIG_QUANTITIES, *_ANGLES, *_SIGMAS))
+QUANTITIES = (*_RIG_QUANTITIES, *(q for _, q in (*_ANGLES, *_SIGMAS)))
 COLUMNS = ("timestamp_utc_iso", *(q.key for q in QUANTITIES), "azimuth_north")
 
 
@@ -211,8 +211,9 @@ def _write_parquet(path: Path, lines: Iterator[Row]) -> None:
 
 
 def _rig(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
-    for bit, quantity in _RIG_QUANTITIES:
-        _take(samples, seconds, (samples["valid"] & bit) != 0, (quantity,), waiting)
+    for quantity in _RIG_QUANTITIES:
+        known = (samples["valid"] & wire.RIG_VALID[quantity.field]) != 0
+        _take(samples, seconds, known, (quantity,), waiting)
 
 
 def _attitude(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:

@@ -10,9 +10,10 @@ as nothing, so that the depth drifts by centimetres to a decimetre a stand; a de
 from __future__ import annotations
 
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.core.wire import NANOSECONDS
+from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
 
-_BIT_DEPTH, _BLOCK, _SLIPS = 1, 4, 1024  # of RigState.valid
+_BIT_DEPTH = RIG_VALID["bit_depth"]
+_MOVES = RIG_VALID["block_position"] | RIG_VALID["in_slips"]
 _LONGEST = 5.0  # s between two readings; over a longer gap the slips may have been set and pulled
 # A block falls at 3 m/s at most; what leaps farther is an encoder that was set anew.
 _FASTEST, _SLACK = 3.0, 0.5  # m/s, m
@@ -47,7 +48,7 @@ class BlockTrack:
         filled = samples
         for k, row in enumerate(samples):
             valid = int(row["valid"])
-            known = valid & _BLOCK and valid & _SLIPS
+            known = valid & _MOVES == _MOVES
             reading = (int(row["stamp_ns"]), float(row["block_position"]), bool(row["in_slips"])) if known else None
             if valid & _BIT_DEPTH:
                 self.depth, self._begins = float(row["bit_depth"]), False

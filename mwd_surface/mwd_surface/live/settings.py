@@ -9,7 +9,7 @@ from mwd_sensors.core.settings import setting
 
 
 @dataclasses.dataclass(frozen=True)
-class Limits:
+class QualityLimits:
     """What totals may deviate from the reference, as the quality lights show it where a survey brings no limits."""
 
     gravity: float = setting(0.0245, "tolerance of total gravity against the reference", unit="m/s^2", low=0.0)
@@ -78,4 +78,4 @@ class LiveSettings:
         low=10,
         high=10000,
     )
-    limits: Limits = setting(Limits)
+    limits: QualityLimits = setting(QualityLimits)

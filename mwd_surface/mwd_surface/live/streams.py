@@ -17,6 +17,7 @@ import numpy as np
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.live.latest_values import Freshness, LatestValues, LiveValue, Quantity, StreamState
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.strip_history import StripHistory
@@ -64,12 +65,10 @@ QUANTITIES = {
     "pressure": Quantity("Pa", "rig"),
     "rate_of_penetration": Quantity("m/s", "rig"),
 }
-_IN_SLIPS_VALID = 1024
 _COLDEST, _HOTTEST = -60.0, 250.0  # degC, from a winter's rack to beyond the hottest electronics in use
 _ANGLES = ("inclination", "azimuth")
 _DRILLING = tuple(field.name for field in dataclasses.fields(DrillingState))
 _RIG = tuple(name for name, quantity in QUANTITIES.items() if quantity.stream == "rig")
-# Fields of RigState whose validity is bit 0, 1, ... of `valid`.
 _RIG_FIELDS = tuple(name.removeprefix("rig_") for name in _RIG)
 _PART_OF = {
     "toolface": "toolface",
@@ -265,10 +264,10 @@ class LiveStreams:
         self.on_stream("rig", len(samples), now)
         last = samples[-1]
         valid = int(last["valid"])
-        for k, field in enumerate(_RIG_FIELDS):
-            if valid & (1 << k):
+        for field in _RIG_FIELDS:
+            if valid & RIG_VALID[field]:
                 self._put("rig_rotary_speed" if field == "rotary_speed" else field, float(last[field]), None, now)
-        self._in_slips = bool(last["in_slips"]) if valid & _IN_SLIPS_VALID else None
+        self._in_slips = bool(last["in_slips"]) if valid & RIG_VALID["in_slips"] else None
 
     def on_log_depth(self, depth: float | None) -> None:
         """Set the depth of the sensor, m, to which the next values belong; None while no hole is drilled."""

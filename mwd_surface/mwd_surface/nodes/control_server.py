@@ -14,9 +14,9 @@ from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.lease_numbers import LeaseNumbers
-from mwd_surface.control.set_point import Limits, SetPoint
+from mwd_surface.control.set_point import LeaseLimits, SetPoint
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Achieved, ControlStatus, Request, State
+from mwd_surface.control.status import Achieved, ControlState, ControlStatus, Request
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.latest_values import Freshness, LiveValue
 from mwd_surface.ros.context import SurfaceContext
@@ -75,7 +75,7 @@ class ControlServer:
     # Services.
 
     def _request(self, request: Any, response: Any) -> Any:
-        limits = Limits(
+        limits = LeaseLimits(
             request.speed_limit,
             request.speed_rate_limit,
             request.torque_limit,
@@ -157,7 +157,7 @@ class ControlServer:
         message.header.stamp = stamp(self._context.now_ns())
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
         self._state.publish(message)
-        if status.state == State.FAULT:
+        if status.state == ControlState.FAULT:
             if status.reason != self._reason:
                 remedy = "take control back on the page, or let a controller take a new lease"
                 self._context.alarm_log.raise_alarm("control.fault", Severity.CRITICAL, status.reason, remedy)
@@ -188,7 +188,7 @@ class ControlServer:
         status = self.authority.status(time.monotonic())
         values = (("refused", str(self.authority.refused)), ("sequence", str(status.sequence)))
         words = f"{status.owner} has control" if status.owner else "the driller has control"
-        if status.state == State.FAULT:
+        if status.state == ControlState.FAULT:
             return [Diagnostic("control", WARN, status.reason, "take control back, or grant a new lease", values)]
         if status.refusal:
             return [Diagnostic("control", WARN, f"{words}; {status.refusal}", "correct the set-point", values)]

@@ -23,7 +23,7 @@ from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.downlink.interlocks import Readings
-from mwd_surface.downlink.machine import ENDED, NEXT, Machine, State, Transition
+from mwd_surface.downlink.machine import ENDED, NEXT, DownlinkState, Machine, Transition
 from mwd_surface.downlink.memory import Memory
 from mwd_surface.downlink.rig_clock import RigClock
 from mwd_surface.downlink.rig_control import RigControl
@@ -35,8 +35,8 @@ from mwd_surface.ros.topics import TOPICS
 
 _STATE_PERIOD = 1.0
 # What changes without a transition: what it waits for, symbol, set-point.
-_SHOWN = {State.GRANTED, State.ARMED, State.RUNNING}
-_LOUD = {State.ABORTED, State.UNCONFIRMED}
+_SHOWN = {DownlinkState.GRANTED, DownlinkState.ARMED, DownlinkState.RUNNING}
+_LOUD = {DownlinkState.ABORTED, DownlinkState.UNCONFIRMED}
 
 
 class DownlinkServer:
@@ -96,7 +96,7 @@ class DownlinkServer:
 
     def stop(self) -> None:
         """End what runs: the rig returns to what the driller has set."""
-        if self._machine is not None and State.ABORTED in NEXT[self._machine.state]:
+        if self._machine is not None and DownlinkState.ABORTED in NEXT[self._machine.state]:
             self._machine.abort("the surface stops", "", self._now())
             self._follow(self._machine, self._now())
 
@@ -152,7 +152,7 @@ class DownlinkServer:
 
     def _cancel_goal(self, goal: DeferredGoal) -> None:
         machine, now = self._machine, self._now()
-        if machine is not None and goal is self._goal and State.ABORTED in NEXT[machine.state]:
+        if machine is not None and goal is self._goal and DownlinkState.ABORTED in NEXT[machine.state]:
             machine.abort("cancelled by its client", "", now)
             self._follow(machine, now)
 
@@ -262,7 +262,7 @@ class DownlinkServer:
             self._goal = None
             goal.finish(
                 Downlink.Result(
-                    success=machine.state == State.CONFIRMED, message=machine.reason, state=int(machine.state)
+                    success=machine.state == DownlinkState.CONFIRMED, message=machine.reason, state=int(machine.state)
                 )
             )
             return

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from mwd_surface.control.set_point import Mode
-from mwd_surface.control.status import ControlStatus, State
+from mwd_surface.control.status import ControlState, ControlStatus
 from mwd_surface.page.plain import number
 from mwd_surface.surveys.advice import Advice
 
@@ -16,7 +16,12 @@ _ASKED = {
     Mode.ORIENT: "turn by an angle",
     Mode.RELEASE: "the driller's",
 }
-_STATES = {State.IDLE: "driller", State.PENDING: "asked for", State.GRANTED: "controller", State.FAULT: "fault"}
+_STATES = {
+    ControlState.IDLE: "driller",
+    ControlState.PENDING: "asked for",
+    ControlState.GRANTED: "controller",
+    ControlState.FAULT: "fault",
+}
 
 
 def control_table(status: ControlStatus) -> dict[str, Any]:

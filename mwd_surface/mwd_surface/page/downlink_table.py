@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from mwd_sensors.telemetry.downlink import ROTATION
-from mwd_surface.downlink.machine import State
+from mwd_surface.downlink.machine import DownlinkState
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.page.plain import number
 
@@ -23,7 +23,7 @@ def downlink_table(status: DownlinkStatus | None) -> dict[str, Any]:
     return {
         "known": True,
         "number": status.number,
-        "state": State(status.state).name.lower(),
+        "state": DownlinkState(status.state).name.lower(),
         "about": status.about,
         "requested_by": status.requested_by,
         "decided_by": status.decided_by,

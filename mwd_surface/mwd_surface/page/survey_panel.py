@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.live.settings import Limits
+from mwd_surface.live.settings import QualityLimits
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.position_covariance import ellipse, in_section
@@ -32,7 +32,7 @@ _PLACED = (
 )
 
 
-def survey_row(record: SurveyRecord, north: North, limits: Limits | None = None) -> dict[str, Any]:
+def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None = None) -> dict[str, Any]:
     """
     Return one row of the survey table; the azimuth is from `north` where known, else from its own north.
 
@@ -103,7 +103,7 @@ def _known(value: float, low: float = 0.0) -> float | None:
     return number(value) if value >= low else None
 
 
-def _lights(s: Survey, limits: Limits | None) -> list[dict[str, Any]]:
+def _lights(s: Survey, limits: QualityLimits | None) -> list[dict[str, Any]]:
     return [
         {
             "name": total.name,
@@ -119,7 +119,7 @@ def _lights(s: Survey, limits: Limits | None) -> list[dict[str, Any]]:
     ]
 
 
-def quality_lights(record: SurveyRecord | None, limits: Limits, north: North = North.UNKNOWN) -> dict[str, Any]:
+def quality_lights(record: SurveyRecord | None, limits: QualityLimits, north: North = North.UNKNOWN) -> dict[str, Any]:
     """
     Return the quality of a survey: verdicts, totals, and what else its azimuth may be.
 

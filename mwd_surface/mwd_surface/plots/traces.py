@@ -92,10 +92,10 @@ def _columns(*fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
     return lambda samples: np.column_stack([samples[field] * scale for field in fields]).astype(float)
 
 
-def _gauge(bits: tuple[int, ...], *fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
+def _gauge(*fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
     def values(samples: Samples) -> Array:
-        known = [(samples["valid"] & bit) > 0 for bit in bits]
-        columns = [np.where(good, samples[field] * scale, np.nan) for good, field in zip(known, fields, strict=True)]
+        known = {field: (samples["valid"] & wire.RIG_VALID[field]) > 0 for field in fields}
+        columns = [np.where(good, samples[field] * scale, np.nan) for field, good in known.items()]
         return np.column_stack(columns)
 
     return values
@@ -160,17 +160,17 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
             "depth along the hole",
             "m",
             ("bit", "hole"),
-            _gauge((1, 2), "bit_depth", "hole_depth"),
+            _gauge("bit_depth", "hole_depth"),
             down=True,
         ),
-        Trace("rig", "rotary speed", "r/min", ("top drive",), _gauge((64,), "rotary_speed", scale=_RPM)),
-        Trace("rig", "standpipe pressure", "bar", ("pressure",), _gauge((256,), "pressure", scale=1e-5)),
+        Trace("rig", "rotary speed", "r/min", ("top drive",), _gauge("rotary_speed", scale=_RPM)),
+        Trace("rig", "standpipe pressure", "bar", ("pressure",), _gauge("pressure", scale=1e-5)),
         Trace(
             "rig",
             "hook load and weight on bit",
             "kN",
             ("hook load", "weight on bit"),
-            _gauge((8, 16), "hookload", "weight_on_bit", scale=1e-3),
+            _gauge("hookload", "weight_on_bit", scale=1e-3),
         ),
     ),
     wire.TRUTH.type_name: (

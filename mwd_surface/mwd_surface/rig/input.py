@@ -18,20 +18,6 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
 
-# Order of the bits of RigState.valid.
-FIELDS = (
-    "bit_depth",
-    "hole_depth",
-    "block_position",
-    "hookload",
-    "weight_on_bit",
-    "torque",
-    "rotary_speed",
-    "flow_rate",
-    "pressure",
-    "rate_of_penetration",
-)
-SLIPS_BIT = 1 << len(FIELDS)
 # What a rig can have at all, SI.
 PLAUSIBLE: dict[str, tuple[float, float]] = {
     "block_position": (-20.0, 80.0),
@@ -125,13 +111,12 @@ class RigInput:
         sample = wire.RIG_STATE.empty(1)
         sample["stamp_ns"] = stamp_ns
         valid = 0
-        for k, name in enumerate(FIELDS):
-            if name in good:
-                sample[name] = good[name]
-                valid |= 1 << k
+        for name, value in good.items():
+            sample[name] = value
+            valid |= wire.RIG_VALID[name]
         if self.settings.slips_hookload > 0.0 and "hookload" in good:
             sample["in_slips"] = good["hookload"] < self.settings.slips_hookload
-            valid |= SLIPS_BIT
+            valid |= wire.RIG_VALID["in_slips"]
         sample["valid"] = valid
         self.counts.taken += 1
         return sample

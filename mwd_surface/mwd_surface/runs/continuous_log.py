@@ -19,7 +19,6 @@ _ON_BOTTOM = 0.3
 _SETTLES = 10.0
 # Longest silence of the rig that is bridged, s.
 _LONGEST_GAP = 60.0
-_BIT_DEPTH = 1
 
 
 def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
@@ -90,7 +89,8 @@ def _bit_depths(bag: Bag) -> tuple[Stamps, Array]:
     rows = [block[topic][1] for block in bag.blocks([topic]) if topic in block]
     if rows:
         rig = np.concatenate(rows)
-        rig = rig[(rig["valid"] & _BIT_DEPTH != 0) & np.isfinite(rig["bit_depth"]) & (rig["bit_depth"] >= 0.0)]
+        known = rig["valid"] & wire.RIG_VALID["bit_depth"] != 0
+        rig = rig[known & np.isfinite(rig["bit_depth"]) & (rig["bit_depth"] >= 0.0)]
         rig = rig[np.argsort(rig["stamp_ns"], kind="stable")]
         if len(rig) > 1:
             return np.asarray(rig["stamp_ns"]), np.asarray(rig["bit_depth"])

@@ -18,6 +18,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs.bag_input import IMU, IMU_BURST, InputSettings, Topics
 from mwd_surface.runs.recorded_settings import Recorded, SurfacePart
@@ -28,8 +29,6 @@ from mwd_surface.surveys.message_conversion import survey_of_fields
 from mwd_surface.surveys.recorded_list import RecordedList, recorded_list
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
-
-_BIT_DEPTH = 1  # RigState.VALID bit of bit_depth
 
 Arrived = tuple[Stamps, Samples]
 """Times of messages in a recording, ns, and their samples."""
@@ -114,7 +113,8 @@ class ListBuilder:
         for row, at in zip(samples, before, strict=True):
             if imu is not None and at >= 0:
                 self.depth.note_sonde(int(imu[1]["stamp_ns"][at]))
-            self.depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), bool(row["valid"] & _BIT_DEPTH))
+            known = bool(row["valid"] & RIG_VALID["bit_depth"])
+            self.depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), known)
 
     def add(self, survey: Survey) -> float:
         """Add a survey of the estimator to the list; returns the measured depth of the sensor, m, nan if unknown."""

@@ -29,7 +29,6 @@ CHARTS_S = 300.0
 # The state is brought forward in steps of at most so long, s: charts keep their rows.
 _STEP_S = 0.5
 _BLOCK = 512  # messages read at a time
-_BIT_DEPTH = 1  # bit of `valid` of RigState
 _TOPICS = ("imu/data_raw", "rig/state", "gravity", "attitude", "dynamics", "interference", "imu/temperature", "imu/mag")
 
 
@@ -152,7 +151,7 @@ class Player:
     def _on_rig_state(self, samples: Samples, now: float) -> None:
         """Take the state of the rig; the path is projected to its bit."""
         self._live.on_rig_state(samples, now)
-        known = samples["bit_depth"][(samples["valid"] & _BIT_DEPTH) != 0]
+        known = samples["bit_depth"][(samples["valid"] & wire.RIG_VALID["bit_depth"]) != 0]
         self._bit_depth = float(known[-1]) if len(known) else self._bit_depth
 
     def _show_alarms(self, now: float) -> None:

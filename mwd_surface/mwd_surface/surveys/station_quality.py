@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
-from mwd_surface.live.settings import Limits
+from mwd_surface.live.settings import QualityLimits
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_record import STATIC, Survey, Verdict
 
@@ -45,9 +45,9 @@ class Total:
         return None if self.value is None or self.reference is None else self.value - self.reference
 
 
-def totals(survey: Survey, limits: Limits | None = None) -> tuple[Total, Total, Total]:
+def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:
     """Return total gravity, total field and dip of a survey; `limits` count where the survey brings none."""
-    s, usual = survey, limits or Limits()
+    s, usual = survey, limits or QualityLimits()
     magnetic = s.b_total >= 0.0
     reference = magnetic and s.has_reference
     gravity = s.g_total if s.has_readings else None

@@ -12,9 +12,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.rig_commands import RIG_TIMEOUT
-from mwd_surface.control.set_point import Limits, Mode, SetPoint, ramped
+from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, ramped
 from mwd_surface.control.settings import REACTIONS, ControlSettings
-from mwd_surface.control.status import Achieved, Judgement, Permission, Reaction, Request, State
+from mwd_surface.control.status import Achieved, ControlState, Judgement, Permission, Reaction, Request
 
 AUTOMATIC = ControlSettings(enabled=True, grant="automatic")
 BY_A_PERSON = ControlSettings(enabled=True, grant="operator")
@@ -68,7 +68,7 @@ def test_control_that_is_switched_off_is_denied_with_the_remedy():
         (Request("x" * 101), "controller: at most 100"),
         (Request("x", priority=256), "priority: must be within"),
         (Request("x", duration=math.nan), "duration: must be finite"),
-        (Request("x", limits=Limits(speed=-1.0)), "speed_limit: must be finite"),
+        (Request("x", limits=LeaseLimits(speed=-1.0)), "speed_limit: must be finite"),
     ],
 )
 def test_a_request_that_cannot_be_is_denied_by_name(request_, words):
@@ -84,7 +84,7 @@ def test_a_request_waits_for_a_person_and_lapses():
     assert authority.request(Request("controller"), 1.0) == decision
     assert authority.judge(Judgement.GRANT, "  ", 2.0, number=decision.lease)[0] is False
     authority.update(BY_A_PERSON.pending_s + 0.1)
-    assert authority.status(121.0).state == State.IDLE
+    assert authority.status(121.0).state == ControlState.IDLE
     assert authority.judge(Judgement.GRANT, "toolpusher", 122.0, number=1) == (False, "no request waits")
 
 
@@ -104,7 +104,7 @@ def test_a_person_grants_denies_and_takes_back_and_the_log_has_the_name():
     authority, lease = owned(BY_A_PERSON)
     assert authority.status(0.0).owner == "controller"
     assert authority.judge(Judgement.ABORT, "driller", 1.0, "pick up")[0]
-    assert authority.status(1.0).state == State.IDLE
+    assert authority.status(1.0).state == ControlState.IDLE
     assert not authority.command(SetPoint(Mode.HOLD, lease, 1), 1.0)[0]
     authority.request(Request("other"), 2.0)
     assert authority.judge(Judgement.DENY, "driller", 3.0)[0]
@@ -142,7 +142,7 @@ def test_a_lease_ends_after_its_time_unless_it_is_renewed():
     authority.update(3.8)
     assert authority.status(3.8).lease == lease
     authority.update(4.0)
-    assert authority.status(4.0).state == State.IDLE
+    assert authority.status(4.0).state == ControlState.IDLE
     assert "is over" in authority.status(4.0).reason
 
 
@@ -185,7 +185,7 @@ def test_the_rig_hears_a_turn_once_however_often_it_is_repeated():
 
 
 def test_a_speed_is_reached_on_its_ramp_and_acknowledged():
-    authority, lease = owned(limits=Limits(speed_rate=1.0))
+    authority, lease = owned(limits=LeaseLimits(speed_rate=1.0))
     authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=1.0), 0.0)
     sent = passes(authority, 0.0, 1.5)
     speeds = [point.rotary_speed for _, point in sent]
@@ -201,7 +201,7 @@ def test_a_speed_is_reached_on_its_ramp_and_acknowledged():
 
 
 def test_the_ramp_begins_at_the_speed_the_driller_had():
-    authority, lease = owned(limits=Limits(speed_rate=1.0))
+    authority, lease = owned(limits=LeaseLimits(speed_rate=1.0))
     authority.on_rig(Achieved(speed=6.0), 0.0)
     authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=4.0), 0.0)
     assert authority.update(0.1)[0].rotary_speed == pytest.approx(5.9)
@@ -213,14 +213,14 @@ def test_a_set_point_lapses_and_the_lease_stays():
     authority.command(SetPoint(Mode.PUMP, lease, 2, flow_rate=0.02, valid_for=0.5), 0.0)
     passes(authority, 0.0, 0.6)
     status = authority.status(0.6)
-    assert (status.mode, status.flow_rate, status.state) == (Mode.HOLD, None, State.GRANTED)
+    assert (status.mode, status.flow_rate, status.state) == (Mode.HOLD, None, ControlState.GRANTED)
 
 
 def test_a_new_owner_takes_over_what_it_could_have_asked_for_and_no_more():
     for limit, mode in ((5.0, Mode.ROTATE), (1.0, Mode.RELEASE)):
         authority, lease = owned()
         authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=3.0), 0.0)
-        authority.request(Request("higher", priority=1, limits=Limits(speed=limit)), 0.1)
+        authority.request(Request("higher", priority=1, limits=LeaseLimits(speed=limit)), 0.1)
         assert authority.status(0.1).mode == mode
 
 
@@ -258,14 +258,14 @@ def test_a_dead_controller_ends_in_the_declared_reaction(how, reaction):
     assert "controller is silent" in status.reason
     if reaction == "release":
         assert sent[-1][1].mode == Mode.RELEASE
-        assert status.state == State.IDLE
+        assert status.state == ControlState.IDLE
     else:
         assert sent[-1][1].mode == (Mode.HOLD if reaction == "hold" else mode)
         assert sent[-1][0] > settings.heartbeat_s + 3.0 - RIG_TIMEOUT
-        assert status.state == State.FAULT
+        assert status.state == ControlState.FAULT
         assert authority.judge(Judgement.ABORT, "driller", 6.0)[0]
         assert authority.update(6.1)[0].mode == Mode.RELEASE
-        assert authority.status(6.1).state == State.IDLE
+        assert authority.status(6.1).state == ControlState.IDLE
 
 
 def test_a_heartbeat_alone_keeps_the_lease():
@@ -287,16 +287,16 @@ def test_a_dead_mwd_ends_in_the_declared_reaction_and_the_owner_stays(how, react
     status = authority.status(0.1)
     expected = {"keep": mode, "hold": Mode.HOLD, "release": Mode.RELEASE}[reaction]
     assert (status.mode, status.owner) == (expected, "controller")
-    assert status.state == (State.GRANTED if reaction == "keep" else State.FAULT)
+    assert status.state == (ControlState.GRANTED if reaction == "keep" else ControlState.FAULT)
     assert authority.command(SetPoint(mode, lease, 2), 0.2)[0] == (reaction == "keep")
     assert authority.command(SetPoint(Mode.HOLD, lease, 3), 0.2)[0]
     authority.on_mwd(alive=True)
-    assert authority.status(0.3).state == State.GRANTED
+    assert authority.status(0.3).state == ControlState.GRANTED
     assert authority.command(SetPoint(mode, lease, 4), 0.3)[0]
 
 
 def test_a_torque_that_lasts_above_its_limit_ends_control_with_the_string_held():
-    authority, lease = owned(limits=Limits(torque=5000.0))
+    authority, lease = owned(limits=LeaseLimits(torque=5000.0))
     authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=2.0, valid_for=60.0), 0.0)
     authority.on_rig(Achieved(2.0, 6000.0), 0.0)
     authority.on_rig(Achieved(2.0, 4000.0), 0.5)
@@ -316,7 +316,7 @@ def test_a_ramp_never_leaves_its_rate_and_never_passes_its_end(speed, wanted, ra
 
 
 NAMES = ("a", "b", "c")
-SITE = Limits.of_settings(AUTOMATIC)
+SITE = LeaseLimits.of_settings(AUTOMATIC)
 
 
 class AnyController(RuleBasedStateMachine):
@@ -341,7 +341,7 @@ class AnyController(RuleBasedStateMachine):
         speed=st.sampled_from([0.0, 1.0, 5.0]),
     )
     def asks(self, name, priority, wait, speed):
-        request = Request(name, priority=priority, wait=wait, limits=Limits(speed=speed))
+        request = Request(name, priority=priority, wait=wait, limits=LeaseLimits(speed=speed))
         before = self.authority.status(self.now)
         decision = self.authority.request(request, self.now)
         if decision.lease:
@@ -437,9 +437,9 @@ class AnyController(RuleBasedStateMachine):
         status = self.authority.status(self.now)
         assert bool(status.owner) == bool(status.lease)
         assert bool(status.pending) == bool(status.pending_controller)
-        if status.state == State.IDLE:
+        if status.state == ControlState.IDLE:
             assert (status.mode, status.flow_rate, status.owner) == (Mode.RELEASE, None, "")
-        if status.state == State.GRANTED:
+        if status.state == ControlState.GRANTED:
             assert status.owner
 
 

@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 from mwd_sensors.telemetry.downlink import FLOW, Downlink, Frame
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.downlink.interlocks import LPM, RPM, Readings
-from mwd_surface.downlink.machine import ENDED, NEXT, PERMISSION_S, Machine, State
+from mwd_surface.downlink.machine import ENDED, NEXT, PERMISSION_S, DownlinkState, Machine
 from mwd_surface.downlink.settings import DownlinkSettings
 
 TOOL = ToolConfiguration(
@@ -69,27 +69,27 @@ def path(machine):
 def test_a_downlink_runs_from_draft_to_the_tool_s_answer():
     rig = Rig(Machine(TOOL, SETTINGS)).start()
     machine = rig.machine
-    assert rig.play(1.0) == State.ARMED
-    assert rig.play(machine.downlink.symbol_s) == State.RUNNING
-    assert rig.play(machine.programme.duration_s + 1.0) == State.SENT
+    assert rig.play(1.0) == DownlinkState.ARMED
+    assert rig.play(machine.downlink.symbol_s) == DownlinkState.RUNNING
+    assert rig.play(machine.programme.duration_s + 1.0) == DownlinkState.SENT
     asked = [one for one in rig.asked if one is not None]
     assert min(asked) == pytest.approx(0.6 * 110.0 * RPM)
     assert max(asked) == asked[0] == asked[-1] == pytest.approx(110.0 * RPM)
     assert machine.set_point is None
     assert machine.expected.pulse_width_s == 0.5
     machine.on_echo(Frame(7, 1, 1).echo, rig.now)
-    assert machine.state == State.SENT
+    assert machine.state == DownlinkState.SENT
     machine.on_echo(machine.request.frame.echo, rig.now)
-    assert machine.state == State.CONFIRMED
+    assert machine.state == DownlinkState.CONFIRMED
     assert machine.in_force.pulse_width == 1
     assert path(machine) == [
-        State.DRAFT,
-        State.PENDING,
-        State.GRANTED,
-        State.ARMED,
-        State.RUNNING,
-        State.SENT,
-        State.CONFIRMED,
+        DownlinkState.DRAFT,
+        DownlinkState.PENDING,
+        DownlinkState.GRANTED,
+        DownlinkState.ARMED,
+        DownlinkState.RUNNING,
+        DownlinkState.SENT,
+        DownlinkState.CONFIRMED,
     ]
     assert [one.by for one in machine.transitions[:3]] == ["Ann", "Ann", "Bo"]
 
@@ -99,25 +99,25 @@ def test_a_surface_that_dies_while_it_sends_gives_the_next_command_another_numbe
     rig = Rig(Machine(TOOL, SETTINGS)).start()
     machine = rig.machine
     rig.play(1.0 + machine.downlink.symbol_s + share * machine.programme.duration_s)
-    assert machine.state == State.RUNNING
+    assert machine.state == DownlinkState.RUNNING
     # What was kept at the last transition is what a surface that starts again reads.
     again = Rig(Machine(TOOL, SETTINGS, machine.in_force, machine.counter)).start()
     assert again.machine.request.frame.counter != machine.request.frame.counter
     again.play(2.0 + again.machine.downlink.symbol_s + again.machine.programme.duration_s)
-    assert again.machine.state == State.SENT
+    assert again.machine.state == DownlinkState.SENT
     again.machine.on_echo(machine.request.frame.echo, again.now)
-    assert again.machine.state == State.SENT
+    assert again.machine.state == DownlinkState.SENT
 
 
 def test_without_an_answer_it_ends_unconfirmed_and_a_late_answer_still_counts():
     rig = Rig(Machine(TOOL, SETTINGS)).start()
     machine = rig.machine
     rig.play(2.0 + machine.downlink.symbol_s + machine.programme.duration_s)
-    assert rig.play(machine.answer_s + 1.0) == State.UNCONFIRMED
+    assert rig.play(machine.answer_s + 1.0) == DownlinkState.UNCONFIRMED
     assert "did not answer" in machine.reason
     assert machine.in_force.pulse_width == -1
     machine.on_echo(machine.request.frame.echo, rig.now)
-    assert machine.state == State.CONFIRMED
+    assert machine.state == DownlinkState.CONFIRMED
 
 
 def test_a_tool_without_an_echo_word_is_told_so():
@@ -133,14 +133,14 @@ def test_pending_and_granted_lapse_after_two_minutes_and_denied_ends():
     rig = Rig(machine)
     machine.draft("survey_now", 0.0, "Ann", rig.now)
     machine.submit("Ann", rig.now)
-    assert rig.play(PERMISSION_S + 1.0) == State.LAPSED
+    assert rig.play(PERMISSION_S + 1.0) == DownlinkState.LAPSED
     rig.start()
-    assert rig.play(PERMISSION_S - 5.0, in_slips=True) == State.GRANTED
-    assert rig.play(10.0, in_slips=True) == State.LAPSED
+    assert rig.play(PERMISSION_S - 5.0, in_slips=True) == DownlinkState.GRANTED
+    assert rig.play(10.0, in_slips=True) == DownlinkState.LAPSED
     machine.draft("survey_now", 0.0, "Ann", rig.now)
     machine.submit("Ann", rig.now)
     machine.decide(False, "Bo", rig.now)
-    assert machine.state == State.DENIED
+    assert machine.state == DownlinkState.DENIED
     assert set(rig.asked) == {None}
 
 
@@ -163,10 +163,10 @@ def test_pending_and_granted_lapse_after_two_minutes_and_denied_ends():
 )
 def test_every_interlock_keeps_it_from_starting_with_its_reason(changes, words):
     rig = Rig(Machine(TOOL, SETTINGS)).start()
-    assert rig.play(60.0, **changes) == State.GRANTED
+    assert rig.play(60.0, **changes) == DownlinkState.GRANTED
     assert any(words in text for text in rig.machine.blocked_by)
     assert set(rig.asked) == {None}
-    assert rig.play(30.0) == State.RUNNING
+    assert rig.play(30.0) == DownlinkState.RUNNING
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_a_limit_or_an_operator_s_input_ends_it_and_asks_nothing_more(changes, w
     rig = Rig(Machine(TOOL, SETTINGS)).start()
     rig.play(60.0)
     assert rig.machine.set_point is not None
-    assert rig.play(3.0, **changes) == State.ABORTED
+    assert rig.play(3.0, **changes) == DownlinkState.ABORTED
     assert words in rig.machine.reason
     assert rig.machine.set_point is None
 
@@ -195,7 +195,7 @@ def test_a_limit_or_an_operator_s_input_ends_it_and_asks_nothing_more(changes, w
 def test_a_link_that_is_lost_while_symbols_are_sent_does_not_end_it():
     rig = Rig(Machine(TOOL, SETTINGS)).start()
     rig.play(60.0)
-    assert rig.play(20.0, link_locked=False) == State.RUNNING
+    assert rig.play(20.0, link_locked=False) == DownlinkState.RUNNING
 
 
 def test_a_surface_that_did_not_watch_ends_it():
@@ -203,30 +203,35 @@ def test_a_surface_that_did_not_watch_ends_it():
     rig.play(60.0)
     rig.now += 5.0
     rig.play(STEP)
-    assert rig.machine.state == State.ABORTED
+    assert rig.machine.state == DownlinkState.ABORTED
     assert "did not watch" in rig.machine.reason
 
 
 def test_an_interlock_that_breaks_before_the_first_symbol_waits_again():
     rig = Rig(Machine(TOOL, SETTINGS)).start()
-    assert rig.play(10.0) == State.ARMED
-    assert rig.play(1.0, in_slips=True) == State.GRANTED
-    assert rig.play(10.0) == State.ARMED
-    assert rig.play(10.0, rotary_speed=100.0 * RPM) == State.ARMED, "an unsteady drilling value is waited out"
-    assert rig.play(20.0) == State.RUNNING
+    assert rig.play(10.0) == DownlinkState.ARMED
+    assert rig.play(1.0, in_slips=True) == DownlinkState.GRANTED
+    assert rig.play(10.0) == DownlinkState.ARMED
+    assert rig.play(10.0, rotary_speed=100.0 * RPM) == DownlinkState.ARMED, "an unsteady drilling value is waited out"
+    assert rig.play(20.0) == DownlinkState.RUNNING
 
 
 def test_abort_acts_at_once_in_every_state_under_way():
-    for seconds, state in ((0.0, State.GRANTED), (5.0, State.ARMED), (60.0, State.RUNNING), (250.0, State.SENT)):
+    for seconds, state in (
+        (0.0, DownlinkState.GRANTED),
+        (5.0, DownlinkState.ARMED),
+        (60.0, DownlinkState.RUNNING),
+        (250.0, DownlinkState.SENT),
+    ):
         rig = Rig(Machine(TOOL, SETTINGS)).start()
         assert rig.play(seconds) == state
         rig.machine.abort("seen enough", "Cy", rig.now)
-        assert (rig.machine.state, rig.machine.set_point, rig.machine.decided_by) == (State.ABORTED, None, "Cy")
-        assert ("may obey" in rig.machine.reason) == (state == State.SENT)
+        assert (rig.machine.state, rig.machine.set_point, rig.machine.decided_by) == (DownlinkState.ABORTED, None, "Cy")
+        assert ("may obey" in rig.machine.reason) == (state == DownlinkState.SENT)
     machine = Machine(TOOL, SETTINGS)
     machine.draft("survey_now", 0.0, "Ann", 0.0)
     machine.abort("withdrawn", "Ann", 1.0)
-    assert machine.state == State.ABORTED
+    assert machine.state == DownlinkState.ABORTED
 
 
 def test_a_request_that_replaced_the_one_that_was_seen_is_not_granted():
@@ -243,9 +248,9 @@ def test_a_request_that_replaced_the_one_that_was_seen_is_not_granted():
             machine.decide(True, "Bo", 0.0, number)
     with pytest.raises(ValueError, match="request 7 was replaced"):
         machine.decide(False, "Bo", 0.0, seen)
-    assert machine.state == State.PENDING
+    assert machine.state == DownlinkState.PENDING
     machine.decide(True, "Bo", 0.0, 8)
-    assert machine.state == State.GRANTED
+    assert machine.state == DownlinkState.GRANTED
 
 
 def test_one_at_a_time_and_what_is_missing_is_refused_in_words():
@@ -271,7 +276,7 @@ def test_one_at_a_time_and_what_is_missing_is_refused_in_words():
 def test_a_flow_command_follows_the_flow():
     tool = dataclasses.replace(TOOL, downlink=Downlink(medium=FLOW, ramp_s=8.0, hold_s=8.0, depth=0.2, least=0.01))
     rig = Rig(Machine(tool, SETTINGS), DRILLING._replace(rotary_speed=0.0)).start()
-    assert rig.play(rig.machine.programme.duration_s + 20.0) == State.SENT
+    assert rig.play(rig.machine.programme.duration_s + 20.0) == DownlinkState.SENT
     asked = [one for one in rig.asked if one is not None]
     assert min(asked) == pytest.approx(0.8 * 2000.0 * LPM)
 
@@ -327,18 +332,18 @@ class Anybody(RuleBasedStateMachine):
     @invariant()
     def nothing_moves_without_a_grant(self):
         machine = self.machine
-        assert (machine.set_point is not None) == (machine.state == State.RUNNING)
-        if machine.state in (State.GRANTED, State.ARMED, State.RUNNING, State.SENT):
+        assert (machine.set_point is not None) == (machine.state == DownlinkState.RUNNING)
+        if machine.state in (DownlinkState.GRANTED, DownlinkState.ARMED, DownlinkState.RUNNING, DownlinkState.SENT):
             assert machine.number in self.grants
         for one in machine.transitions:
             assert one.after in NEXT[one.before]
             assert one.reason
-            assert one.by or one.after not in (State.DRAFT, State.PENDING, State.DENIED)
+            assert one.by or one.after not in (DownlinkState.DRAFT, DownlinkState.PENDING, DownlinkState.DENIED)
 
 
 TestAnybody = Anybody.TestCase
 
 
 def test_every_state_can_be_left_and_only_the_ends_begin_anew():
-    assert set(NEXT) == set(State)
-    assert all(State.DRAFT in NEXT[state] for state in ENDED)
+    assert set(NEXT) == set(DownlinkState)
+    assert all(DownlinkState.DRAFT in NEXT[state] for state in ENDED)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from example_stations import DIP, B, G, listed, survey
 
-from mwd_surface.page.survey_panel import Limits, path_table, quality_lights, survey_row
+from mwd_surface.page.survey_panel import QualityLimits, path_table, quality_lights, survey_row
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import North, Verdict
 
@@ -44,7 +44,7 @@ def test_a_row_has_the_verdict_of_each_quantity_the_reason_to_act_on_and_other_a
     ((azimuth, odds),) = row["alternatives"]
     assert ((azimuth - row["azimuth"]) % math.tau, odds) == pytest.approx((1.0, 0.2))
     assert row["disturbances"] == [["steel outside the string", 0.9], ["nothing beyond the tool code", 0.1]]
-    quality = quality_lights(record, Limits())
+    quality = quality_lights(record, QualityLimits())
     assert (quality["headline"], quality["reasons"][0]) == ("External field: use a gyro", "total field 380 nT over")
 
 
@@ -53,14 +53,14 @@ def test_a_survey_without_magnetometer_depth_or_azimuth_shows_gaps_not_minus_one
     (record,) = SurveyList().add(bare).records
     row = survey_row(record, North.TRUE)
     assert [row[k] for k in ("measured_depth", "azimuth", "sigma_azimuth", "b_total", "dip")] == [None] * 5
-    lights = {light["name"]: light["light"] for light in quality_lights(record, Limits())["lights"]}
+    lights = {light["name"]: light["light"] for light in quality_lights(record, QualityLimits())["lights"]}
     assert lights == {"total gravity": "good", "total field": "no reference", "dip": "no reference"}
 
 
 @pytest.mark.parametrize(("off_nt", "light"), [(0.0, "good"), (-299.0, "good"), (301.0, "doubtful"), (460.0, "reject")])
 def test_the_lights_follow_the_limits(off_nt, light):
     (record,) = listed(survey(1, b_total=B + off_nt * 1e-9)).records
-    field = quality_lights(record, Limits())["lights"][1]
+    field = quality_lights(record, QualityLimits())["lights"][1]
     assert field["light"] == light
     assert field["deviation"] == pytest.approx(off_nt * 1e-9, abs=1e-12)
     assert field["limit"] == pytest.approx(300e-9)
@@ -80,12 +80,12 @@ def test_the_lights_judge_the_field_without_the_interference_the_azimuth_was_cor
         sigma_axial_interference=1e-7,
         azimuth_method="fused",
     )
-    _, field, dip = quality_lights(listed(shot).records[0], Limits())["lights"]
+    _, field, dip = quality_lights(listed(shot).records[0], QualityLimits())["lights"]
     assert (field["light"], field["corrected"], dip["light"]) == ("good", True, "good")
     assert field["deviation"] == pytest.approx(0.0, abs=1e-12)
     assert dip["deviation"] == pytest.approx(0.0, abs=1e-9)
     (raw,) = listed(dataclasses.replace(shot, azimuth_method="raw")).records
-    assert quality_lights(raw, Limits())["lights"][1]["light"] == "reject"
+    assert quality_lights(raw, QualityLimits())["lights"][1]["light"] == "reject"
 
 
 def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most():
@@ -102,23 +102,23 @@ def test_the_path_comes_with_its_projection_and_ellipses_of_ten_stations_at_most
 def test_the_lights_stand_by_the_limits_of_the_verdict():
     own = {"g_limit": 0.0108, "b_limit": 520e-9, "dip_limit": 0.0082}
     (record,) = listed(survey(1, b_total=B + 380e-9, **own)).records
-    gravity, field, dip = quality_lights(record, Limits())["lights"]
+    gravity, field, dip = quality_lights(record, QualityLimits())["lights"]
     assert [gravity["limit"], field["limit"], dip["limit"]] == [0.0108, 520e-9, 0.0082]
     assert field["light"] == "good"
     (record,) = listed(survey(1, b_total=B + 600e-9, **own, verdict=int(Verdict.DOUBTFUL))).records
-    assert quality_lights(record, Limits())["lights"][1]["light"] == "doubtful"
+    assert quality_lights(record, QualityLimits())["lights"][1]["light"] == "doubtful"
 
 
 def test_words_of_a_verdict_move_no_light():
     words = ("within limits: total field +380 nT (limit 520 nT)",)
     (record,) = listed(survey(1, b_total=B + 380e-9, reasons=words)).records
-    field = quality_lights(record, Limits())["lights"][1]
+    field = quality_lights(record, QualityLimits())["lights"][1]
     assert (field["limit"], field["light"]) == (pytest.approx(300e-9), "doubtful")
 
 
 def test_a_limit_that_is_not_known_leaves_the_usual_one():
     (record,) = listed(survey(1, g_limit=-1.0, b_limit=520e-9)).records
-    gravity, field, dip = quality_lights(record, Limits())["lights"]
-    assert gravity["limit"] == Limits().gravity
+    gravity, field, dip = quality_lights(record, QualityLimits())["lights"]
+    assert gravity["limit"] == QualityLimits().gravity
     assert field["limit"] == 520e-9
-    assert dip["limit"] == pytest.approx(math.radians(Limits().dip_deg))
+    assert dip["limit"] == pytest.approx(math.radians(QualityLimits().dip_deg))

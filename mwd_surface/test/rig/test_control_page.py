@@ -16,7 +16,7 @@ from example_rig import certified, control, started, values
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Achieved, Judgement, Request, State
+from mwd_surface.control.status import Achieved, ControlState, Judgement, Request
 from mwd_surface.rig.modbus.server import ModbusServer
 from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.opcua.server import OpcuaServer
@@ -71,7 +71,7 @@ def test_the_modbus_controller_of_the_page_rotates_and_gives_back(tmp_path):
     server = ModbusServer(ModbusSettings(port=0, allow_control=True), authority=authority)
     with rig(server, authority) as sent:
         assert play(tmp_path, "Modbus", "127.0.0.1", server.port, 7) == "done\n"
-        assert authority.status(time.monotonic()).state == State.IDLE
+        assert authority.status(time.monotonic()).state == ControlState.IDLE
         rotates = [point for point in sent if point.mode == Mode.ROTATE]
         assert rotates[0].lease == 70_000
         log = " | ".join(authority.take_events())

@@ -6,7 +6,8 @@ import math
 import pytest
 from example_surveys import S
 
-from mwd_surface.rig.input import FIELDS, PLAUSIBLE, SLIPS_BIT, RigInput, RigInputSettings
+from mwd_sensors.core import wire
+from mwd_surface.rig.input import PLAUSIBLE, RigInput, RigInputSettings
 
 
 def feed(rig, readings, name="bit_depth"):
@@ -39,7 +40,7 @@ def test_a_held_depth_does_not_hold_back_the_rest():
     rig = RigInput()
     rig.take({"bit_depth": 1000.0}, S)
     (sample,) = rig.take({"bit_depth": 5000.0, "pressure": 1e7}, 2 * S)
-    assert sample["valid"] == 1 << FIELDS.index("pressure")
+    assert sample["valid"] == wire.RIG_VALID["pressure"]
 
 
 @pytest.mark.parametrize("name", list(PLAUSIBLE))
@@ -54,7 +55,7 @@ def test_every_other_value_has_bounds(name):
 def test_a_bit_below_the_bottom_is_not_accepted():
     rig = RigInput()
     (sample,) = rig.take({"bit_depth": 1010.0, "hole_depth": 1000.0, "pressure": 1e7}, S)
-    assert sample["valid"] == 1 << FIELDS.index("pressure")
+    assert sample["valid"] == wire.RIG_VALID["pressure"]
 
 
 def test_readings_that_come_too_fast_are_counted():
@@ -69,7 +70,7 @@ def test_slips_follow_from_the_hookload_where_its_limit_is_known():
     (light,) = rig.take({"hookload": 1e5}, S)
     (heavy,) = rig.take({"hookload": 9e5}, 2 * S)
     assert (light["in_slips"], heavy["in_slips"]) == (True, False)
-    assert light["valid"] & SLIPS_BIT
+    assert light["valid"] & wire.RIG_VALID["in_slips"]
 
 
 def test_a_name_that_is_not_known_is_not_given_on():
