@@ -187,13 +187,19 @@ def _new_folder(output: Path | None, namespace: str) -> Path:
 
 
 def _conclude(console: Console, bag: Path, truth: Path | None) -> None:
+    import datetime
+
     from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.commands import terminal
     from mwd_surface.surveys.score import score
+    from mwd_surface.surveys.unlisted import unlisted
 
     try:
         with Bag(bag) as opened:
             _show_scores(console, score(opened, truth=truth))
+            for one in unlisted(opened) if truth is not None else ():
+                flow_on = datetime.datetime.fromtimestamp(one.start_ns * 1e-9, tz=datetime.UTC)
+                terminal.warn(f"not in the list: the survey sent after flow-on at {flow_on:%H:%M:%S} UTC: {one.reason}")
             for note in opened.notes:
                 terminal.warn(note)
             console.print(f"recording: {bag} ({opened.message_count} messages)", markup=False)

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Surveys that a link did not bring whole, so that they are in no list: when, and why."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+from mwd_sensors.telemetry import meanings
+from mwd_surface.bags.bag_reader import Bag
+
+_WORD, _QUALITY, _SURVEY = "mwd_msgs/msg/LinkWord", "mwd_msgs/msg/LinkQuality", "mwd_msgs/msg/Survey"
+# Constants of these messages.
+_OF_SURVEY, _ERASED, _FINAL = 2, 1, 1
+_NO_INPUT, _NO_FLOW = 0, 1
+
+
+class Unlisted(NamedTuple):
+    """A time with flow, ns, at whose begin a tool sends the survey taken before, and why none is in the list."""
+
+    start_ns: int
+    end_ns: int
+    reason: str
+
+
+@dataclasses.dataclass
+class _Flow:
+    """Time with flow as one link saw it: end of the flow before, begin, end, ns; reasons why no word came."""
+
+    before_ns: int
+    start_ns: int
+    end_ns: int
+    reasons: list[str]
+
+
+def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
+    """
+    Times with flow of which no survey stands in the list although a link waited for one.
+
+    A wired tool sends without flow as well: its lost surveys leave no trace.
+
+    Parameters
+    ----------
+    bag : Bag
+        Recording of a surface that hears the tool over links.
+    namespace : str
+        Of the well.
+    """
+    prefix = namespace.strip("/")
+    if not all(any(topic.type_name == kind for topic in bag.topics.values()) for kind in (_WORD, _QUALITY)):
+        return []
+    listed = []
+    if any(topic.type_name == _SURVEY for topic in bag.topics.values()):
+        surveys = bag.find_topic(_SURVEY, f"{prefix}/link/survey")
+        listed = [_ns(bag.decode(name, data).header.stamp) for _, name, _, data in bag.messages([surveys])]
+    erased = _erased(bag, bag.find_topic(_WORD, f"{prefix}/link/word"))
+    found: dict[int, Unlisted] = {}
+    for flow in _flows(bag, bag.find_topic(_QUALITY, f"{prefix}/link/quality")):
+        if any(flow.before_ns <= stamp <= flow.end_ns for stamp in listed):
+            continue
+        reason = next((text for at, text in erased if flow.start_ns <= at <= flow.end_ns), "")
+        reason = reason or next(iter(flow.reasons[-1:]), "")
+        if reason:
+            found.setdefault(flow.start_ns, Unlisted(flow.start_ns, flow.end_ns, reason))
+    return list(found.values())
+
+
+def _ns(stamp: object) -> int:
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)  # type: ignore[attr-defined]
+
+
+def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
+    """When inclinations of surveys were sent that came too uncertain, ns, and what came."""
+    out = []
+    for _, name, _, data in bag.messages([topic]):
+        word = bag.decode(name, data)
+        if (word.kind, word.status, word.revision) != (_OF_SURVEY, _ERASED, _FINAL):
+            continue
+        if meanings.meaning_of(word.name) == meanings.INCLINATION:
+            out.append((_ns(word.start), f"its inclination was erased, confidence {word.confidence:.2f}"))
+    return out
+
+
+def _flows(bag: Bag, topic: str) -> list[_Flow]:
+    """Times with flow of all links."""
+    flows: list[_Flow] = []
+    now: dict[str, _Flow | None] = {}
+    stopped: dict[str, int] = {}
+    for _, name, _, data in bag.messages([topic]):
+        quality = bag.decode(name, data)
+        stamp, link = _ns(quality.header.stamp), quality.link
+        if quality.state == _NO_INPUT:
+            continue
+        if quality.state == _NO_FLOW:
+            if now.get(link) is not None or link not in stopped:
+                stopped[link] = stamp
+            now[link] = None
+        elif link in stopped:
+            flow = now.get(link)
+            if flow is None:
+                flow = _Flow(stopped[link], stamp, stamp, [])
+                now[link] = flow
+                flows.append(flow)
+            flow.end_ns = stamp
+            flow.reasons += [quality.reason] if quality.reason else []
+    return flows
