@@ -14,9 +14,9 @@ PYTHON ?= python3
 BIN := .venv/bin
 # What another sourced ROS would put in front of ours.
 CLEAN := env -u PYTHONPATH -u AMENT_PREFIX_PATH -u LD_LIBRARY_PATH -u ROS_DISTRO -u _ROS_WHEELS_BOOTSTRAP_COMPLETE
-# A file of tests stays with one worker: its fixtures are made once. Three of them keep two cores busy, for one mostly
-# waits for real nodes; tests/work_order.py has their order.
-PYTEST = $(CLEAN) $(BIN)/python -m pytest --numprocesses 3 --dist loadfile --no-loadscope-reorder
+# A file of tests stays with one worker: its fixtures are made once. Four of them keep two cores busy, for two mostly
+# wait for real nodes; tests/work_order.py has their order.
+PYTEST = $(CLEAN) $(BIN)/python -m pytest --numprocesses 4 --dist loadfile --no-loadscope-reorder
 
 .PHONY: run test test-ubuntu check setup lint config docs pictures tour lock bench fuzz soak sbom deb clean
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import fcntl
 import functools
 import sys
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -44,6 +46,7 @@ def compiled(function: F) -> F:
     if index is not None:
         index._source_stamp = (index._source_stamp, _stamps(function.__module__))
         index._load_index = _or_none(index._load_index)
+        kernel.compile = _one_at_a_time(kernel.compile, Path(index._cache_path), index._index_name)
     # Called by another kernel with 0 here and 1 there it would be compiled for each: a fifth of all compiling.
     by_type = kernel.get_call_template
     kernel.get_call_template = lambda args, keywords: by_type(
@@ -70,6 +73,43 @@ def when_compiling(report: Callable[[], None]) -> Iterator[None]:
 
     with _event.install_listener("numba:compile", First()):
         yield
+
+
+def _one_at_a_time(compile_: Callable[[Any], Any], folder: Path, name: str) -> Callable[[Any], Any]:
+    """
+    Compile a kernel in one process at a time: another that needs it waits, and then takes it from the cache.
+
+    Nodes and test workers that start together would each compile the same kernels, for minutes.
+    """
+    # A kernel waits for those it calls only, so that processes do not wait for each other in a circle; where two names
+    # share a place they could, which the system notices and refuses.
+    place = zlib.crc32(name.encode())
+
+    def compiled_once(signature: Any) -> Any:
+        file = _lock_file(folder)
+        if file is None:
+            return compile_(signature)
+        locked = False
+        with contextlib.suppress(OSError):
+            fcntl.lockf(file, fcntl.LOCK_EX, 1, place)
+            locked = True
+        try:
+            return compile_(signature)
+        finally:
+            if locked:
+                fcntl.lockf(file, fcntl.LOCK_UN, 1, place)
+
+    return compiled_once
+
+
+@functools.cache
+def _lock_file(folder: Path) -> IO[bytes] | None:
+    """File whose bytes stand for the kernels of a folder of the cache; None where it cannot be written."""
+    try:
+        # Open for good: a process that closes a file gives up all its locks on it.
+        return (folder / "compiling.lock").open("ab")
+    except OSError:
+        return None
 
 
 def _or_none(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:

@@ -101,3 +101,26 @@ def test_that_kernels_are_being_compiled_is_reported_once_and_not_where_they_com
     for expected in (["compiling", "2", "2.0"], ["2", "2.0"]):
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
         assert done.stdout.split() == expected
+
+
+def test_processes_that_need_a_kernel_at_the_same_time_compile_it_once(tmp_path):
+    (tmp_path / "mwd_shared.py").write_text(
+        "from mwd_sensors.core.compiled import compiled, when_compiling\n\n"
+        "@compiled\ndef part(n):\n    return n + 1\n\n"
+        "@compiled\ndef whole(n):\n    return 2 * part(n)\n\n"
+        "input()\n"
+        "with when_compiling(lambda: print('compiling')):\n    print(whole(1))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    command = [sys.executable, "mwd_shared.py"]
+    begun = [
+        subprocess.Popen(
+            command, cwd=tmp_path, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(3)
+    ]
+    for process in begun:
+        process.stdin.write("\n")
+        process.stdin.flush()
+    said = sorted(process.communicate()[0].split() for process in begun)
+    assert said == [["4"], ["4"], ["compiling", "4"]]

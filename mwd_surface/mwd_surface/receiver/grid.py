@@ -24,8 +24,6 @@ class Grid:
         Time unit of the tool, s.
     """
 
-    steps_per_tu = STEPS_PER_TU
-
     def __init__(self, tu_s: float) -> None:
         self.step_s = tu_s / STEPS_PER_TU
         self.origin_s = 0.0

@@ -135,7 +135,7 @@ class _Interval:
     """One interval between two stations, and points in it."""
 
     def __init__(self, md: Array, inclination: Array, azimuth: Array, step: float) -> None:
-        self._md, self._inclination, self._azimuth = md, inclination, azimuth
+        self._inclination, self._azimuth = inclination, azimuth
         self._low, self._high = float(md[0]), float(md[1])
         count = max(math.ceil((self._high - self._low) / step - 1e-9), 1)
         self.at = np.linspace(self._low, self._high, count + 1)[1:-1]

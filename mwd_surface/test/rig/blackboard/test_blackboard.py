@@ -26,11 +26,15 @@ OTHERS = "http://ddhub.no/TopDrive/Variables/"
 class Board:
     """A blackboard in a thread: it keeps what it was told, and knows a bit depth of somebody else."""
 
-    def __init__(self, *, refuses=False):
-        self.refuses = refuses
-        self.manifests, self.nodes, self.rig = [], {}, {}
-        self.address = self.answer = ""
+    def __init__(self):
+        self.nodes, self.rig = {}, {}
+        self.address = ""
         self._ready = threading.Event()
+        self.forget()
+
+    def forget(self):
+        """No manifest was given yet; the next ones are taken."""
+        self.manifests, self.answer, self.refuses = [], "", False
 
     @contextlib.contextmanager
     def served(self):
@@ -88,8 +92,9 @@ class Board:
         for variable in table["ProvidedVariables"]:
             name = variable["VariableID"]
             at = ua.NodeId(f"{MANIFEST}.{name}", index)
-            self.nodes[name] = await self._server.nodes.objects.add_variable(at, f"{index}:{name}", 0.0)
-            await self.nodes[name].set_writable()
+            if name not in self.nodes:
+                self.nodes[name] = await self._server.nodes.objects.add_variable(at, f"{index}:{name}", 0.0)
+                await self.nodes[name].set_writable()
             made.append({"ManifestItemID": name, "InjectedID": {"NameSpaceIndex": index, "ID": at.Identifier}})
         return json.dumps({"Success": True, "ProvidedVariables": made})
 
@@ -102,14 +107,27 @@ class Board:
         return json.dumps({"Results": [*rows, {"Items": [{"NameSpace": OTHERS, "ID": noun}]}]})
 
 
+@pytest.fixture(scope="module")
+def served():
+    """One server for all tests but that of a restart: its address space takes seconds to load."""
+    with Board().served() as board:
+        yield board
+
+
+@pytest.fixture
+def board(served):
+    served.forget()
+    return served
+
+
 def client(board, on_rig_state=None, **changes):
     waits = Backoff(first=0.05, longest=0.2)
     return Blackboard(BlackboardSettings(url=board.address, period=0.1, backoff=waits, **changes), on_rig_state)
 
 
-def test_every_signal_is_written_with_its_number_status_and_time():
+def test_every_signal_is_written_with_its_number_status_and_time(board):
     table = values()
-    with Board().served() as board, started(client(board)) as one:
+    with started(client(board)) as one:
         one.publish(table)
         eventually(lambda: one.status().sent >= len(SIGNALS))
         for signal in SIGNALS:
@@ -123,9 +141,9 @@ def test_every_signal_is_written_with_its_number_status_and_time():
         assert one.status().state == "connected"
 
 
-def test_what_did_not_change_is_not_written_again():
+def test_what_did_not_change_is_not_written_again(board):
     table = values()
-    with Board().served() as board, started(client(board)) as one:
+    with started(client(board)) as one:
         one.publish(table)
         eventually(lambda: one.status().sent >= len(SIGNALS))
         one.publish(table)
@@ -152,18 +170,19 @@ def test_a_blackboard_that_was_restarted_gets_the_manifest_again():
         one.stop()
 
 
-def test_a_refused_manifest_is_said_and_tried_again():
-    with Board(refuses=True).served() as board, started(client(board)) as one:
+def test_a_refused_manifest_is_said_and_tried_again(board):
+    board.refuses = True
+    with started(client(board)) as one:
         eventually(lambda: len(board.manifests) >= 2)
         assert "refused the manifest" in one.status().reason
         board.refuses = False
         eventually(lambda: one.status().state == "connected")
 
 
-def test_depths_of_others_are_read_by_what_they_are_and_only_while_they_are_new():
+def test_depths_of_others_are_read_by_what_they_are_and_only_while_they_are_new(board):
     taken = []
     rig = RigInputSettings(accept=True, confirm=1)
-    with Board().served() as board, started(client(board, taken.append, rig=rig)) as one:
+    with started(client(board, taken.append, rig=rig)) as one:
         eventually(lambda: taken)
         assert float(taken[0]["bit_depth"][0]) == 1234.5
         assert float(taken[0]["hole_depth"][0]) == 1250.0
@@ -195,10 +214,9 @@ def placed(namespace):
         placed("-1"),
     ],
 )
-def test_an_answer_that_is_none_ends_in_a_sentence_and_another_try(answer):
-    board = Board()
+def test_an_answer_that_is_none_ends_in_a_sentence_and_another_try(board, answer):
     board.answer = answer
-    with board.served(), started(client(board)) as one:
+    with started(client(board)) as one:
         eventually(lambda: len(board.manifests) >= 2)
         assert one.status().reason
         board.answer = ""
