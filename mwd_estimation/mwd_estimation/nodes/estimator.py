@@ -30,6 +30,7 @@ from mwd_estimation.nodes.messages import (
     survey_message,
     tool_transform,
 )
+from mwd_estimation.nodes.revisions import LiveRevisions
 from mwd_estimation.nodes.transmission import TransmissionPublisher
 from mwd_estimation.nodes.warm_up import warm_up
 from mwd_estimation.pipeline.output import Output
@@ -81,11 +82,14 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._dynamics = self.add_publisher(Dynamics, "dynamics", qos.STATE)
         self._innovations = self.add_publisher(InnovationList, "innovations", qos.STATE)
         self._survey = self.add_publisher(SurveyMessage, "survey", qos.EVENT)
+        self._revised = self.add_publisher(SurveyMessage, "survey/revised", qos.EVENT)
+        self._revisions = LiveRevisions(self._publish_revision)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
         self.add_timer(_BLOCK_PERIOD, self._estimate_block)
         self.add_timer(_INNOVATIONS_PERIOD, self._publish_innovations)
         self.add_timer(_SILENCE_PERIOD, self._end_silent_survey)
+        self.add_timer(_SILENCE_PERIOD, self._revisions.update)
         self.add_timer(FEEDBACK_PERIOD, self._actions.publish_feedback)
         self.add_subscription(SurveyList, "surveys", self._on_surveys, qos.LATCHED)
         self.add_service(TakeSurvey, "take_survey", self._take_survey)
@@ -115,6 +119,10 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._publish_pending_survey()
         self._respond(False, "no survey taken: the estimator stops", 0)
         self._actions.abort("the estimator stops")
+
+    def cleanup(self) -> None:
+        """Judge no survey again."""
+        self._revisions.close()
 
     # Subscriptions.
 
@@ -202,7 +210,13 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._survey.publish(message)
         verdict = f"survey {survey.sequence}: {survey.station.verdict}"
         self.get_logger().info(f"{verdict}; {joined(survey.station.reasons)}")
+        self._revisions.take(survey, self._pipeline, frame)
         return message, verdict
+
+    def _publish_revision(self, survey: Survey, frame: str) -> None:
+        self._revised.publish(survey_message(survey, frame))
+        words = f"survey {survey.sequence}, revision {survey.revision}: {survey.station.verdict}"
+        self.get_logger().info(f"{words}; {joined(survey.station.reasons)}")
 
     def _end_silent_survey(self) -> None:
         """Where the samples stopped: answer a request, and publish the survey that waits for the gyro."""

@@ -11,7 +11,7 @@ anew. The stages behind that, in the order of the signal, are those of `estimate
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -172,6 +172,10 @@ class Pipeline:
     def revisions(self) -> dict[int, Station]:
         """Surveys, by number, of which the later ones say something else than was published; that stays."""
         return self._estimate.bin_stage.decision.revisions()
+
+    def judging_again(self, newest: int) -> Callable[[], dict[int, Station]]:
+        """Return what judges the newest surveys, by number, as the run is now; it may be called in a thread."""
+        return self._estimate.bin_stage.decision.judging_again(newest)
 
     def set_reference(self, reference: Reference) -> None:
         """Judge and correct by this field from now on; the interference is estimated anew."""

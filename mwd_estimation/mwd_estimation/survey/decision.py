@@ -10,8 +10,10 @@ a completed survey leaves the estimator.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import uuid
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -169,16 +171,17 @@ class SurveyDecision:
         dict of int to Station
             By number of the survey. What was published stays; a revision is a proposal.
         """
-        taken, before = [one for one, _ in self._taken.values()], [found for _, found in self._taken.values()]
-        revised = {}
-        for number, one, now in zip(self._taken, taken, findings(taken, before, self._settings), strict=True):
-            first = self._published.get(number)
-            if first is None or (now is not None and now.repeats is not None):
-                continue
-            station = judged(one.measured, now, self._settings)
-            if is_revised(first, station, first.sigma_azimuth):
-                revised[number] = dataclasses.replace(station, azimuths=first.azimuths)
-        return revised
+        now = self.judging_again(len(self._taken))()
+        return {number: station for number, station in now.items() if station is not self._published[number]}
+
+    def judging_again(self, newest: int) -> Callable[[], dict[int, Station]]:
+        """
+        Return what judges the newest stations of the run as it is now; it may be called in a thread.
+
+        It gives each station as it was published, or revised.
+        """
+        taken = tuple(self._taken.items())
+        return functools.partial(_judged_again, taken, dict(self._published), self._settings, newest)
 
     def _continued(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
         azimuth, sigma = propagated.station_azimuth, propagated.station_sigma
@@ -209,6 +212,28 @@ class SurveyDecision:
         if gyro is None:
             return station
         return dataclasses.replace(station, azimuths=(*station.azimuths, gyro_azimuth(gyro, station)))
+
+
+def _judged_again(
+    taken: Sequence[tuple[int, tuple[Taken, Finding | None]]],
+    published: Mapping[int, Station],
+    settings: StationSettings,
+    newest: int,
+) -> dict[int, Station]:
+    """Return the newest stations by number: as published, or what the run says now where that is something else."""
+    stations, before = [one for _, (one, _) in taken], [found for _, (_, found) in taken]
+    again = zip(taken, findings(stations, before, settings, newest), strict=True)
+    now = {}
+    for (number, (one, _)), finding in list(again)[-newest:]:
+        if number not in published:
+            continue
+        now[number] = first = published[number]
+        if finding is not None and finding.repeats is not None:
+            continue
+        station = judged(one.measured, finding, settings)
+        if is_revised(first, station, first.sigma_azimuth):
+            now[number] = dataclasses.replace(station, azimuths=first.azimuths)
+    return now
 
 
 def _own_sigma(station: Station) -> float:

@@ -36,16 +36,21 @@ class Taken(NamedTuple):
 
 
 def findings(
-    taken: Sequence[Taken], first: Sequence[Finding | None], settings: StationSettings
+    taken: Sequence[Taken], first: Sequence[Finding | None], settings: StationSettings, newest: int | None = None
 ) -> list[Finding | None]:
     """
     What is found of each station of a run with all the others of it.
 
     first: what was found of each when it was taken; readings that came a second time keep that and tell nothing.
+    newest: look at so many of the last ones only; the others keep what was found.
     """
     found = dict(enumerate(first))
     new = [k for k, one in found.items() if one is None or one.repeats is None]
-    _without_each(RunModel(settings), new, taken, found)
+    model, begin = RunModel(settings), 0 if newest is None else max(len(taken) - newest, 0)
+    for k in new:
+        if k < begin:
+            model.take(*taken[k])
+    _without_each(model, [k for k in new if k >= begin], taken, found)
     return list(found.values())
 
 

@@ -36,6 +36,8 @@ class Survey:
         Share of each of the station's methods in its azimuth.
     kind : str
         static, or rotary: taken while the string turned.
+    revision : int
+        0: as first published; else how often the run's later stations have changed it.
     status : int
         Bits of `core.status.Status` at the end of the averaging interval.
     covariance_f, covariance_b : ndarray, shape (3, 3)
@@ -60,6 +62,7 @@ class Survey:
     weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
     kind: str = STATIC
     status: int = 0
+    revision: int = 0
 
     @property
     def end_ns(self) -> int:

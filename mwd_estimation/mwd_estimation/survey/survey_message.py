@@ -20,7 +20,7 @@ from mwd_estimation.survey.survey import ROTARY, STATIC, Survey
 
 KINDS = {STATIC: 0, ROTARY: 1}
 # Of gravity, field and dip, as `Station.limits` has them.
-LIMITS = ("g_limit", "b_limit", "dip_limit")
+DEVIATIONS, LIMITS = ("g_deviation", "b_deviation", "dip_deviation"), ("g_limit", "b_limit", "dip_limit")
 VERDICTS = {"accept": 0, "doubtful": 1, "reject": 2, "not_determined": 3}
 
 
@@ -49,6 +49,15 @@ def _verdict_fields(station: Station) -> dict[str, Any]:
     }
 
 
+def _totals_fields(station: Station) -> dict[str, Any]:
+    """Deviations of the totals as the verdict takes them, and what makes it doubtful."""
+    apart = (station.deviations.gravity, station.deviations.field, station.deviations.dip)
+    return {
+        **{name: known(off, 0.0) for name, off in zip(DEVIATIONS, apart, strict=True)},
+        **{name: known(limit, -1.0) for name, limit in zip(LIMITS, station.limits, strict=True)},
+    }
+
+
 def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
     """
     Every field but the header, by name; `azimuths` as tables of the fields of mwd_msgs/msg/AzimuthEstimate.
@@ -65,6 +74,7 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
     return {
         "uuid": survey.uuid,
         "sequence": survey.sequence,
+        "revision": survey.revision,
         "kind": KINDS[survey.kind],
         "requested": survey.requested,
         "duration": survey.duration,
@@ -104,7 +114,7 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
         "reference_source": reference.source if reference else "",
         "axial_interference": known(station.interference, 0.0),
         "sigma_axial_interference": known(station.sigma_interference, -1.0),
-        **{name: known(limit, -1.0) for name, limit in zip(LIMITS, station.limits, strict=True)},
+        **_totals_fields(station),
         **_verdict_fields(station),
         "status": status,
     }

@@ -135,6 +135,18 @@ def test_gyro_readings_revise_an_earlier_station_beside_steel_and_its_first_valu
     assert sum(one.verdicts.azimuth == "accept" for one in now) >= 5
 
 
+def test_the_newest_stations_of_a_run_are_revised_by_all_the_others():
+    decide = decision()
+    for k in range(5):
+        # Nothing but the gyro shows that the field is turned, and it answers from the second station on.
+        found = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.01) if k else None
+        decide.complete(decide.begin(average(k + 1, 0.5 + 0.1 * k, 1.9, turned=0.4), k + 1, REFERENCE, found), NOTHING)
+    every, newest = decide.judging_again(5)(), decide.judging_again(4)()
+    assert every[1].verdict == decide.revisions()[1].verdict == "doubtful"
+    assert list(newest) == [2, 3, 4, 5]
+    assert [every[number].verdict for number in newest] == [one.verdict for one in newest.values()]
+
+
 def test_a_run_without_surprises_keeps_its_verdicts_and_readings_played_again_stay_doubtful():
     decide = decision()
     for k in range(6):

@@ -59,3 +59,10 @@ def test_unknown_is_written_as_the_message_defines_it_and_nothing_is_not_a_numbe
     for value in found.values():
         if isinstance(value, (float, np.ndarray)):
             assert np.isfinite(value).all()
+
+
+def test_deviations_are_those_that_the_verdict_took():
+    found = survey_message.survey_fields(_survey(with_mag=True), 0)
+    station = _survey(with_mag=True).station
+    assert found["g_deviation"] == station.deviations.gravity
+    assert (found["b_deviation"], found["dip_deviation"]) == (0.0, 0.0)

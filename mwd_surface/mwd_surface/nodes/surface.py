@@ -186,6 +186,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         handlers = {
             **{topic: buffer.append for topic, buffer in self._decoder.buffers.items()},
             "survey": self._on_survey,
+            "survey/revised": self._surveys.on_revision,
             "/diagnostics": monitor.on_diagnostics,
             "heartbeat": self._supervision.on_heartbeat,
             "rig/quill": self._slides.on_quill,

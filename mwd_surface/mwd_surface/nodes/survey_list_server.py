@@ -32,6 +32,7 @@ from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import survey_of
 from mwd_surface.surveys.slide_sheet import Stretch
+from mwd_surface.surveys.station_checks import revision_flags
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey, Verdict
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
@@ -187,6 +188,23 @@ class SurveyListServer:
                     self._accepted_publisher.publish(messages.record_message(record))
                 return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"
         return f"survey {survey.sequence} is in the list already"
+
+    def on_revision(self, data: bytes) -> None:
+        """Keep a serialised revision of the estimator beside the first value; a person decides about it."""
+        survey = survey_of(deserialize_message(data, msg.Survey))
+        try:
+            surveys = self.surveys.revise(survey)
+        except ValueError as error:
+            self._alarm_log.log_event("survey", f"revision of survey {survey.sequence} not taken: {error}")
+            return
+        if surveys is self.surveys:
+            return
+        self._replace(surveys)
+        record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
+        worse = record.in_use and survey.verdict != Verdict.ACCEPT
+        words = "; ".join(revision_flags(record, self.surveys.north))
+        severity = Severity.WARNING if worse else Severity.INFO
+        self._alarm_log.log_event("survey", f"survey {record.survey.sequence}: {words}", severity)
 
     def _alarm_verdict(self, survey: Survey) -> None:
         """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""

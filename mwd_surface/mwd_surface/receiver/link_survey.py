@@ -20,7 +20,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
 from mwd_estimation.survey import totals
 from mwd_estimation.survey.quality_settings import QualitySettings
-from mwd_estimation.survey.survey_message import LIMITS
+from mwd_estimation.survey.survey_message import DEVIATIONS, LIMITS
 from mwd_estimation.survey.totals import Deviations, deviation_covariance
 from mwd_sensors.core import frames
 from mwd_sensors.core.arrays import Array
@@ -121,11 +121,13 @@ def _uuid(values: dict[str, LinkValue], at: SurveyTime, link: str) -> str:
 def _totals(values: dict[str, LinkValue], deviations: Deviations, quality: QualitySettings) -> dict[str, Any]:
     """Totals as received, with what they may deviate."""
     limits = np.nan_to_num(totals.bounds(deviations, quality), nan=-1.0)
+    apart = (deviations.gravity, deviations.field, deviations.dip)
     return {
         "g_total": _value(values, meanings.G_TOTAL, 0.0),
         "b_total": _value(values, meanings.B_TOTAL, -1.0),
         "dip": _value(values, meanings.DIP, 0.0),
         "temperature": _value(values, meanings.TEMPERATURE, -300.0),
+        **{name: float(off) for name, off in zip(DEVIATIONS, np.nan_to_num(apart), strict=True)},
         **{name: float(limit) for name, limit in zip(LIMITS, limits, strict=True)},
     }
 

@@ -52,6 +52,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "interference": (msg.Interference, STATE),
     "innovations": (msg.InnovationList, STATE),
     "survey": (msg.Survey, EVENT),
+    "survey/revised": (msg.Survey, EVENT),
     "toolface": (msg.Toolface, DEADLINE_STATE),
     "survey/accepted": (msg.SurveyRecord, EVENT),
     "surveys": (msg.SurveyList, LATCHED),
@@ -73,6 +74,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
     *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "innovations", "survey"),
+    "survey/revised",
     "/tf",
 )
 OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey"}

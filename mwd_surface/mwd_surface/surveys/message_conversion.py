@@ -8,6 +8,7 @@ messages to be filled. Both sides carry the same SI numbers, so nothing is conve
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -26,6 +27,10 @@ _OF_THE_FILE = {"decisions"}
 _QUANTITIES = {"verdict_inclination", "verdict_azimuth", "verdict_toolface"}
 _LATER = {
     "reference_source",
+    "revision",
+    "g_deviation",
+    "b_deviation",
+    "dip_deviation",
     "g_limit",
     "b_limit",
     "dip_limit",
@@ -100,7 +105,12 @@ def fill_survey(message: Any, survey: Survey, new_azimuth: Callable[[], Any]) ->
 
 def record_of(message: Any) -> SurveyRecord:
     """The SurveyRecord of a mwd_msgs/msg/SurveyRecord."""
-    values: dict[str, Any] = {"survey": survey_of(message.survey), "judged_ns": stamp_of(message.judged)}
+    values: dict[str, Any] = {
+        "survey": survey_of(message.survey),
+        # Older recordings have none.
+        "revised": tuple(survey_of(one) for one in getattr(message, "revised", ())),
+        "judged_ns": stamp_of(message.judged),
+    }
     for field in dataclasses.fields(SurveyRecord):
         if field.name not in values and field.name not in _OF_THE_FILE:
             values[field.name] = _plain(getattr(message, field.name))
@@ -114,10 +124,16 @@ def record_of(message: Any) -> SurveyRecord:
 
 def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], Any]) -> None:
     """Write a record into an empty mwd_msgs/msg/SurveyRecord."""
+    message.revised = []
+    for survey in record.revised:
+        # A list of messages begins empty; the other survey of the record is one of their kind.
+        revised = copy.deepcopy(message.survey)
+        fill_survey(revised, survey, new_azimuth)
+        message.revised.append(revised)
     fill_survey(message.survey, record.survey, new_azimuth)
     fill_stamp(message.judged, record.judged_ns)
     for field in dataclasses.fields(SurveyRecord):
-        if field.name not in {"survey", "judged_ns", *_OF_THE_FILE}:
+        if field.name not in {"survey", "revised", "judged_ns", *_OF_THE_FILE}:
             _fill(message, field.name, getattr(record, field.name))
 
 

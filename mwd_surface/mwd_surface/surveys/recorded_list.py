@@ -40,12 +40,15 @@ class RecordedList:
 
     def decided(self, surveys: SurveyList, *, depths: bool) -> tuple[SurveyList, tuple[str, ...]]:
         """
-        Return a list with the decisions that people took, in their order, and what could not be decided again.
+        Return a list with its revisions and the decisions of people, in order, and what could not be decided again.
 
         Of surveys that are not in the list nothing is decided. depths: whether depths they gave hold, too.
         """
         known = {r.survey.uuid: r.survey.sequence for r in surveys.records}
         failed = []
+        for record in self.records.values():
+            for revised in record.revised:
+                surveys = surveys.revise(revised)
         for record in self.judged:
             number = known.get(record.survey.uuid)
             if number is None:

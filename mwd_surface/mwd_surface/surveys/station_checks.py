@@ -102,7 +102,7 @@ def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int
         )
         # A rejected station gets no flags: it is out whether or not it could be used.
         flags = [] if record.judgement == Judgement.REJECTED else obstacles(whole, bare)
-        return dataclasses.replace(bare, flags=tuple(flags))
+        return dataclasses.replace(bare, flags=(*flags, *revision_flags(record, whole.north)))
     path, k = place
     n, e, d = (float(v) for v in path.positions[k])
     return dataclasses.replace(
@@ -132,7 +132,18 @@ def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: 
     if record.judgement == Judgement.ACCEPTED and record.survey.verdict != Verdict.ACCEPT:
         verdict = Verdict(record.survey.verdict).name.lower()
         flags.append(f"accepted by {record.operator_name} against the automatic verdict {verdict}")
-    return flags
+    return flags + revision_flags(record, whole.north)
+
+
+def revision_flags(record: SurveyRecord, north: North) -> list[str]:
+    """Return what the estimator says of the survey now, where later ones have changed that: a person decides."""
+    words = []
+    for survey in record.revised:
+        azimuth = survey.azimuth_from(north)
+        now = "no azimuth" if azimuth is None else f"azimuth {math.degrees(azimuth):.2f} deg"
+        why = f": {survey.action}" if survey.action else ""
+        words.append(f"later surveys say: {Verdict(survey.verdict).word}, {now}{why}; the first value stays")
+    return words
 
 
 def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: float | None) -> Definitive:

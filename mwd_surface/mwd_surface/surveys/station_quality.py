@@ -26,8 +26,9 @@ class Total:
     """
     One total of a survey: gravity, m/s^2, field, T, or dip, rad.
 
-    read: as measured, None without that sensor. value: as judged. reference: None where there is none. limit: of the
-    deviation. light: GOOD, DOUBTFUL, REJECT or NO_REFERENCE. corrected: whether value is without the string's field.
+    read: as measured, None without that sensor. value: as judged. reference: None where there is none. deviation: as
+    the verdict takes it, None where value or reference is not known. limit: of the deviation. light: GOOD, DOUBTFUL,
+    REJECT or NO_REFERENCE. corrected: whether value is without the string's field.
     """
 
     name: str
@@ -35,14 +36,10 @@ class Total:
     read: float | None
     value: float | None
     reference: float | None
+    deviation: float | None
     limit: float
     light: str
     corrected: bool
-
-    @property
-    def deviation(self) -> float | None:
-        """The judged value off its reference; None where one of the two is not known."""
-        return None if self.value is None or self.reference is None else self.value - self.reference
 
 
 def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:
@@ -57,14 +54,18 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
         ("total field", "T", *((s.b_total, field) if magnetic else (None, None)), s.b_reference if reference else None),
         ("dip", "rad", *((s.dip, dip) if magnetic else (None, None)), s.dip_reference if reference else None),
     )
-    own = (s.g_limit, s.b_limit, s.dip_limit)
+    own = zip((s.g_deviation, s.b_deviation, s.dip_deviation), (s.g_limit, s.b_limit, s.dip_limit), strict=True)
     set_ = (usual.gravity, usual.field_nt * 1e-9, math.radians(usual.dip_deg))
     found = []
-    for (name, unit, read, value, wanted), mine, default in zip(rows, own, set_, strict=True):
+    for (name, unit, read, value, wanted), (off, mine), default in zip(rows, own, set_, strict=True):
         limit = mine if mine >= 0.0 else default
         away = None if value is None or wanted is None else value - wanted
+        if away is not None and mine >= 0.0 and off != 0.0:
+            # As the verdict takes it: gravity off standard gravity where that is what the tool was calibrated by.
+            away = off
         light = _light(away, limit, usual.reject_factor)
-        found.append(Total(name, unit, read, value, wanted, limit, light, corrected and name != "total gravity"))
+        of_string = corrected and name != "total gravity"
+        found.append(Total(name, unit, read, value, wanted, away, limit, light, of_string))
     return found[0], found[1], found[2]
 
 

@@ -206,6 +206,24 @@ class SurveyList:
         record = _rejected(old, operator_name, reason, stamp_ns)
         return self._with([record if r is old else r for r in self.records], stamp_ns)
 
+    def revise(self, survey: Survey) -> SurveyList:
+        """
+        Keep what the estimator says of a survey now that it knows later ones; the first value stays in the path.
+
+        Returns the list unchanged where it has no such survey (uuid) or a newer revision; a person decides about it.
+
+        Raises
+        ------
+        ValueError
+            A value of the survey is not finite or out of range.
+        """
+        survey = checked_survey(survey)
+        old = next((r for r in self.records if r.survey.uuid == survey.uuid), None)
+        if old is None or any(one.revision >= survey.revision for one in old.revised):
+            return self
+        record = dataclasses.replace(old, revised=(dataclasses.replace(survey, sequence=old.survey.sequence),))
+        return self._with([record if r is old else r for r in self.records])
+
     def remark(self, sequence: int, comment: str) -> SurveyList:
         """Return the list with another comment at a survey; ValueError where there is none."""
         old = self.find(sequence)

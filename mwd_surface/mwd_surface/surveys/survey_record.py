@@ -103,6 +103,9 @@ class Survey:
     reference_source: str = ""
     axial_interference: float = 0.0
     sigma_axial_interference: float = -1.0
+    g_deviation: float = 0.0
+    b_deviation: float = 0.0
+    dip_deviation: float = 0.0
     g_limit: float = -1.0
     b_limit: float = -1.0
     dip_limit: float = -1.0
@@ -117,6 +120,7 @@ class Survey:
     hypotheses: tuple[str, ...] = ()
     hypothesis_odds: tuple[float, ...] = ()
     status: int = 0
+    revision: int = 0
 
     @property
     def verdicts(self) -> tuple[str, str, str]:
@@ -214,6 +218,8 @@ class SurveyRecord:
     One line of the survey list: survey, depth, what people decided, place on the path; as in SurveyRecord.msg.
 
     decisions: every one ever made, oldest first; the last one is in force. Only the file of the list has them.
+    revised: the survey as the estimator judged it last with the later ones of its run, or none; the path keeps the
+    first.
 
     From `north` on the numbers follow from the list and are recomputed with it (m, rad/m; 0 unless `in_use`).
     """
@@ -230,6 +236,7 @@ class SurveyRecord:
     tool: str = ""
     comment: str = ""
     decisions: tuple[Decision, ...] = ()
+    revised: tuple[Survey, ...] = ()
     north: float = 0.0
     east: float = 0.0
     vertical_depth: float = 0.0

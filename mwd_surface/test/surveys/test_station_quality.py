@@ -57,3 +57,11 @@ def test_without_magnetometer_or_reference_there_is_no_light():
     assert {one.light for one in (gravity, field, angle)} == {"no reference"}
     assert (field.value, field.read, angle.deviation) == (None, None, None)
     assert not math.isnan(gravity.value)
+
+
+def test_the_deviations_of_the_verdict_count_where_the_survey_brings_them():
+    own = {"g_limit": 0.01, "b_limit": 5e-7, "dip_limit": 0.01}
+    given = disturbed(azimuth_method="fused", g_deviation=0.004, b_deviation=-6e-7, dip_deviation=0.002, **own)
+    found = totals(given)
+    assert [one.deviation for one in found] == [0.004, -6e-7, 0.002]
+    assert [one.light for one in found] == ["good", "doubtful", "good"]

@@ -97,6 +97,21 @@ def test_a_doubtful_or_rejected_survey_waits_for_a_person_and_both_judgements_ar
     assert whole.definitive().md[-1] == 190.0
 
 
+def test_a_revision_stands_beside_the_first_value_and_changes_no_path():
+    whole = filled(*CURVE)
+    turned = dataclasses.replace(shot(2, 3.0, 48.0), verdict=int(Verdict.DOUBTFUL), headline="steel", revision=1)
+    revised = whole.revise(turned)
+    np.testing.assert_array_equal(revised.definitive().positions, whole.definitive().positions)
+    assert revised.find(2).survey == whole.find(2).survey
+    assert revised.find(2).in_use
+    assert flags(revised, 2) == ("later surveys say: doubtful, azimuth 48.00 deg: steel; the first value stays",)
+    assert revised.revise(turned) is revised
+    assert revised.revise(dataclasses.replace(turned, uuid="of another list", revision=2)) is revised
+    back = revised.revise(dataclasses.replace(turned, headline="", verdict=int(Verdict.ACCEPT), revision=2))
+    assert [one.revision for one in back.find(2).revised] == [2]
+    assert SurveyList.from_mapping(back.to_mapping()).find(2) == back.find(2)
+
+
 def test_a_judgement_without_a_name_or_a_survey_is_refused():
     whole = filled(*CURVE)
     with pytest.raises(ValueError, match="operator_name: must not be empty"):

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Surveys judged again beside the samples: each change is published once, counted from the first value on."""
+
+import dataclasses
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mwd_estimation.nodes.revisions import LiveRevisions
+from mwd_estimation.survey.station import station
+from mwd_estimation.survey.survey import ROTARY, Survey
+
+STATION = dataclasses.replace(
+    station(np.array([-9.0, 0.5, 3.8]), np.array([2.3e-5, -1.5e-5, 4.0e-5])), verdict="accept"
+)
+
+
+def survey(number, **changes):
+    given = Survey(
+        number * 10**9, number, f"uuid {number}", False, 10.0, 100, STATION, np.eye(3), np.eye(3), np.zeros(3), 20.0
+    )
+    return dataclasses.replace(given, **changes)
+
+
+@pytest.fixture
+def live():
+    """Revisions of a run whose later stations say what `says` holds; everything published is in `published`."""
+    published = []
+    live = LiveRevisions(lambda one, frame: published.append((one, frame)))
+    run = SimpleNamespace(says={}, published=published)
+    run.judging_again = lambda _newest: lambda: dict(run.says)
+
+    def judge(number, **says):
+        run.says = {int(name[1:]): one for name, one in says.items()}
+        live.take(survey(number), run, "sonde_link")
+        until = time.monotonic() + 60.0
+        live.update()
+        while live.busy and time.monotonic() < until:
+            time.sleep(0.01)
+            live.update()
+        assert not live.busy
+
+    run.judge, run.live = judge, live
+    yield run
+    live.close()
+
+
+def test_a_changed_verdict_is_published_once_and_counts_and_may_go_back_to_the_first_one(live):
+    doubtful = dataclasses.replace(STATION, verdict="doubtful")
+    rejected = dataclasses.replace(STATION, verdict="reject")
+    live.judge(1)
+    live.judge(2, s1=doubtful)
+    live.judge(3, s1=doubtful)
+    live.judge(4, s1=rejected)
+    live.judge(5, s1=STATION)
+    assert [(one.sequence, one.revision, one.station.verdict, frame) for one, frame in live.published] == [
+        (1, 1, "doubtful", "sonde_link"),
+        (1, 2, "reject", "sonde_link"),
+        (1, 3, "accept", "sonde_link"),
+    ]
+    assert live.published[0][0].uuid == "uuid 1"
+
+
+def test_a_rotary_survey_is_no_station_of_the_run(live):
+    live.live.take(survey(1, kind=ROTARY), live, "sonde_link")
+    live.judge(2, s1=dataclasses.replace(STATION, verdict="reject"))
+    assert live.published == []
