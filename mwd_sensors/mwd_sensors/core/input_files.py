@@ -20,6 +20,7 @@ import yaml
 from mwd_sensors.core.settings import SettingsError
 
 LARGEST = 50_000_000  # bytes; a survey list of a million stations is no larger
+_PIECE = 1_000_000  # bytes
 _DEEPEST = 50
 _MOST_NODES = 1_000_000
 
@@ -41,10 +42,14 @@ def read_file(path: Path, most: int = LARGEST) -> bytes:
     with os.fdopen(handle, "rb") as file:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise OSError(errno.EINVAL, "is no regular file", str(path))
-        data = file.read(most + 1)
-    if len(data) > most:
+        # In pieces: one request for the most that is allowed would take that much memory for a file of a line.
+        pieces, size = [], 0
+        while size <= most and (piece := file.read(_PIECE)):
+            pieces.append(piece)
+            size += len(piece)
+    if size > most:
         raise OSError(errno.EFBIG, f"is larger than {most / 1e6:g} MB", str(path))
-    return data
+    return b"".join(pieces)
 
 
 def read_text(path: Path, most: int = LARGEST) -> str:

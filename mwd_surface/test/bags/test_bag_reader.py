@@ -23,9 +23,11 @@ from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap.encode import chunk_prefix, header_record
+from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import MAGIC, ChunkHead
 
 START = 1_700_000_000_000_000_000
+HOUR = 3600 * 10**9
 IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
@@ -396,18 +398,64 @@ def test_a_decompression_bomb_is_refused(tmp_path):
         Bag(tmp_path / "bomb.mcap")
 
 
+@pytest.fixture(scope="module")
+def day(tmp_path_factory) -> Path:
+    """A recording of a day: imu at 4 Hz, a new file every hour, as the recorder splits."""
+    path = tmp_path_factory.mktemp("day") / "bag"
+    samples = imu(24 * 3600 * 4, 250_000_000)
+    with BagWriter(path, in_place=True, chunk_bytes=100_000) as writer:
+        topic = writer.topic("/well_7/imu/data_raw", IMU)
+        for k, hour in enumerate(np.split(samples, 24)):
+            if k:
+                writer.finish_file()
+                writer.begin_file()
+            writer.write_rows(topic, wire.IMU.encode(hour, "sonde_link"), hour["stamp_ns"])
+    return path
+
+
+def traced_peak(work) -> int:
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
 @pytest.mark.fault_case(67)
-def test_memory_does_not_grow_with_the_bag(tmp_path):
-    write_bag(tmp_path / "bag", seconds=60, chunk_bytes=100_000)
-    peaks = []
-    for end in (15, 60):
-        with Bag(tmp_path / "bag") as bag:
-            tracemalloc.start()
-            for _ in bag.blocks(end_ns=START + end * 1_000_000_000, block_messages=4000):
-                pass
-            peaks.append(tracemalloc.get_traced_memory()[1])
-            tracemalloc.stop()
+def test_the_memory_for_a_day_is_that_for_an_hour(day):
+    def read(hours: int) -> None:
+        with Bag(day) as bag:
+            count = sum(
+                len(log_ns)
+                for block in bag.blocks(end_ns=START + hours * HOUR, block_messages=4000)
+                for log_ns, _ in block.values()
+            )
+        assert count == hours * 3600 * 4
+
+    # What is loaded once for all bags does not count.
+    read(1)
+    peaks = [traced_peak(lambda hours=hours: read(hours)) for hours in (1, 24)]
     assert peaks[1] < 1.3 * peaks[0] < 10e6
+
+
+@pytest.mark.fault_case(67)
+def test_a_minute_anywhere_in_a_day_is_found_without_reading_the_day(day, monkeypatch):
+    read = []
+    whole_read = McapFile.read
+
+    def counted(self, offset, size):
+        read.append(size)
+        return whole_read(self, offset, size)
+
+    monkeypatch.setattr(McapFile, "read", counted)
+    size = sum(file.stat().st_size for file in day.glob("*.mcap"))
+    with Bag(day) as bag:
+        for hour in (0.5, 12.0, 23.9):
+            begin = START + round(hour * HOUR)
+            stamps = [log_ns for log_ns, *_ in bag.messages(start_ns=begin, end_ns=begin + HOUR // 60)]
+            assert stamps == list(range(begin, begin + HOUR // 60, 250_000_000))
+    assert sum(read) < 0.03 * size
 
 
 def test_attachments_and_tables_inside_the_bag_are_found(tmp_path):
