@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Control over Modbus under attack: whatever masters write, only a whole block of the owner moves the rig."""
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+
+import pytest
+from example_rig import started, values
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mwd_surface.control.authority import ControlAuthority
+from mwd_surface.control.set_point import Mode
+from mwd_surface.control.settings import ControlSettings
+from mwd_surface.control.status import Permission
+from mwd_surface.rig.modbus.control import COMMAND, COMMAND_COUNT, REQUEST, REQUEST_COUNT
+from mwd_surface.rig.modbus.server import ModbusServer
+from mwd_surface.rig.modbus.settings import ModbusSettings
+
+pytestmark = pytest.mark.fault_case(89)
+BLOCKS = {REQUEST: REQUEST_COUNT, COMMAND: COMMAND_COUNT}
+WRITE = 16
+BOUNDED = settings(max_examples=max(settings().max_examples // 2, 25))
+
+
+@contextlib.contextmanager
+def serving():
+    authority = ControlAuthority(ControlSettings(enabled=True, grant="automatic", heartbeat_s=60.0))
+    server = ModbusServer(ModbusSettings(port=0, allow_control=True, allow_writes=True), None, authority)
+    with started(server) as s:
+        s.publish(values())
+        yield s, authority
+
+
+class Master:
+    """A master with a connection that is made anew whenever the server ends it."""
+
+    def __init__(self, port):
+        self.port, self.talk = port, None
+
+    def send(self, pdu, wait=5.0):
+        """Answer to a PDU from its function code on; empty where the server gives none."""
+        if self.talk is None:
+            self.talk = socket.create_connection(("127.0.0.1", self.port), 5.0)
+        self.talk.settimeout(wait)
+        try:
+            self.talk.sendall(struct.pack(">HHHB", 7, 0, len(pdu) + 1, 1) + pdu)
+            return self.talk.recv(300)[7:]
+        except OSError:
+            self.close()
+            return b""
+
+    def write(self, address, *words):
+        return self.send(struct.pack(f">BHHB{len(words)}H", WRITE, address, len(words), 2 * len(words), *words))
+
+    def ask_for_control(self, number, priority=50):
+        """The lease granted, as two words; None where the answer is another's, or is no."""
+        self.write(REQUEST, 1, number, priority, 0)
+        answered, permission, *lease = struct.unpack(">4H", self.send(struct.pack(">BHH", 3, REQUEST + 4, 4))[2:])
+        return lease if (answered, permission) == (number, Permission.GRANTED) else None
+
+    def rotate(self, lease, sequence, rpm=60.0):
+        speed, valid_for = (struct.unpack(">2H", struct.pack(">f", number)) for number in (rpm, 30.0))
+        return self.write(COMMAND, *lease, sequence, Mode.ROTATE, *speed, 0, 0, 0, 0, *valid_for)
+
+    def close(self):
+        if self.talk is not None:
+            self.talk.close()
+        self.talk = None
+
+
+def addressed(function):
+    """Requests of a function to registers in and around the map, with as many bytes as they say, or not."""
+    near = st.one_of(st.integers(95, 140), st.integers(0, 0xFFFF))
+    body = st.one_of(st.binary(max_size=40), st.integers(0, 14).map(lambda n: bytes([2 * n]) + b"\x00\x01" * n))
+    return st.builds(lambda at, n, more: struct.pack(">BHH", function, at, n) + more, near, st.integers(0, 130), body)
+
+
+ATTACKS = st.one_of(
+    *(addressed(function) for function in (1, 2, 3, 4, 5, 6, 15, WRITE, 22, 23)),
+    st.binary(min_size=1, max_size=60),
+)
+
+
+def is_whole_block(pdu):
+    """Whether it writes a block of control from its first register to its last."""
+    if len(pdu) < 6 or pdu[0] != WRITE:
+        return False
+    address, count = struct.unpack(">HH", pdu[1:5])
+    return BLOCKS.get(address) == count and pdu[5] == 2 * count
+
+
+def test_no_request_but_a_whole_block_changes_who_has_control_or_what_is_commanded():
+    with serving() as (s, authority):
+        owner, attacker = Master(s.port), Master(s.port)
+        lease = owner.ask_for_control(1)
+        assert owner.rotate(lease, 1)[0] == WRITE
+        before = authority.status(time.monotonic())
+
+        @BOUNDED
+        @given(pdu=ATTACKS)
+        def attack(pdu):
+            attacker.send(pdu, wait=0.2)
+            attacker.close()
+            if is_whole_block(pdu):
+                return
+            now = authority.status(time.monotonic())
+            assert (now.lease, now.owner, now.sequence, now.mode) == (
+                before.lease,
+                before.owner,
+                before.sequence,
+                before.mode,
+            )
+
+        attack()
+        assert owner.rotate(lease, 1)[0] == WRITE
+        owner.close()
+
+
+def test_of_two_masters_at_once_one_has_control_and_the_other_is_refused_with_an_exception():
+    with serving() as (s, authority):
+        granted, answers, start = {1: None, 2: None}, {1: [], 2: []}, threading.Barrier(2)
+
+        def play(number):
+            master = Master(s.port)
+            start.wait()
+            for k in range(40):
+                # The answer may be that to the other master, which has come in between: asked again, then.
+                granted[number] = master.ask_for_control(number) or granted[number]
+                answers[number].append(master.rotate(granted[number] or (0, 0), k + 1))
+            master.close()
+
+        threads = [threading.Thread(target=play, args=(number,)) for number in granted]
+        for one in threads:
+            one.start()
+        for one in threads:
+            one.join()
+        owner = authority.status(time.monotonic()).owner
+        winner, loser = (1, 2) if owner == "modbus 1" else (2, 1)
+        assert owner == f"modbus {winner}"
+        assert granted[loser] is None
+        assert set(answers[loser]) == {bytes((WRITE | 0x80, 3))}
+        assert answers[winner][-1] == struct.pack(">BHH", WRITE, COMMAND, COMMAND_COUNT)
+        assert authority.status(time.monotonic()).sequence == len(answers[winner])
