@@ -38,7 +38,7 @@ PLACE = {"place.field": "model", "place.lat_deg": 38.3, "place.lon_deg": 109.6}
 # For scripts that tests run as a node of their own, since a process has one middleware domain for good.
 CALL = """
 import rclpy
-def call(node, kind, name, **fields):
+def call(node, kind, name, /, **fields):
     client = node.create_client(kind, name)
     assert client.wait_for_service(120.0), name
     # An answer is lost where the server knows the client's questions before its ears: asked again, then.

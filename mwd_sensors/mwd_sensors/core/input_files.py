@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Files that other people wrote: regular ones of bounded size, and YAML that stays small when it is unfolded.
+Files that other people wrote: regular ones of bounded size, JSON, and YAML that stays small when it is unfolded.
 
 A device or a pipe under the name of a file would be read without end; a few lines of YAML whose aliases name each other
 unfold to more than a memory holds, and deep nesting exhausts the stack of every reader.
@@ -9,6 +9,7 @@ unfold to more than a memory holds, and deep nesting exhausts the stack of every
 from __future__ import annotations
 
 import errno
+import json
 import os
 import stat
 from collections.abc import Mapping
@@ -77,6 +78,21 @@ def read_yaml(path: Path, most: int = LARGEST) -> Any:
         return load_yaml(read_text(path, most))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
+
+
+def load_json(text: str | bytes) -> Any:
+    """
+    Load JSON.
+
+    Raises
+    ------
+    ValueError
+        It is no JSON, or nested too deeply to be read.
+    """
+    try:
+        return json.loads(text)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
 
 
 def load_yaml(text: str) -> Any:

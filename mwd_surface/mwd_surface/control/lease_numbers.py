@@ -12,10 +12,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 
 _BLOCK = 1000
 _LARGEST = 2**32 - 1  # uint32 on the wire
+_MOST_BYTES = 10_000
 
 
 class LeaseNumbers:
@@ -46,15 +48,13 @@ class LeaseNumbers:
         Raises
         ------
         ValueError
-            The file cannot be understood; the message says what to do.
-        OSError
-            The file cannot be read.
+            The file cannot be read or understood; the message says what to do.
         """
         try:
-            reserved = json.loads(self._file.read_text(encoding="utf-8"))["reserved_below"]
+            reserved = load_json(read_text(self._file, _MOST_BYTES))["reserved_below"]
         except FileNotFoundError:
             reserved = 0
-        except (ValueError, TypeError, KeyError) as error:
+        except (OSError, ValueError, TypeError, KeyError) as error:
             raise ValueError(f"{self._file}: {error!r}; delete it if no lease is newer than the clock") from error
         if type(reserved) is not int or not 0 <= reserved <= _LARGEST - _BLOCK:
             raise ValueError(

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from mwd_sensors.core.input_files import read_text
+from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.telemetry.tool_commands import ToolSettings, applied
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -42,7 +42,7 @@ class Memory:
             settings, counter, number = _kept(read_text(self._file, _MOST_CHARACTERS))
         except FileNotFoundError:
             return ToolSettings(), 0, 0
-        except (OSError, ValueError, TypeError, KeyError, RecursionError) as error:
+        except (OSError, ValueError, TypeError, KeyError) as error:
             raise ValueError(f"{self._file}: {error}; delete it if the tool runs by its tool.yaml") from error
         try:
             applied(tool, settings)
@@ -69,8 +69,8 @@ class Memory:
 
 
 def _kept(text: str) -> tuple[ToolSettings, int, int]:
-    """What a file holds; ValueError, TypeError, KeyError or RecursionError where it is none."""
-    given = json.loads(text)
+    """What a file holds; ValueError, TypeError or KeyError where it is none."""
+    given = load_json(text)
     settings, counter, number = ToolSettings(**given["in_force"]), given["counter"], given.get("number", 0)
     if [type(value) for value in (*settings, counter, number)] != [type(value) for value in (*ToolSettings(), 0, 0)]:
         raise TypeError("a value is of another type")

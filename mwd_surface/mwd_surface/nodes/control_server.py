@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from typing import Any
 
@@ -38,11 +39,6 @@ class ControlServer:
         Node, live state and alarm log.
     settings : ControlSettings
 
-    Raises
-    ------
-    ValueError, OSError
-        The file of lease numbers cannot be read.
-
     Attributes
     ----------
     authority : ControlAuthority
@@ -54,8 +50,15 @@ class ControlServer:
     def __init__(self, context: SurfaceContext, settings: ControlSettings) -> None:
         self._context, self._node, self._live = context, context.node, context.live
         self._numbers = LeaseNumbers(context.folder / "control.json")
-        # At least the clock, for a rig that has seen leases of a folder that is gone: nobody is granted one a second.
-        first = self._numbers.first(int(time.time())) if settings.enabled else 1
+        first, self._unsafe = 1, ""
+        if settings.enabled:
+            try:
+                # At least the clock, for a rig that has seen leases of a folder that is gone: nobody is granted one a
+                # second.
+                first = self._numbers.first(int(time.time()))
+            except ValueError as error:
+                # Page, recording and survey list do not wait for it.
+                self._unsafe, settings = str(error), dataclasses.replace(settings, enabled=False)
         self.authority = ControlAuthority(settings, first)
         self.handlers = {"control/command": self._on_command, "rig/acknowledge": self._on_acknowledge}
         self._updated_at = self._published_at = 0.0
@@ -70,6 +73,9 @@ class ControlServer:
         node.add_service(srv.RequestControl, "request_control", self._request)
         node.add_service(srv.ReleaseControl, "release_control", self._release)
         node.add_service(srv.JudgeControl, "judge_control", self.judge)
+        if self._unsafe:
+            text = f"nobody can have control: {self._unsafe}"
+            self._context.alarm_log.raise_alarm("control.numbers", Severity.CRITICAL, text, "then restart the surface")
         self._reserve()
 
     # Services.

@@ -65,7 +65,14 @@ class DownlinkServer:
         self._machine: Machine | None = None
         if settings.tool_file:
             tool = tool_configuration.read(Path(settings.tool_file).expanduser())
-            self._machine = Machine(tool, settings, *self._memory.read(tool))
+            try:
+                kept = self._memory.read(tool)
+            except ValueError as error:
+                # Page, recording and survey list do not wait for it.
+                text = f"no command can be sent to the tool: {error}"
+                context.alarm_log.raise_alarm("downlink.memory", Severity.WARNING, text, "then restart the surface")
+            else:
+                self._machine = Machine(tool, settings, *kept)
         self._goal: DeferredGoal | None = None
         self._published_at = -math.inf
         self._clock = RigClock()

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mwd_sensors.core.input_files import load_json
 from mwd_sensors.core.output_files import write_whole
 from mwd_surface.rig.interface import InterfaceStatus, PeerStatus
 
@@ -70,13 +71,18 @@ def read_status(path: Path) -> RigStatus:
         It is no rig status, or of another version of this program.
     """
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-        if table["version"] != _VERSION:
-            raise RigStatusError(f"{path} is of another version: restart the graph, or use its own `mwd`")
-        interfaces = tuple(_interface(row) for row in table["interfaces"])
-        return RigStatus(str(table["well"]), float(table["written"]), int(table["process"]), interfaces)
-    except (KeyError, TypeError, json.JSONDecodeError, UnicodeDecodeError) as error:
+        table = load_json(path.read_text(encoding="utf-8"))
+        status = _status(table) if table["version"] == _VERSION else None
+    except (KeyError, TypeError, ValueError) as error:
         raise RigStatusError(f"{path} is no rig status ({error})") from error
+    if status is None:
+        raise RigStatusError(f"{path} is of another version: restart the graph, or use its own `mwd`")
+    return status
+
+
+def _status(table: Mapping[str, Any]) -> RigStatus:
+    interfaces = tuple(_interface(row) for row in table["interfaces"])
+    return RigStatus(str(table["well"]), float(table["written"]), int(table["process"]), interfaces)
 
 
 def status_files(folders: Sequence[Path]) -> list[Path]:

@@ -8,6 +8,7 @@ import os
 from pathlib import Path
 
 from mwd_sensors.core import settings
+from mwd_sensors.core.input_files import load_json
 from mwd_surface.surveys.slide_sheet import Stretch
 
 NAME = "slides.jsonl"
@@ -19,7 +20,7 @@ def read_stretches(path: Path) -> tuple[tuple[Stretch, ...], int]:
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else []
     for line in lines:
         try:
-            found.append(settings.from_mapping(Stretch, json.loads(line), "stretch"))
+            found.append(settings.from_mapping(Stretch, load_json(line), "stretch"))
         except ValueError:
             # A supply that failed in the middle of a line: the others are good.
             bad += 1

@@ -18,6 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from mwd_sensors.core.input_files import load_json
 from mwd_sensors.core.output_files import sync_folder
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.surveys.list_rules import ListRules
@@ -165,8 +166,8 @@ def decoded(data: bytes, rules: ListRules | None = None) -> SurveyList:
         Not JSON to the end, not a survey list, of a newer version, edited (checksum), or its content does not fit.
     """
     try:
-        table = json.loads(data.decode())
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        table = load_json(data.decode())
+    except ValueError as error:
         raise ValueError(f"half written or no JSON: {error}") from error
     if not isinstance(table, dict) or table.get("format") != FORMAT or not isinstance(table.get("list"), dict):
         raise ValueError("no survey list")

@@ -27,7 +27,17 @@ def test_a_file_that_is_lost_leaves_the_clock(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "[]", "{}", '{"reserved_below": -1}', '{"reserved_below": 4294967295}', '{"reserved_below": "1"}']
+    "text",
+    [
+        "",
+        "[]",
+        "{}",
+        "[" * 9_000,
+        "x" * 20_000,
+        '{"reserved_below": -1}',
+        '{"reserved_below": 4294967295}',
+        '{"reserved_below": "1"}',
+    ],
 )
 def test_a_file_that_cannot_be_understood_says_what_to_do(tmp_path, text):
     (tmp_path / "control.json").write_text(text)

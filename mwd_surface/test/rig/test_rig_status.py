@@ -58,7 +58,9 @@ def test_what_is_written_is_read(tmp_path):
     assert not again.alive(1006.0)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"version": 99}', '{"version": 1, "interfaces": [{}]}', "\udcff"])
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", "[" * 200_000, '{"version": 99}', '{"version": 1, "interfaces": [{}]}', "\udcff"]
+)
 def test_a_file_that_is_no_status_is_named(tmp_path, text):
     (tmp_path / FILE_NAME).write_bytes(text.encode(errors="surrogateescape"))
     with pytest.raises(RigStatusError, match=FILE_NAME):

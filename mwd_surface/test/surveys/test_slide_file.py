@@ -41,6 +41,7 @@ def test_a_line_cut_off_by_a_lost_supply_takes_no_other_with_it(tmp_path, cut):
         b"\xff\xfe rubbish",
         b"[1, 2]",
         b"null",
+        b"[" * 200_000,
         b'{"mode": "slide"}',
         b'{"mode": "glide", "from_depth": 1.0, "to_depth": 2.0, "begin_ns": 1, "end_ns": 2}',
         b'{"mode": "slide", "from_depth": NaN, "to_depth": 2.0, "begin_ns": 1, "end_ns": 2}',

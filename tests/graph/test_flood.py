@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A rogue publisher floods a running well: services answer, memory stays bounded, and the well is whole afterwards."""
+
+import json
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import pytest
+
+import running_graph
+from mwd_surface.runs import launch_plan
+from project import SCENARIOS
+from running_graph import CALL, PLACE, until
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+RATE, FLOOD = 10_000, 80_000
+
+# Both streams of samples and rig data, at this rate together or as fast as the machine can.
+ROGUE = f"""
+import time
+import numpy as np, rclpy
+from mwd_msgs.msg import RigState
+from sensor_msgs.msg import Imu
+from mwd_sensors.core import wire
+from mwd_sensors.ros.qos import STREAM, offered
+from mwd_surface.ros.topics import TOPICS
+rclpy.init(); node = rclpy.create_node("rogue")
+publishers = [
+    (node.create_publisher(kind, "/w1/" + topic, offered(TOPICS[topic][1])), layout)
+    for topic, kind, layout in (("imu/data_raw", Imu, wire.IMU), ("rig/state", RigState, wire.RIG_STATE))
+]
+began, sent = time.monotonic(), 0
+while sent < {FLOOD}:
+    if sent > (time.monotonic() - began) * {RATE}:
+        time.sleep(0.01)
+        continue
+    for publisher, layout in publishers:
+        samples = layout.empty(50)
+        samples["stamp_ns"] = time.time_ns() + np.arange(50)
+        for row in layout.encode(samples, "rogue_link"):
+            publisher.publish(row.tobytes())
+        sent += 50
+print("sent", sent, flush=True)
+"""
+
+# Calls services until the flood is over; tells what was answered meanwhile, and what the well said of it.
+TALK = (
+    CALL
+    + """
+import json, os, sys, time
+from mwd_msgs.msg import AlarmList
+from mwd_msgs.srv import SetDepth, StartRecording
+from std_srvs.srv import Trigger
+rclpy.init(); node = rclpy.create_node("talk")
+alarms = {}
+node.create_subscription(AlarmList, "/w1/alarms", lambda got: alarms.update({a.id: a.text for a in got.alarms}), 10)
+answers, longest = 0, 0.0
+while not os.path.exists(sys.argv[1]) or answers < 20:
+    for kind, name, fields in (
+        (SetDepth, "set_depth", {"bit_depth": 50.0, "operator_name": "A. Smith"}),
+        (Trigger, "split_recording", {}),
+    ):
+        began = time.monotonic()
+        assert call(node, kind, "/w1/" + name, **fields).success
+        longest, answers = max(longest, time.monotonic() - began), answers + 1
+print(json.dumps({"answers": answers, "longest": longest, "alarms": alarms}))
+"""
+)
+
+
+def sections(page):
+    """Tables of the page; empty while it does not answer in time."""
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{page}/state.json", timeout=30) as answer:
+            return json.load(answer)["sections"]
+    except (OSError, ValueError):
+        return {}
+
+
+def is_live(page):
+    """Whether the page shows a live attitude, a recording, and one source of rig data."""
+    shown = sections(page)
+    if not shown or shown["attitude"]["inclination"]["state"] != "live" or shown["recorder"]["state"] != "recording":
+        return False
+    return not any(alarm["active"] for alarm in shown["alarms"]["rows"] if alarm["id"].startswith("sources."))
+
+
+def memory_mb(graph, *names):
+    """Resident memory of nodes."""
+    lines = (Path(f"/proc/{graph.running[name].pid}/status").read_text() for name in names)
+    return [int(text.partition("VmRSS:")[2].split()[0]) / 1024 for text in lines]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A well in a flood, and afterwards."""
+    folder = tmp_path_factory.mktemp("flood")
+    (folder / "long.yaml").write_text(
+        (SCENARIOS / "bench" / "drillvib.yaml").read_text().replace("seconds: 120.0", "seconds: 3600.0")
+    )
+    with running_graph.graph(folder) as graph, launch_plan.page_port(None) as page:
+        surface = graph.start("surface", "w1", folder=folder / "data", page__port=page, record__name="run")
+        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+        sonde = graph.start("sonde", "w1", scenario=folder / "long.yaml", wait_for_listener_s=60.0)
+        until(lambda: is_live(page), 120, "a live attitude")
+        before = memory_mb(graph, surface, estimator)
+        rogue = subprocess.Popen([sys.executable, "-c", ROGUE], env=graph.environment, stdout=subprocess.PIPE)
+        talk = subprocess.Popen(
+            [sys.executable, "-c", TALK, str(folder / "over")], env=graph.environment, stdout=subprocess.PIPE
+        )
+        said, _ = rogue.communicate(timeout=600)
+        (folder / "over").touch()
+        told, _ = talk.communicate(timeout=600)
+        after = memory_mb(graph, surface, estimator)
+        until(lambda: is_live(page), 120, "the well as before the flood")
+        ends = [graph.end(name)[0] for name in (sonde, estimator, surface)]
+        logs = "".join(graph.log(name) for name in (sonde, estimator, surface))
+        return {
+            "sent": int(said.split()[1]),
+            "told": json.loads(told.splitlines()[-1]),
+            "growth": [b - a for a, b in zip(before, after, strict=True)],
+            "ends": ends,
+            "logs": logs,
+        }
+
+
+@pytest.mark.fault_case(55)
+def test_services_answer_while_messages_flood_in(run):
+    assert run["sent"] >= FLOOD
+    assert run["told"]["answers"] >= 20
+
+
+@pytest.mark.fault_case(55)
+def test_a_flood_is_an_alarm_that_names_the_rogue(run):
+    assert "rogue_link" in run["told"]["alarms"]["sources.rig/state"]
+
+
+@pytest.mark.fault_case(55)
+def test_memory_stays_bounded_and_no_node_is_lost(run):
+    # A queue without bound would keep some hundred bytes of each message twice.
+    assert max(run["growth"]) < 100.0
+    assert run["ends"] == [0, 0, 0]
+    assert "Traceback" not in run["logs"]
