@@ -4,27 +4,34 @@
 import asyncio
 import json
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import aiohttp
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 
 import running_graph
-from running_graph import PLACE, until
+from mwd_sensors.core import wire
+from mwd_sensors.simulator.scenario import read
+from mwd_surface.runs import simulate
+from running_graph import PLACE, samples_of, until
 
 SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
-async def watch(address, topic, count):
-    """Bytes and stamps of some messages of a topic, as a Foxglove viewer gets them."""
-    found = []
+async def watch(address, topic, count, protocol="foxglove.sdk.v1"):
+    """Stamps and bytes of some messages of a topic, as a Foxglove viewer gets them, and the times it was told."""
+    found, times = [], []
     async with (
         asyncio.timeout(60.0),
         aiohttp.ClientSession() as session,
-        session.ws_connect(address.replace("ws:", "http:"), protocols=["foxglove.sdk.v1"]) as talk,
+        session.ws_connect(address.replace("ws:", "http:"), protocols=[protocol]) as talk,
     ):
+        assert talk.protocol == protocol
         while len(found) < count:
             reported = await talk.receive()
             if reported.type == aiohttp.WSMsgType.TEXT:
@@ -34,9 +41,11 @@ async def watch(address, topic, count):
                         await talk.send_json({"op": "subscribe", "subscriptions": [one]})
             elif reported.type == aiohttp.WSMsgType.BINARY and reported.data[0] == 1:
                 found.append((struct.unpack_from("<Q", reported.data, 5)[0], reported.data[13:]))
+            elif reported.type == aiohttp.WSMsgType.BINARY and reported.data[0] == 2:
+                times += struct.unpack_from("<Q", reported.data, 1)
             else:
                 assert reported.type == aiohttp.WSMsgType.BINARY, reported
-    return found
+    return found, times
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +61,8 @@ def run(tmp_path_factory):
             until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
         sonde = graph.start("sonde", "w1", scenario=SCENARIO, rate=2.0, wait_for_listener_s=60.0)
         address = until(lambda: graph.log(surface).partition("foxglove: ")[2].split()[:1], 20, "the address")[0]
-        watched = asyncio.run(watch(address, "/w1/imu/data_raw", 200))
+        watched, times = asyncio.run(watch(address, "/w1/imu/data_raw", 200))
+        assert times == []
         until(lambda: "survey 1" in graph.log(surface), 90, "a survey")
         until(lambda: "report of" in graph.log(surface), 60, "the report")
         assert graph.end(sonde)[0] == 0
@@ -83,3 +93,28 @@ def test_the_surveys_and_their_report_are_enclosed_when_it_ends(run):
         enclosed = {a.name: a for a in make_reader(stream).iter_attachments()}
     assert {"surveys_definitive.csv", "surveys_raw.csv", "survey_report.html"} <= set(enclosed)
     assert enclosed["survey_report.html"].data.startswith(b"<!DOCTYPE html>")
+
+
+def test_a_foxglove_viewer_of_a_simulated_clock_is_told_it_and_gets_stamps_of_it(tmp_path):
+    bag = tmp_path / "bag"
+    simulate.record(read(SCENARIO), bag, "w1")
+    extras = {"use_sim_time": True, "foxglove__enabled": True, "foxglove__port": 0, "serve_page": False}
+    with running_graph.graph(tmp_path) as graph:
+        surface = graph.start("surface", "w1", folder=tmp_path / "data", **extras)
+        until(lambda: ": active" in graph.log(surface), 90, "the surface is active")
+        words = [sys.executable, "-P", "-m", "mwd_surface.cli", "replay", str(bag), "--loop", "--wait", "60"]
+        with (tmp_path / "replay.log").open("w") as log:
+            graph.running["replay"] = subprocess.Popen(
+                words, env=graph.environment, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+            )
+        address = until(lambda: graph.log(surface).partition("foxglove: ")[2].split()[:1], 60, "the address")[0]
+        found, times = asyncio.run(watch(address, "/w1/imu/data_raw", 300, "foxglove.websocket.v1"))
+        assert graph.end("replay")[0] == 0
+        assert graph.end(surface)[0] == 0
+    recorded = samples_of(bag, "/w1/imu/data_raw")["stamp_ns"]
+    stamps = [wire.IMU.decode(data)["stamp_ns"][0] for _, data in found]
+    assert np.isin(stamps, recorded).all()
+    # A message is handed over within the time of the recording; the wall is half a year or more away from it.
+    assert times
+    for given in (times, [stamp for stamp, _ in found]):
+        assert recorded[0] - 10**9 < min(given) <= max(given) < recorded[-1] + 10**9

@@ -41,13 +41,15 @@ class FoxgloveBridge:
 
     def _put_simulated(self, topic: str, type_name: str, data: bytes, _received_ns: int, *, latched: bool) -> None:
         """Hand over a message at the time of the graph, where that is not the time of the wall."""
-        if self._server is not None:
-            self._server.put(topic, type_name, data, self._now_ns(), latched=latched)
+        now_ns = self._now_ns()
+        # Before the first message of /clock the time is 0, which no viewer must take for the beginning of its plots.
+        if self._server is not None and (now_ns > 0 or latched):
+            self._server.put(topic, type_name, data, now_ns, latched=latched)
 
     def update(self) -> None:
         """Tell clients the time of the graph where it is a simulated one; called twenty times a second."""
-        if self._server is not None and self._simulated:
-            self._server.set_time(self._now_ns())
+        if self._server is not None and self._simulated and (now_ns := self._now_ns()) > 0:
+            self._server.set_time(now_ns)
 
     def advertise(self, topic: str, type_name: str) -> None:
         """Advertise a topic to viewers before its first message."""
