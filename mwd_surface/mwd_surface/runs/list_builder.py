@@ -159,7 +159,11 @@ class ListBuilder:
             self.warnings.append("decisions of people in the live list are not taken over: other settings are in force")
         # A message has the last decision about a survey only.
         ours = {r.survey.uuid: dataclasses.replace(r, decisions=r.decisions[-1:]) for r in self.surveys.records}
-        same = sum(ours.get(uuid) == record for uuid, record in self._live.records.items())
+        # The vertical section may have been that of a plan, which the recording does not hold.
+        same = sum(
+            uuid in ours and dataclasses.replace(ours[uuid], vertical_section=record.vertical_section) == record
+            for uuid, record in self._live.records.items()
+        )
         missing = sum(uuid not in ours for uuid in self._live.records)
         text = f"{same} of {len(self._live.records)} surveys equal those of the live list"
         return self.surveys, text + (f", {missing} of it are not found again" if missing else "")

@@ -115,6 +115,11 @@ def test_depth_and_decision_of_the_live_list_are_kept(live, tmp_path):
     assert again.listed == judged
     assert again.live == "1 of 1 surveys equal those of the live list"
     assert again.depths == "of the live list"
+    # A live list whose vertical section is that of a plan is the same list.
+    along = judged.configured(dataclasses.replace(judged.well, section_azimuth_deg=47.0), judged.rules)
+    assert along.records != judged.records
+    planned = processed(raw(tmp_path / "bag_1", surveys=along), tmp_path / "out_1")
+    assert planned.live == "1 of 1 surveys equal those of the live list"
     # Another distance to the bit is another depth, from the data of the rig.
     other = processed(raw(tmp_path / "bag_2", surveys=judged), tmp_path / "out_2", sensor_to_bit_m=10.0)
     assert other.surveys[0][1] == 490.0
