@@ -359,7 +359,8 @@ class PageServer:
             self._feed.clients.discard(client)
             # Closed first: in Python 3.11 a wait that ends as it is cancelled swallows the cancellation, and the sender
             # would go on; a closed talk ends it all the same.
-            await talk.close()
+            # Where the page ends, this may come before the goodbye of `_serve`.
+            await talk.close(code=1001 if self._stop is not None and self._stop.is_set() else 1000)
             sender.cancel()
             await asyncio.gather(sender, return_exceptions=True)
         return talk
