@@ -13,6 +13,7 @@ from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, SensorFault, Un
 # Units beside SI that a sensor may send, in the order of their numbers.
 OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
 _SI = ("rad/s", "m/s^2", "T")
+_VECTORS = ("angular_velocity", "linear_acceleration", "magnetic_field")
 _CABLE = "check its plug and cable; if it stays, change the probe"
 _KINDS = {
     FaultCode.CLIPPED: "saturated",
@@ -72,7 +73,7 @@ class FaultText:
 def describe(fault: SensorFault) -> FaultText:
     """Words of a fault."""
     sensor = SENSORS[fault.place // 3]
-    message, remedy = _WORDS[fault.code](fault, sensor)
+    message, remedy = (_not_provided if fault.declared else _WORDS[fault.code])(fault, sensor)
     text = FaultText(
         _KINDS.get(fault.code, fault.code.name.lower()),
         _sensors(fault),
@@ -139,6 +140,11 @@ def _stuck(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 def _of(fault: SensorFault) -> str:
     return {Unit.CONVENTIONAL: "", Unit.PRECISION: "precision ", Unit.EITHER: "one of the two units: "}[fault.unit]
+
+
+def _not_provided(fault: SensorFault, sensor: str) -> tuple[str, str]:
+    remedy = f"where the unit has one, let its driver give {_VECTORS[fault.place // 3]}_covariance, or zeros if unknown"
+    return f"{_of(fault)}{sensor} is not used: its messages declare it not provided (covariance -1)", remedy
 
 
 def _saturated(fault: SensorFault, sensor: str) -> tuple[str, str]:
@@ -256,7 +262,10 @@ _WORDS: dict[FaultCode, Callable[[SensorFault, str], tuple[str, str]]] = {
     FaultCode.INVALID: _plain("{sensor} sends values that are not finite", _CABLE),
     FaultCode.DEAD: _dead,
     FaultCode.NOISE: _noise,
-    FaultCode.NEVER_CAME: _plain("no {sensor} data arrives", _CABLE),
+    FaultCode.NEVER_CAME: _plain(
+        "no {sensor} data arrives",
+        "connect it, or remap its topic; a tool without one: tool.magnetometer.present false",
+    ),
     FaultCode.SILENT: _silent,
     FaultCode.REPEATED: _plain(
         "{sensor} sends values twice: {fault.value:.0%} repeat the one before",

@@ -77,6 +77,8 @@ class SensorFault:
         Stamp from which on the evidence stands.
     cleared_ns : int
         Stamp at which it was gone; 0 while it lasts.
+    declared : bool
+        INVALID, DEAD: the sensor's own messages declare it not provided (covariance -1), so that it is not broken.
     """
 
     code: FaultCode
@@ -88,6 +90,7 @@ class SensorFault:
     unusable: int
     since_ns: int
     cleared_ns: int = 0
+    declared: bool = False
 
     @property
     def check(self) -> int:

@@ -29,7 +29,14 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
     )
     if not unused:
         return Diagnostic("samples", OK, "all used", values=values)
-    remedy = "look for gaps, repeated stamps and values that are not finite"
+    # Each cause with its own remedy; what a sensor fault explains is said there.
+    remedies = {
+        "gaps, repeated stamps, sensor faults: see the other entries of this node": counters.rejected,
+        "magnetic samples come later than those of the IMU: raise tool.magnetometer.delay_s": counters.late_mag,
+        "look for a pulsed current near the magnetometer, or a loose plug": counters.spikes,
+        "is another type of message published?": unreadable,
+    }
+    remedy = "; ".join(words for words, count in remedies.items() if count)
     return Diagnostic("samples", WARN, f"{unused} not used", remedy, values)
 
 
@@ -49,10 +56,13 @@ def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
 
 def reference_diagnostic(reference: Reference | None) -> Diagnostic:
     """Report the reference field in force, with its values in T, rad and m/s^2 in full precision."""
-    if reference is None or not reference.has_field:
-        message = reference.source if reference is not None else "none: azimuth is magnetic and uncorrected"
-        remedy = "set place.field, or call set_reference_field"
+    if reference is None:
+        message, remedy = "none: azimuth is magnetic and uncorrected", "set place.field, or call set_reference_field"
         return Diagnostic("reference field", WARN, message, remedy)
+    if not reference.has_field:
+        # Its source says why it has none, and what to do.
+        message, _, remedy = reference.source.rpartition("; ")
+        return Diagnostic("reference field", WARN, message or remedy, remedy)
     names = ("total", "dip", "declination", "convergence", "gravity")
     values = [(name, getattr(reference, name)) for name in names]
     known = tuple((name, repr(float(value))) for name, value in values if value is not None)

@@ -133,6 +133,7 @@ class Estimate:
 
     def take_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`."""
+        self.watch.note_declared(samples)
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
         self.watch.take_mag(stamps - self.mag_late_ns, b_t)
         # A field that no tool meets is another unit, none at all is no reading; the health of the sensors names it.
@@ -169,6 +170,7 @@ class Estimate:
             return Output.empty(0)
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
+        self.watch.note_declared(samples)
         stamps, gyro, accel = sample_arrays(
             samples["stamp_ns"], samples["angular_velocity"], samples["linear_acceleration"]
         )

@@ -11,12 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.sensor_fault import SensorFault
+from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
 from mwd_estimation.health import monitor
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.fault_history import AZIMUTH, FaultHistory
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core import input_covariance
+from mwd_sensors.core.arrays import Array, Samples, Stamps
+
+# Numbers of the sensors by the vectors of messages; and the faults that a sensor declared not provided looks like.
+_SENSOR_OF = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
+_MISSING = (FaultCode.INVALID, FaultCode.DEAD)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,13 +71,15 @@ class SensorWatch:
         self._state = monitor.initial(self._params)
         self.history = FaultHistory()
         self._contaminated = False
+        # By sensor the stamp of its last sample that was declared not provided.
+        self._declared_ns: dict[int, int] = {}
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
         self._mag_since_ns = np.iinfo(np.int64).max
 
     @property
     def faults(self) -> list[SensorFault]:
         """Faults that stand now."""
-        return monitor.faults(self._state)
+        return [self._explained(fault) for fault in monitor.faults(self._state)]
 
     @property
     def known(self) -> dict[str, int]:
@@ -88,6 +95,19 @@ class SensorWatch:
         """Take magnetic samples as they came, T."""
         monitor.push_mag(self._state, stamps, b_t)
 
+    def note_declared(self, samples: Samples) -> None:
+        """Note which vectors of samples, of either type, are declared not provided."""
+        for vector in _SENSOR_OF.keys() & set(samples.dtype.names or ()):
+            absent = input_covariance.not_provided(samples, vector)
+            if absent.any():
+                self._declared_ns[_SENSOR_OF[vector]] = int(samples["stamp_ns"][absent][-1])
+
+    def _explained(self, fault: SensorFault) -> SensorFault:
+        """The fault, with whether the sensor's own messages declare it not provided."""
+        if fault.code in _MISSING and fault.since_ns <= self._declared_ns.get(fault.place // 3, fault.since_ns - 1):
+            return dataclasses.replace(fault, declared=True)
+        return fault
+
     def shift_mag(self, late_ns: int, wait_s: float) -> None:
         """Correct the stamps of magnetic samples that wait, late by so much, ns; wait_s: for those to come, longer."""
         monitor.shift_mag(self._state, late_ns)
@@ -102,7 +122,7 @@ class SensorWatch:
         found = monitor.run(self._params, self._state, stamps, gyro, accel)
         for start, stop in itertools.pairwise(sorted({0, *found.places, len(stamps)})):
             part = slice(start, stop)
-            changes = [one for one, at in zip(found.changes, found.places, strict=True) if at == start]
+            changes = [self._explained(one) for one, at in zip(found.changes, found.places, strict=True) if at == start]
             for change in changes:
                 self.history.note(change)
             unusable = int(found.unusable[start])

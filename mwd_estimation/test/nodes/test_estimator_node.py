@@ -87,4 +87,4 @@ def test_a_clock_outside_the_field_model_costs_the_reference_not_the_attitude():
     assert np.isfinite(output.attitude["inclination"]).all()
     shown = diagnostics.reference_diagnostic(pipeline.reference)
     assert "outside wmm2025" in shown.message
-    assert "set the clock" in shown.message
+    assert shown.remedy == "set the clock, or place.date"

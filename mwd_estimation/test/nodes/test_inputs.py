@@ -207,6 +207,34 @@ def test_without_a_gyro_a_still_tool_gives_surveys_and_the_gyro_is_named():
     assert np.isfinite(output.attitude["inclination"]).all()
 
 
+@pytest.mark.fault_case(14)
+@pytest.mark.parametrize(
+    ("vector", "sensor"), [("linear_acceleration", "accelerometer"), ("magnetic_field", "magnetometer")]
+)
+def test_a_sensor_declared_absent_is_named_as_that_and_a_broken_one_as_broken(vector, sensor):
+    imu, mag = still()
+    samples = mag if vector == "magnetic_field" else imu
+    samples[f"{vector}_covariance"][:, 0] = -1.0
+    declared = [found for found in diagnostics.sensor_diagnostics(estimated(imu, mag)[0]) if sensor in found.message]
+    message = f"{sensor} is not used: its messages declare it not provided (covariance -1)"
+    assert [found.message for found in declared] == [message]
+    assert f"{vector}_covariance" in declared[0].remedy
+    samples[f"{vector}_covariance"], samples[vector] = 0.0, np.nan
+    (broken,) = [found for found in diagnostics.sensor_diagnostics(estimated(imu, mag)[0]) if sensor in found.message]
+    assert broken.message == f"{sensor} sends values that are not finite"
+    assert "plug" in broken.remedy
+
+
+def test_samples_that_were_not_used_are_told_with_the_remedy_of_their_cause():
+    imu, mag = still()
+    late = Pipeline(EstimatorSettings())
+    late.push_imu(imu)
+    late.push_mag(mag)
+    assert "tool.magnetometer.delay_s" in diagnostics.sample_diagnostic(late, 0).remedy
+    assert "type of message" not in diagnostics.sample_diagnostic(late, 0).remedy
+    assert diagnostics.sample_diagnostic(Pipeline(EstimatorSettings()), 3).remedy.startswith("is another type")
+
+
 @pytest.mark.fault_case(23)
 def test_a_tool_hotter_than_its_calibration_is_warned_of_until_it_has_cooled():
     pipeline, heat = Pipeline(EstimatorSettings(place=PLACE)), wire.TEMPERATURE.empty(1)

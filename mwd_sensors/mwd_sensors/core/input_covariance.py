@@ -149,7 +149,7 @@ def judge(samples: Samples, type_name: str) -> Judged:
         covariance: NDArray[np.float64] = np.asarray(samples[stated])
         if not covariance.any():
             continue
-        absent: NDArray[np.bool_] = np.equal(covariance[:, 0], -1.0)
+        absent = not_provided(samples, vector)
         if absent.any():
             samples = samples.copy()
             samples[vector][absent] = _STAND_IN.get(vector, np.nan)
@@ -160,6 +160,14 @@ def judge(samples: Samples, type_name: str) -> Judged:
             if not bool(_credible(covariance[:1] if same else covariance, widest).all()):
                 notes[vector] = UNBELIEVABLE
     return Judged(samples, notes)
+
+
+def not_provided(samples: Samples, vector: str) -> NDArray[np.bool_]:
+    """Samples whose covariance declares the vector not provided, shape (n,); none where samples have no covariance."""
+    name = f"{vector}_covariance"
+    if name not in (samples.dtype.names or ()):
+        return np.zeros(len(samples), dtype=np.bool_)
+    return np.asarray(np.equal(samples[name][:, 0], -1.0), dtype=np.bool_)
 
 
 def sentence(topic: str, vector: str, note: str) -> str:

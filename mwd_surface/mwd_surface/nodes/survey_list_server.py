@@ -213,7 +213,9 @@ class SurveyListServer:
             return
         severity = Severity.CRITICAL if survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
         text = f"survey {survey.sequence}: azimuth {Verdict(survey.verdict_azimuth).word}: {survey.action}"
-        self._alarm_log.raise_alarm("survey.azimuth", severity, text, "survey again, or decide about it in the list")
+        self._alarm_log.raise_alarm(
+            "survey.azimuth", severity, text, "act on the reason, or decide about it in the list"
+        )
 
     # Services.
 
