@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 
 from mwd_estimation.core.axis_mappings import MAPPINGS, kind_of
 from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
+from mwd_sensors.core.mount import PRESETS
 
 # Units beside SI that a sensor may send, in the order of their numbers.
 OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
@@ -211,9 +212,12 @@ def _frame(fault: SensorFault, _: str) -> tuple[str, str]:
 
 def _mount(fault: SensorFault, _: str) -> tuple[str, str]:
     found = fault.mount
-    if not found:
+    if found not in PRESETS:
         off = math.degrees(math.acos(min(max(fault.value, -1.0), 1.0)))
-        remedy = "set tool.mount (mwd process: --mount) to the rotation from the unit's axes to the tool's"
+        remedy = (
+            f'set tool.mount.imu (mwd process: --mount) to "{found}", on top of what it is set to now; turning does '
+            "not show the scribe line, which tool.toolface_offset_deg sets"
+        )
         return f"the string turns about an axis {off:.0f} deg off the unit's x: the unit is mounted askew", remedy
     turning = "the other way round" if found == "x-up" else f"about {found[0]}, not about x"
     remedy = f"set tool.mount to {found} (mwd process: --mount {found}), on top of what it is set to now"

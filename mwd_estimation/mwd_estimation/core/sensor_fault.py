@@ -6,7 +6,9 @@ from __future__ import annotations
 import dataclasses
 import enum
 
-from mwd_sensors.core.mount import PRESETS
+import numpy as np
+
+from mwd_sensors.core import mount
 
 # Bits of the sensors that must not be used. The last one is the whole precision unit.
 GYRO, ACCEL, MAG, PRECISION = 1, 2, 4, 8
@@ -114,8 +116,8 @@ class SensorFault:
 
     @property
     def mount(self) -> str:
-        """MOUNT: name in `mount.PRESETS` of how the unit lies in the tool; empty: askew."""
-        return list(PRESETS)[self.which[0] - 1] if self.which[0] else ""
+        """MOUNT: how the unit lies in the tool, by the axis that the string turned about; a preset or nine numbers."""
+        return mount.words(mount.by_turning(np.array(self.which, dtype=float))) if any(self.which) else ""
 
     @property
     def sensors(self) -> tuple[int, ...]:

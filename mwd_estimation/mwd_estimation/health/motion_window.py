@@ -28,6 +28,10 @@ _LONGEST = 0.25
 _ABSURD = 1e12
 TURNING = 3.0
 """Net rate from which a string turns, rad/s: a tool handled by people does not turn so for seconds."""
+ABOUT_X = math.cos(math.radians(5.0))
+"""Cosine from which a whole window's net turn is about x: axes of a gyro err by less, and 8 deg off are a fault."""
+ROUGHLY_X = 0.85
+"""As `ABOUT_X`, of part of a window: a second of whirl or of a blow leaves a net turn across."""
 UPWARDS = 0.17
 """Axial force, as a share of gravity, from which the hole would point upwards, by 10 deg."""
 
@@ -63,7 +67,7 @@ class Carried:
     force2: float
     field2: float
     path: float
-    turn_x: float
+    turn: Annotated[Array, 3]
     force_x: float
     steps: int
     parts: int
@@ -119,7 +123,8 @@ def begin(carried: Any) -> None:
     carried.field[:] = 0.0
     carried.part_force[:] = 0.0
     carried.part_forces[:] = 0
-    carried.product = carried.force2 = carried.field2 = carried.path = carried.turn_x = carried.force_x = 0.0
+    carried.turn[:] = 0.0
+    carried.product = carried.force2 = carried.field2 = carried.path = carried.force_x = 0.0
     carried.products = carried.forces = carried.fields = carried.steps = carried.parts = 0
 
 
@@ -146,7 +151,9 @@ def _follow(carried: Any, step: Any) -> None:
     carried.force2 += step.force2
     carried.field2 += step.field2
     carried.force_x += step.force[0]
-    carried.turn_x += step.turn[0]
+    carried.turn[0] += step.turn[0]
+    carried.turn[1] += step.turn[1]
+    carried.turn[2] += step.turn[2]
     carried.path += math.sqrt(step.turn[0] ** 2 + step.turn[1] ** 2 + step.turn[2] ** 2)
     rotate_right(carried.mat, step.turn[0], step.turn[1], step.turn[2])
 
@@ -230,10 +237,13 @@ def _length_noise(carried: Any) -> float:
 def _turns_about_x(expected: Expected, carried: Any, seconds: float) -> bool:
     """Whether the tool stands, or turns about x as a string does that points downwards, whatever it shakes beside."""
     upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
-    turned = -carried.turn_x if math.isfinite(expected.dip) else abs(carried.turn_x)
+    turn_x = carried.turn[0]
+    turned = -turn_x if math.isfinite(expected.dip) else abs(turn_x)
     if upwards and turned > TURNING * seconds:
         return False
-    return bool(carried.path <= TURNING * seconds or abs(carried.turn_x) >= 0.85 * carried.path)
+    net = math.sqrt(turn_x**2 + carried.turn[1] ** 2 + carried.turn[2] ** 2)
+    least = ABOUT_X if carried.parts == PARTS else ROUGHLY_X
+    return bool(net <= TURNING * seconds or abs(turn_x) >= least * net)
 
 
 @compiled

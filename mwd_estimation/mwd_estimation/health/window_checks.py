@@ -19,10 +19,10 @@ from mwd_estimation.core.axis_mappings import ACCEL, MAG, MAPPINGS, MISTAKES, WE
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, STRONGLY, observe
-from mwd_estimation.health.motion_window import TURNING, UPWARDS, Expected
+from mwd_estimation.health.motion_window import ABOUT_X, ROUGHLY_X, TURNING, UPWARDS, Expected
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.mount import PRESETS, axis_down
+from mwd_sensors.core.mount import ALONG, axis_down
 
 Flags = NDArray[np.bool_]
 
@@ -33,7 +33,8 @@ FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 _MATRICES = np.array(MAPPINGS, dtype=float)
 _SENSOR, _MAPPING, _BY_FORCE, _BY_FIELD = MISTAKES.T
 _FEW_FORCES, _FEW_FIELDS = 40, 10
-_DOWN = list(PRESETS)
+_WHOLE_S = 2.9
+_PARTS_OF_ONE = 1e6  # of a direction's components, kept as whole numbers
 
 
 class WindowLimits(NamedTuple):
@@ -137,7 +138,7 @@ class WindowJudge:
         if axes != FOR and self._judge_mount():
             return
         # What a string that surges does to the mean of less than the whole window is no other dip.
-        whole = w.seconds > 2.9
+        whole = w.seconds > _WHOLE_S
         usable = whole and self._samples[0] < BROKEN
         if usable and gravity < FOR and axes != FOR and self._checks[FaultCode.AXES, 0].state != FAULT:
             self._judge_signs()
@@ -330,10 +331,11 @@ class WindowJudge:
         about_x, down = float(w.turn[0]) / net, axis_down(w.turn, w.path)
         # A string that turns to the left points up only where the unit lies the wrong way round.
         upwards = float(w.mean_force[0]) > UPWARDS * self._length
-        seen = AGAINST if abs(about_x) > 0.95 else NOTHING
-        seen = FOR if abs(about_x) < 0.85 or (down == "x-up" and upwards) else seen
-        check = self._note(FaultCode.MOUNT, 0, seen, about_x, 0.85)
-        check.seen_which[0] = 1 + _DOWN.index(down) if down else 0
+        least = ALONG if w.seconds > _WHOLE_S else ROUGHLY_X
+        seen = AGAINST if abs(about_x) > ABOUT_X else NOTHING
+        seen = FOR if abs(about_x) < least or (down == "x-up" and upwards) else seen
+        check = self._note(FaultCode.MOUNT, 0, seen, about_x, least)
+        check.seen_which = np.round(w.turn / net * _PARTS_OF_ONE).astype(np.int64)
         return seen == FOR
 
     def _judge_signs(self) -> None:

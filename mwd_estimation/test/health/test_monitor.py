@@ -14,7 +14,8 @@ from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import monitor as health
 from mwd_estimation.health.fault_debounce import OK, UNKNOWN
-from mwd_sensors.core.mount import PRESETS
+from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec
+from mwd_sensors.core.mount import PRESETS, rotation
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import REFERENCE_DATA, ROOT
@@ -432,3 +433,24 @@ def test_a_unit_mounted_otherwise_is_named_by_the_axis_the_string_turns_about(na
     assert name in describe(fault).message
     assert f"--mount {name}" in describe(fault).remedy
     assert unusable[-1] == evidence.GYRO | evidence.ACCEL | evidence.MAG
+
+
+@pytest.mark.parametrize("degrees", [10.0, 20.0, 45.0])
+def test_a_unit_mounted_askew_is_named_with_the_rotation_that_puts_it_right(degrees):
+    run = sent("default", 30.0)
+    mat = mat_from_quat(quat_from_rotvec(np.radians([0.0, 0.6 * degrees, -0.8 * degrees])))
+    mounted = dataclasses.replace(run, gyro=run.gyro @ mat, accel=run.accel @ mat, mag=run.mag @ mat)
+    _, unusable, changes = judged(mounted)
+    (fault,) = [change for change in changes if change.code == FaultCode.MOUNT]
+    assert f"{degrees:.0f} deg off the unit's x" in describe(fault).message
+    assert unusable[-1] == evidence.GYRO | evidence.ACCEL | evidence.MAG
+    # Rows: the tool's axes in those of the unit.
+    assert rotation(fault.mount)[0] == pytest.approx(mat[0], abs=0.02)
+    assert f'--mount) to "{fault.mount}"' in describe(fault).remedy
+
+
+def test_axes_of_a_gyro_some_degrees_off_are_no_mount():
+    run = sent("default", 30.0)
+    mat = mat_from_quat(quat_from_rotvec(np.radians([0.0, 3.0, 2.0])))
+    _, _, changes = judged(dataclasses.replace(run, gyro=run.gyro @ mat))
+    assert [change for change in changes if change.code == FaultCode.MOUNT] == []

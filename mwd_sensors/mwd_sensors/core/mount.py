@@ -9,6 +9,7 @@ static transforms of a recording or of the graph. One resolution of it serves th
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from collections.abc import Mapping
 
@@ -19,6 +20,8 @@ from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.settings import setting
 
 AS_IMU, TF = "as imu", "tf"
+ALONG = math.cos(math.radians(8.0))
+"""Least cosine of an axis that is one of the unit's: axes of an uncalibrated gyro err by some degrees."""
 # Entries of a matrix that differ from a rotation's by less are rounding of who wrote them.
 _ROUNDING = 2e-3
 _HALF_ABOUT_Z = np.diag([-1.0, -1.0, 1.0])
@@ -285,6 +288,26 @@ def words(mat: Array) -> str:
         if np.array_equal(mat, preset):
             return name
     return ", ".join(f"{value:.4g}" for value in mat.ravel())
+
+
+def by_turning(turn: Array) -> Array:
+    """
+    Rotation from unit to tool axes, shape (3, 3), of a unit that sees the string turn so.
+
+    turn, shape (3,): turn of the unit, of any length; it points down-hole, as of `axis_down`. A preset where it lies
+    along an axis of the unit; else the preset of the nearest axis and the smallest rotation from there, for turning
+    does not show where the scribe line is.
+    """
+    axis = np.asarray(turn, dtype=float) / np.linalg.norm(turn)
+    k = int(np.abs(axis).argmax())
+    preset = PRESETS[f"{'xyz'[k]}-{'down' if axis[k] > 0.0 else 'up'}"]
+    if abs(axis[k]) > ALONG:
+        return preset.copy()
+    x, y, z = preset @ axis
+    # Rodrigues' rotation of (x, y, z) into (1, 0, 0), about their cross product.
+    cross = np.array([[0.0, y, z], [-y, 0.0, 0.0], [-z, 0.0, 0.0]])
+    found: Array = (np.eye(3) + cross + cross @ cross / (1.0 + x)) @ preset
+    return found
 
 
 def axis_down(turn: Array, path: float) -> str:

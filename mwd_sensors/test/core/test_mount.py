@@ -3,9 +3,21 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_sensors.core import frames, wire
-from mwd_sensors.core.mount import PRESETS, MountSettings, Transforms, axis_down, resolve, rotation, turned, words
+from mwd_sensors.core.mount import (
+    PRESETS,
+    MountSettings,
+    Transforms,
+    axis_down,
+    by_turning,
+    resolve,
+    rotation,
+    turned,
+    words,
+)
 from mwd_sensors.core.settings import SettingsError, from_mapping
 
 TURN = frames.mat_from_quat(frames.quat_from_rotvec([0.3, -1.1, 2.0]))
@@ -119,3 +131,22 @@ def test_a_string_that_turns_right_shows_the_axis_that_points_down(name):
     assert axis_down(turn, 21.0) == name
     assert axis_down(turn, 60.0) == ""
     assert axis_down(np.array([1.0, 1.0, 0.0]), 1.5) == ""
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_turning_axis_near_one_of_the_unit_s_is_its_preset(name):
+    along = PRESETS[name][0] + np.array([0.05, -0.05, 0.05])
+    assert words(by_turning(7.0 * along)) == name
+
+
+@given(st.tuples(*(st.floats(-1.0, 1.0),) * 3).filter(lambda axis: math.hypot(*axis) > 0.1))
+def test_a_mount_by_turning_puts_the_axis_down_hole_by_the_least_turn_from_a_preset(axis):
+    unit = np.array(axis) / np.linalg.norm(axis)
+    mat = by_turning(np.array(axis))
+    assert mat @ mat.T == pytest.approx(np.eye(3), abs=1e-12)
+    assert np.linalg.det(mat) == pytest.approx(1.0)
+    off = math.acos(min(max(float((mat @ unit)[0]), -1.0), 1.0))
+    assert off < math.radians(8.01) if any(np.array_equal(mat, one) for one in PRESETS.values()) else off < 1e-6
+    turn = min(math.acos(min((np.trace(mat @ one.T) - 1.0) / 2.0, 1.0)) for one in PRESETS.values())
+    assert turn < math.radians(54.75)
+    assert rotation(words(mat)) == pytest.approx(mat, abs=2e-3)

@@ -26,7 +26,7 @@ from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import mount as mounts
 from mwd_sensors.core import settings, units, wire
-from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.mount import Mount
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.runs.bag_input import (
@@ -45,11 +45,14 @@ from mwd_surface.runs.mag_mount import mag_mounts, reference_of
 from mwd_surface.runs.rests import Rests
 from mwd_surface.runs.stream_times import StreamTimes
 
-_FIX = "sensor_msgs/msg/NavSatFix"
 _UNIT_OPTIONS = {"accel_unit": "--accel-unit", "gyro_unit": "--gyro-unit", "mag_unit": "--mag-unit"}
 # Least days since 1970 of a clock that was set.
 _CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
 _PASSES = 6
+_ASKEW = (
+    "the unit is mounted askew: its mount follows from the axis that the string turns about, which does not show the "
+    "scribe line; correct the toolface with --set tool.toolface_offset_deg, or give the whole mount"
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,14 +102,15 @@ class Inspection:
 
 @dataclasses.dataclass
 class _Reading:
-    """One pass: how the samples were read, and what they showed."""
+    """One pass: how the samples were read, and what they showed; turned: turn of the string in axes of the IMU, rad."""
 
     given: InputSettings
     estimator: EstimatorSettings
     times: dict[str, StreamTimes]
     rests: Rests
-    turn: list[str]
-    faults: list[SensorFault]
+    turn: list[str] = dataclasses.field(default_factory=list)
+    turned: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    faults: list[SensorFault] = dataclasses.field(default_factory=list)
 
 
 def inspect(
@@ -137,7 +141,6 @@ def inspect(
     topics = find_topics(bag, given)
     start = given, estimator
     given = _with_units(bag, topics, given)
-    estimator = _placed(bag, estimator)
     reading = _read(bag, topics, given, estimator, progress)
     for _ in range(_PASSES):
         found = _corrected(reading)
@@ -162,7 +165,7 @@ def inspect(
         reading.rests.count,
         reading.rests.longest_s,
         reading.faults,
-        _remarks(bag, topics, reading),
+        _remarks(bag, topics, reading, start[1]),
         _missing(topics, reading, mount),
         _command(bag, topics, reading, start, output),
     )
@@ -182,19 +185,6 @@ def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings
     return dataclasses.replace(given, **changes)
 
 
-def _placed(bag: Bag, estimator: EstimatorSettings) -> EstimatorSettings:
-    """The settings with the position of a satellite receiver in the bag, where no place is set."""
-    fixes = [topic.name for topic in bag.topics.values() if topic.type_name == _FIX]
-    if estimator.place.field != "none" or not fixes:
-        return estimator
-    for _, name, _, data in bag.messages(fixes):
-        fix = bag.decode(name, data)
-        if fix.status.status >= 0 and abs(fix.latitude) <= 90.0 and abs(fix.longitude) <= 360.0:
-            place = {"place.lat_deg": round(float(fix.latitude), 5), "place.lon_deg": round(float(fix.longitude), 5)}
-            return settings.changed(estimator, {"place.field": "model", "survey.north": "true", **place})
-    return estimator
-
-
 def _read(
     bag: Bag, topics: Topics, given: InputSettings, estimator: EstimatorSettings, progress: Callable[[float], None]
 ) -> _Reading:
@@ -202,7 +192,7 @@ def _read(
     mount = mount_of(bag, topics, estimator.tool.mount)
     params = derivation.health_params(estimator)
     state = monitor.initial(params)
-    reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, Rests(), [], [])
+    reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, Rests())
     without_time = unstamped(bag, topics)
     first = True
     for block in bag.blocks(topics.all, fields=FIELDS):
@@ -217,7 +207,7 @@ def _read(
             if first:
                 _expect(state, estimator, int(raw["stamp_ns"][0]))
                 first = False
-            reading.turn += _turns(raw)
+            _note_turns(reading, raw)
             imu = mount.imu_in_tool(raw)
             reading.rests.take(imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
             monitor.run(params, state, imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
@@ -235,19 +225,19 @@ def _expect(state: monitor.State, estimator: EstimatorSettings, first_ns: int) -
         monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
 
 
-def _turns(imu: Samples) -> list[str]:
-    """The axis of the unit that points down-hole, by each three seconds in which the string turned."""
+def _note_turns(reading: _Reading, imu: Samples) -> None:
+    """Note the axis of the unit that points down-hole, by each three seconds in which the string turned."""
     stamps, gyro = imu["stamp_ns"], np.nan_to_num(imu["angular_velocity"])
     dt = np.clip(np.diff(stamps, prepend=stamps[:1]) * 1e-9, 0.0, 0.25)
     part = (stamps - stamps[0]) // (3 * wire.NANOSECONDS)
-    found = []
     for k in np.unique(part):
         turns = (gyro * dt[:, None])[part == k]
         net, path = turns.sum(axis=0), float(np.linalg.norm(turns, axis=1).sum())
         if np.linalg.norm(net) > 3.0 * TURNING:
             off = math.degrees(math.acos(min(abs(float(net[0])) / float(np.linalg.norm(net)), 1.0)))
-            found.append(mounts.axis_down(net, path) or f"{off:.0f} deg off x")
-    return found
+            along = float(np.abs(net).max()) > mounts.ALONG * float(np.linalg.norm(net))
+            reading.turn.append((along and mounts.axis_down(net, path)) or f"{off:.0f} deg off x")
+            reading.turned += net
 
 
 def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | None:
@@ -261,8 +251,10 @@ def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | N
         changes: dict[str, str] = {}
         if fault.code in (FaultCode.SIGN, FaultCode.POINTS_UP) and fault.sensors == (1,):
             changes = {"accelerometer": "down" if before.accelerometer == "up" else "up"}
-        elif fault.code == FaultCode.MOUNT and fault.mount and before.imu == "x-down":
-            changes = {"imu": fault.mount}
+        elif fault.code == FaultCode.MOUNT and reading.turned.any():
+            # By all of the recording, in axes of the unit: whatever mount it was read with.
+            changes = {"imu": mounts.words(mounts.by_turning(reading.turned))}
+        changes = {unit: value for unit, value in changes.items() if value != getattr(before, unit)}
         if changes:
             named = {f"tool.mount.{name}": value for name, value in changes.items()}
             return given, settings.changed(reading.estimator, named)
@@ -272,13 +264,17 @@ def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | N
 def _mount_words(mount: Mount, topics: Topics) -> str:
     words = f"IMU {mounts.words(mount.imu)}"
     if topics.mag is not None:
-        words += ", magnetometer " + ("not known" if "mag" in mount.unusable else mounts.words(mount.mag))
+        same = np.array_equal(mount.mag, mount.imu)
+        known = "as the IMU" if same else mounts.words(mount.mag)
+        words += ", magnetometer " + ("not known" if "mag" in mount.unusable else known)
     return words + (", accelerometer reads gravity (down)" if mount.reversed_accelerometer else "")
 
 
-def _remarks(bag: Bag, topics: Topics, reading: _Reading) -> list[str]:
+def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettings) -> list[str]:
     """What is unusual about topics, times and sensors."""
     remarks = guesses(bag, topics, reading.given)
+    if reading.estimator.tool.mount.imu not in (start.tool.mount.imu, *mounts.PRESETS):
+        remarks.append(_ASKEW)
     for name in unstamped(bag, topics):
         remarks.append(f"{name}: no time in the headers; the times of recording are used")
     for name, times in reading.times.items():
@@ -327,7 +323,7 @@ def _command(
     mount, usual = reading.estimator.tool.mount, mounts.MountSettings()
     for unit in ("imu", "mag", "precision"):
         if getattr(mount, unit) != getattr(usual, unit):
-            words += ["--mount", f"{unit}={getattr(mount, unit)}"]
+            words += ["--mount", f"{unit}={getattr(mount, unit).replace(', ', ',')}"]
     if mount.accelerometer != usual.accelerometer:
         words += ["--accelerometer", mount.accelerometer]
     place = reading.estimator.place

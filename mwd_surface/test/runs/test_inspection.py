@@ -119,7 +119,7 @@ def test_a_magnetometer_mounted_otherwise_than_the_imu_is_found_by_the_dip(name,
     assert float(survey["azimuth_deg"]) == pytest.approx(40.0, abs=2.0)
 
 
-def test_a_unit_mounted_askew_is_named_with_its_angle(sent, tmp_path):
+def test_a_unit_mounted_askew_is_named_with_its_angle_and_read_by_the_printed_mount(sent, tmp_path):
     imu, mag = (one.copy() for one in sent)
     turn = mat_from_quat(quat_from_rotvec([0.0, np.radians(35.0), 0.0]))
     for samples, field in ((imu, "angular_velocity"), (imu, "linear_acceleration"), (mag, "magnetic_field")):
@@ -127,6 +127,21 @@ def test_a_unit_mounted_askew_is_named_with_its_angle(sent, tmp_path):
     found = inspected(written(tmp_path / "bag", imu, mag))
     assert found.turns_about == "35 deg off x"
     assert any("mounted askew" in remark for remark in found.remarks)
+    (survey,) = processed(found.command)
+    assert survey["verdict"] == "accept"
+    assert float(survey["inclination_deg"]) == pytest.approx(30.0, abs=0.2)
+    assert float(survey["azimuth_deg"]) == pytest.approx(40.0, abs=2.0)
+
+
+def test_a_unit_mounted_askew_is_not_accepted_where_no_mount_is_given(sent, tmp_path):
+    imu, mag = (one.copy() for one in sent)
+    turn = mat_from_quat(quat_from_rotvec([0.0, np.radians(15.0), 0.0]))
+    for samples, field in ((imu, "angular_velocity"), (imu, "linear_acceleration"), (mag, "magnetic_field")):
+        samples[field] = samples[field] @ turn
+    path = written(tmp_path / "bag", imu, mag)
+    (survey,) = processed(f"mwd process {path} -o {tmp_path / 'out'} --lat 58.4 --lon 1.88 --date 2026-03-01")
+    assert survey["verdict"] == "reject"
+    assert "15 deg off the unit's x" in (tmp_path / "out" / "faults.csv").read_text(encoding="utf-8")
 
 
 def test_what_is_missing_is_named_with_the_result_that_needs_it(sent, tmp_path):
