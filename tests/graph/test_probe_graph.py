@@ -15,11 +15,14 @@ from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core.settings import changed
+from mwd_sensors.drivers.emulator import XSENS_FIELD_T
 from mwd_sensors.drivers.readings import FIELDS
 from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import simulate
 from mwd_surface.surveys.message_conversion import survey_of, survey_of_fields
+from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.surveys.survey_source import surveys_of
 from running_graph import PLACE, samples_of, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -41,6 +44,21 @@ precision: {grade: tactical_north, changes: {flags_clipping: true, accelerometer
 """
 
 
+MTI = """
+name: mti
+date: 2026-03-01T06:00:00
+place: {latitude_deg: 38.3, longitude_deg: 109.6}
+well: {stations: [[0.0, 30.0, 40.0]]}
+schedule:
+  - {kind: drill, seconds: 10.0, rpm: 120.0, rop_m_h: 20.0}
+  - {kind: still, seconds: 40.0, pumps: false}
+  - {kind: drill, seconds: 4.0, rpm: 120.0, rop_m_h: 20.0}
+vibration:
+  random: [{band_hz: [8.0, 300.0], acceleration_mps2: [3.0, 3.0, 3.0]}]
+ahrs: {grade: mti3_calibrated}
+"""
+
+
 def command(graph, name, *words):
     """Start a command of `mwd`, with its log."""
     with (graph.folder / f"{name}.log").open("w") as log:
@@ -53,17 +71,17 @@ def command(graph, name, *words):
         )
 
 
-@pytest.mark.parametrize("protocol", ["binary", "ascii"])
-def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, protocol):
-    (tmp_path / "scenario.yaml").write_text(SCENARIO)
+def recorded(tmp_path, scenario, protocol, *line, **place):
+    """Simulate a scenario and play it through a serial line into a graph: what was sent, what the surface recorded."""
+    (tmp_path / "scenario.yaml").write_text(scenario)
     sent, link = tmp_path / "sent", tmp_path / "line"
     simulate.record(read(tmp_path / "scenario.yaml"), sent)
     with running_graph.graph(tmp_path) as graph:
         surface = graph.start("surface", folder=tmp_path / "data", serve_page=False, record__name="got")
-        estimator = graph.start("estimator", **{key.replace(".", "__"): value for key, value in PLACE.items()})
+        estimator = graph.start("estimator", **{key.replace(".", "__"): value for key, value in place.items()})
         for name in (surface, estimator):
             until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
-        settings = [f"port:={link}", f"protocol:={protocol}", "clock:=unit", "wait_for_listener_s:=60.0"]
+        settings = [f"port:={link}", f"protocol:={protocol}", "clock:=unit", "wait_for_listener_s:=60.0", *line]
         command(graph, "probe", "node", "probe", "--ros-args", *(w for s in settings for w in ("-p", s)))
         until(lambda: "trying again" in graph.log("probe"), 60, "the probe node looks for its line")
         words = ["--protocol", protocol, "--link", str(link), "--wait", "--rate", "4"]
@@ -73,6 +91,12 @@ def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, p
         for name in ("probe", estimator, surface):
             assert graph.end(name)[0] == 0
     (got,) = (tmp_path / "data").rglob("got")
+    return sent, got
+
+
+@pytest.mark.parametrize("protocol", ["binary", "ascii"])
+def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, protocol):
+    sent, got = recorded(tmp_path, SCENARIO, protocol, **PLACE)
     for topic, fields in FIELDS.items():
         expected, mine = samples_of(sent, f"/{topic}"), samples_of(got, f"/{topic}")
         assert np.array_equal(mine["stamp_ns"], expected["stamp_ns"])
@@ -97,3 +121,22 @@ def test_a_probe_on_a_serial_line_gives_the_samples_of_the_recording(tmp_path, p
     assert any(one.method.startswith("gyro") for one in heard.azimuths)
     assert heard == dataclasses.replace(expected, frame_id=heard.frame_id, sequence=heard.sequence)
     assert np.array_equal(live["status"] & np.uint32(Status.CLIPPED) != 0, flags != 0)
+
+
+def test_an_mti_on_a_serial_line_gives_a_survey_at_the_surface(tmp_path):
+    place = PLACE | {"place.date": "2026-03-01"}  # the unit's clock begins at zero
+    sent, got = recorded(tmp_path, MTI, "xsens", f"xsens_field_ut:={1e6 * XSENS_FIELD_T}", **place)
+    for topic, field in (("/imu/data_raw", "linear_acceleration"), ("/imu/mag", "magnetic_field")):
+        expected, mine = samples_of(sent, topic), samples_of(got, topic)
+        # The interval of the first packet is not known.
+        assert mine[field] == pytest.approx(expected[field][-len(mine) :], rel=1e-9)
+        assert len(expected) - len(mine) <= 1
+    live, alone = samples_of(got, "/attitude"), Pipeline(changed(EstimatorSettings(), place))
+    alone.push_mag(samples_of(got, "/imu/mag"))
+    alone.push_temperature(samples_of(got, "/imu/temperature"))
+    offline = alone.push_imu(samples_of(got, "/imu/data_raw"))
+    assert live.tobytes() == offline.attitude.tobytes()
+    (record,) = surveys_of(got)[0].records
+    assert record.survey.verdict == Verdict.ACCEPT
+    assert np.degrees(record.survey.inclination) == pytest.approx(30.0, abs=0.2)
+    assert np.degrees(record.survey.azimuth) == pytest.approx(40.0, abs=2.0)

@@ -22,6 +22,8 @@ from mwd_sensors.drivers.readings import LAYOUTS, Answer, Reading, readings_of
 NAME = "mwd emulator 1"
 # At equal stamps the IMU comes last: the other samples that the estimator needs are then there.
 _ORDER = ("imu/temperature", "gyro/data_raw", "imu/mag", "imu/data_raw")
+XSENS_FIELD_T = 50e-6
+"""Field that the emulated MTi reads as 1, T: the driver's `xsens_field_ut` is 50."""
 PROTOCOLS = ("binary", "ascii", "xsens")
 # Longest wait for commands between two samples, and for who reads the line, s.
 _WAIT_S = 0.02
@@ -34,7 +36,7 @@ class Emulator:
     Parameters
     ----------
     protocol : str
-        binary, ascii or xsens; xsens sends the IMU alone, and knows no command but start and stop.
+        binary, ascii or xsens; xsens sends no precision unit, and knows no command but start and stop.
     link : Path, optional
         A name for the line beside its own (/dev/pts/...).
     wait_for_start : bool
@@ -62,7 +64,8 @@ class Emulator:
             link.symlink_to(self.device)
         self._commands = probe_protocol.Splitter(protocol == "ascii")
         self._sending = not wait_for_start
-        self._heard = b""  # by an MTi
+        # Of an MTi: what it heard, and what it read since its last packet.
+        self._heard, self._beside = b"", dict[str, Reading]()
         self._answers: collections.deque[Answer] = collections.deque()
         self._counter = 0
         self._before_ns = 0
@@ -116,11 +119,13 @@ class Emulator:
             self._counter += 1
             return probe_protocol.sample(reading, self._counter, self._protocol == "ascii")
         if reading.topic != "imu/data_raw":
+            self._beside[reading.topic] = reading
             return b""
         self._counter += 1
         interval = max((reading.stamp_ns - self._before_ns) * 1e-9, 1e-4) if self._before_ns else 0.01
         self._before_ns = reading.stamp_ns
-        return mtdata2.packet(reading, interval, reading.stamp_ns // 100_000, self._counter)
+        beside, self._beside = self._beside, {}
+        return mtdata2.packet(reading, interval, reading.stamp_ns // 100_000, self._counter, beside, XSENS_FIELD_T)
 
     def _send(self, data: bytes) -> None:
         """Write all of it; commands are read meanwhile, so that two full queues cannot wait for each other."""

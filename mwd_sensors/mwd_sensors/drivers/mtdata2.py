@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -202,11 +203,39 @@ def _word(status: int) -> int:
     return sum((1 << bit for bit, ours in _CLIPS.items() if status & ours), 0 if status & FAULT else 1)
 
 
-def packet(reading: Reading, interval: float, ticks: int, count: int) -> bytes:
-    """Make the packet of a sample of the IMU, with increments in double precision, as an MTi sends it."""
+def packet(
+    reading: Reading,
+    interval: float,
+    ticks: int,
+    count: int,
+    beside: Mapping[str, Reading] | None = None,
+    field_t: float = 1.0,
+) -> bytes:
+    """
+    Make the packet of a sample of the IMU, as an MTi sends it: increments, and what was read since the packet before.
+
+    Parameters
+    ----------
+    reading : Reading
+        Of imu/data_raw.
+    interval : float
+        Since the packet before, s.
+    ticks, count : int
+        Of the fine time, and packets.
+    beside : mapping of str to Reading, optional
+        Readings of imu/mag and imu/temperature.
+    field_t : float
+        Field that the unit reads as 1, T.
+    """
     rate, force = np.array(reading.values[:3]), np.array(reading.values[3:])
     x, y, z, w = frames.quat_from_rotvec(rate * interval).tolist()
     content = item(COUNT, struct.pack(">H", count % 65536)) + item(FINE_TIME, struct.pack(">I", ticks % _WRAP))
     content += item(DELTA_Q | 3, struct.pack(">4d", w, x, y, z))
     content += item(DELTA_V | 3, struct.pack(">3d", *(force * interval).tolist()))
-    return message(MTDATA2, content + item(STATUS, struct.pack(">I", _word(reading.status))))
+    beside = beside or {}
+    if "imu/temperature" in beside:
+        content += item(TEMPERATURE | 3, struct.pack(">d", *beside["imu/temperature"].values))
+    if "imu/mag" in beside:
+        content += item(FIELD | 3, struct.pack(">3d", *(value / field_t for value in beside["imu/mag"].values)))
+    word = _word(reading.status | (beside["imu/mag"].status if "imu/mag" in beside else 0))
+    return message(MTDATA2, content + item(STATUS, struct.pack(">I", word)))

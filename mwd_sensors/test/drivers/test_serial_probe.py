@@ -11,7 +11,7 @@ import pytest
 
 from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.drivers import probe_protocol, serial_probe
-from mwd_sensors.drivers.emulator import NAME, Emulator
+from mwd_sensors.drivers.emulator import NAME, XSENS_FIELD_T, Emulator
 from mwd_sensors.drivers.readings import LAYOUTS, Reading, readings_of, samples_of
 from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
 from mwd_sensors.drivers.unit_clock import UnitClock
@@ -78,22 +78,27 @@ def test_a_scenario_is_played_though_most_of_its_blocks_have_no_temperature():
         assert len(samples_of(topic, [])) == 0
 
 
-def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments_and_its_clip_flags():
-    sent = {"imu/data_raw": measured()["imu/data_raw"]}
+def test_an_mti_on_a_line_gives_the_rates_and_forces_of_its_increments_its_field_and_its_clip_flags():
+    sent = measured()
     clipped = np.arange(600).reshape(-1, 3) % 7 == 0
     for field in ("angular_velocity", "linear_acceleration"):
         input_covariance.mark_clipped(sent["imu/data_raw"], field, clipped)
+    topics = ("imu/mag", "imu/temperature", "imu/data_raw")
     with Emulator("xsens", wait_for_start=True) as emulator:
-        probe = SerialProbe(LineSettings(port=emulator.device, protocol="xsens", clock="unit"))
+        probe = SerialProbe(
+            LineSettings(port=emulator.device, protocol="xsens", clock="unit", xsens_field_ut=1e6 * XSENS_FIELD_T)
+        )
         probe.poll(time.time_ns())
         assert probe.connected
         player = threading.Thread(target=emulator.play, args=([sent], 0.0))
         player.start()
         # The interval of the first packet is not known.
-        got = received(probe, len(sent["imu/data_raw"]) - 1)
+        got = received(probe, sum(len(sent[topic]) for topic in topics) - 1)
         player.join()
         probe.close()
-    mine = samples_of("imu/data_raw", got)
+    mag, temperature, mine = (samples_of(topic, [one for one in got if one.topic == topic]) for topic in topics)
+    assert mag["magnetic_field"] == pytest.approx(sent["imu/mag"]["magnetic_field"], rel=1e-12)
+    assert temperature["temperature"] == pytest.approx(sent["imu/temperature"]["temperature"], rel=1e-12)
     for field in ("angular_velocity", "linear_acceleration"):
         assert mine[field] == pytest.approx(sent["imu/data_raw"][field][1:], rel=1e-9, abs=1e-12)
         assert np.array_equal(input_covariance.clipped(mine, field), clipped[1:])
