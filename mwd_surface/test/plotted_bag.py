@@ -95,9 +95,11 @@ def arrays(message):
     return message
 
 
-def recorded(path, lists, trajectory=True):
-    """A bag of survey lists and their paths, as the surface node publishes them."""
+def recorded(path, lists, trajectory=True, tables=()):
+    """A bag of survey lists and their paths, as the surface node publishes them; tables: its metadata."""
     with BagWriter(path) as bag:
+        for name, table in dict(tables).items():
+            bag.add_metadata(name, table)
         definitions = bag.definitions
         for kind in (LIST_TYPE, PATH_TYPE):
             definitions.load(kind)

@@ -64,12 +64,12 @@ def inspect(
     from mwd_surface.runs.bag_input import InputSettings
     from mwd_surface.runs.inspection import figures
     from mwd_surface.runs.inspection import inspect as look_through
-    from mwd_surface.runs.recorded_settings import recorded_settings
+    from mwd_surface.surveys.recorded_settings import recorded_settings
 
     place, console = recording_changes(lat, lon, date, field), terminal.output()
     with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
-        recorded = recorded_settings(opened).estimator
-        estimator = placed_settings(None, None, place, tool=mount_changes(mount), start=recorded)
+        recorded = recorded_settings(opened)
+        estimator = placed_settings(None, None, place, tool=mount_changes(mount), start=recorded.estimator)
         found = look_through(opened, given_settings(InputSettings, options), estimator, output, progress)
         others = [t for t in opened.topics.values() if t.name not in found.topics.all]
         notes, complete = list(opened.notes), opened.complete
@@ -85,7 +85,7 @@ def inspect(
         ("mount", found.mount),
         ("turning", f"{found.turns_about} in axes of the IMU" if found.turns_about else "never seen: axes not checked"),
         ("at rest", f"{found.rests} times long enough for a survey, longest {found.rest_s:.0f} s"),
-        ("settings", "those of the recording" if recorded is not None else "none in the recording"),
+        ("settings", recorded.source or "none in the recording"),
     ]
     if others:
         lines.append(("not used", ", ".join(f"{topic.name} ({topic.type_name})" for topic in others)))

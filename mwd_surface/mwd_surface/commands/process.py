@@ -48,13 +48,12 @@ from mwd_surface.commands.reference_options import (
     placed_settings,
     recording_changes,
     tool_changes,
-    with_a_model,
 )
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_surface.runs.recorded_settings import Recorded
     from mwd_surface.runs.run_summary import Summary
+    from mwd_surface.surveys.recorded_settings import Recorded
 
 
 def process(
@@ -152,8 +151,8 @@ def _run(
     from mwd_surface.runs import calibration_run
     from mwd_surface.runs import process as batch
     from mwd_surface.runs.bag_input import InputSettings
-    from mwd_surface.runs.recorded_settings import recorded_settings
     from mwd_surface.runs.run_output import OutputSettings
+    from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
     start, end = options["start_s"], options["end_s"]
     if start is not None and end is not None and end <= start:
@@ -244,7 +243,7 @@ def _settings_lines(estimator: EstimatorSettings, recorded: Recorded, summary: S
         before, now = settings.flat(recorded.estimator), settings.flat(estimator)
         other = [name for name, (value, _) in now.items() if before.get(name, (None, None))[0] != value]
         changed = f"; changed: {', '.join(other[:6])}" + (" ..." if len(other) > 6 else "") if other else ""
-        lines.append(("settings", f"those of the recording{changed}"))
+        lines.append(("settings", f"{recorded.source}{changed}"))
     place, gyro = estimator.place, estimator.tool.precision.gyro
     if place.field == "model":
         day = place.date or "the day of the recording"

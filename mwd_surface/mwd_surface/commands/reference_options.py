@@ -218,29 +218,6 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
     return table
 
 
-def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
-    """
-    Settings whose model covers the day, and a remark: where the newer model does not reach back, the IGRF is taken.
-
-    stamp_ns: ns, whose day counts where no date is set. Raises ValueError for a day outside every model.
-    """
-    from mwd_estimation.settings.place import reference_of
-    from mwd_sensors.core import settings
-
-    try:
-        reference_of(estimator.place, stamp_ns)
-    except ValueError as error:
-        older = settings.changed(estimator, {"place.model": "igrf"})
-        if older == estimator:
-            raise
-        try:
-            reference_of(older.place, stamp_ns)
-        except ValueError:
-            raise error from None
-        return older, f"{error}: the field is taken from the IGRF"
-    return estimator, ""
-
-
 def field_figures(text: str) -> tuple[float, float, float | None]:
     """
     Strength in nT, dip and declination in deg of --field; the declination is None where it is left out.

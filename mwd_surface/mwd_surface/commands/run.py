@@ -134,13 +134,7 @@ def _parameters(
         "wait_for_listener_s": 10.0,
     }
     return {
-        "surface": {
-            **story.surface,
-            "strict": True,
-            "well.sensor_to_bit": story.well.sensor_to_bit_m,
-            "well.latitude_deg": float(story.place.latitude_deg),
-            "well.longitude_deg": float(story.place.longitude_deg),
-        },
+        "surface": {**launch_plan.surface_parameters(story), "strict": True},
         "estimator": launch_plan.reference_parameters(story) | ({"gravity.method": method} if method else {}),
         "sonde": sonde | ({"seed": seed} if seed is not None else {}),
     }

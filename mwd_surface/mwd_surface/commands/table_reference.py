@@ -132,7 +132,7 @@ def table_reference(
     """
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.place import reference_of
-    from mwd_surface.commands.reference_options import with_a_model
+    from mwd_surface.surveys.recorded_settings import with_a_model
 
     figures = known.figures()
     if settings.place.field == "none":

@@ -108,23 +108,22 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
 def _surveys(bag: Bag) -> SurveyList:
     """The survey list of a recording; empty where it has none."""
     from mwd_surface.bags.bag_reader import BagError
-    from mwd_surface.runs.recorded_settings import recorded_settings
+    from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.survey_list import SurveyList
     from mwd_surface.surveys.survey_source import surveys_of_bag
+    from mwd_surface.surveys.well import Well
 
     try:
-        surveys = surveys_of_bag(bag)
+        return surveys_of_bag(bag)
     except BagError:
-        surveys = SurveyList()
-    recorded = recorded_settings(bag).surface
-    return surveys if recorded is None else dataclasses.replace(surveys, well=recorded.well)
+        return SurveyList(well=recorded_settings(bag).well(Well()))
 
 
 def _plan(bag: Bag, path: Path | None) -> Plan | None:
     """The plan of a file, or of the file that the surface node of the recording had."""
     from mwd_surface.commands import terminal
-    from mwd_surface.runs.recorded_settings import SURFACE
     from mwd_surface.surveys.plan_file import read_plan
+    from mwd_surface.surveys.recorded_settings import SURFACE
 
     if path is not None:
         return read_plan(path)
@@ -145,18 +144,17 @@ def _processed(bag: Bag) -> Iterator[tuple[Bag, SurveyList]]:
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_surface.bags.bag_reader import Bag as Opened
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.reference_options import with_a_model
     from mwd_surface.runs import process
-    from mwd_surface.runs.recorded_settings import recorded_settings
     from mwd_surface.runs.run_output import MERGED, OutputSettings
+    from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
     recorded = recorded_settings(bag)
-    estimator, _ = with_a_model(recorded.estimator or EstimatorSettings(), bag.start_ns)
+    estimator, remark = with_a_model(recorded.estimator or EstimatorSettings(), bag.start_ns)
     with tempfile.TemporaryDirectory(prefix="mwd_view_") as scratch, terminal.progress("processing") as progress:
         folder = Path(scratch) / "out"
         wanted = OutputSettings(format="mcap")
         summary = process.process(bag, folder, estimator, None, progress, None, wanted, recorded)
-        for warning in summary.warnings:
+        for warning in [remark, *summary.warnings] if remark else summary.warnings:
             terminal.warn(warning)
         with Opened(folder / MERGED) as merged:
             yield merged, summary.listed

@@ -26,9 +26,9 @@ from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.runs import bag_input, process
 from mwd_surface.runs.bag_input import InputSettings
-from mwd_surface.runs.recorded_settings import Recorded, recorded_settings
 from mwd_surface.runs.run_summary import Summary
 from mwd_surface.surveys import station_csv
+from mwd_surface.surveys.recorded_settings import Recorded, recorded_settings, with_a_model
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,31 +118,39 @@ def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[di
     tables: dict[str, list[dict[str, Any]]] = {"surveys": [], "attitude": []}
     found: list[Summary] = []
     with Bag(path) as bag:
-        estimator, remarks = _settings(bag, work)
+        recorded = recorded_settings(bag) if work.changes else Recorded()
+        estimator, remark = with_a_model(_settings(recorded, work), bag.start_ns)
         for topic in _inertial_units(bag, work.given):
             given = dataclasses.replace(work.given, imu_topic=topic) if topic else work.given
-            statistics = AttitudeStatistics()
-
-            def take(output: Output, statistics: AttitudeStatistics = statistics) -> None:
-                statistics.add(output.attitude, output.gravity)
-
-            summary = process.estimate(bag, estimator, given, take)
+            summary, statistics = _estimated(bag, estimator, given, recorded)
+            if (changed := process.reversed_settings(estimator, summary)) is not None:
+                summary, statistics = _estimated(bag, changed, given, recorded)
+                summary.warnings.insert(0, process.REVERSED)
             where = {"key": key, "bag": work.bag, "well": summary.topics.imu.removesuffix(bag_input.IMU).strip("/")}
             tables["attitude"] += [{**where, **row} for row in statistics.rows()]
             tables["surveys"] += [{**where, **_survey_row(*survey)} for survey in summary.surveys]
             found.append(summary)
-            found[0].warnings.extend(remarks)
-            remarks = ()
+        found[0].warnings += [remark] if remark else []
     tables["bags"] = [_bag_row(work, key, found, estimator, began)]
     return tables
 
 
-def _settings(bag: Bag, work: Work) -> tuple[EstimatorSettings, tuple[str, ...]]:
-    """Settings of the estimator, and what of those in the recording cannot be used."""
-    recorded = recorded_settings(bag) if work.changes else Recorded()
+def _estimated(
+    bag: Bag, estimator: EstimatorSettings, given: InputSettings, recorded: Recorded
+) -> tuple[Summary, AttitudeStatistics]:
+    statistics = AttitudeStatistics()
+
+    def take(output: Output) -> None:
+        statistics.add(output.attitude, output.gravity)
+
+    return process.estimate(bag, estimator, given, take, recorded), statistics
+
+
+def _settings(recorded: Recorded, work: Work) -> EstimatorSettings:
+    """Settings of the estimator: those of the recording with the changes, else those of the command."""
     if recorded.estimator is None:
-        return settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config)), ()
-    return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes)), recorded.remarks
+        return settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config))
+    return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes))
 
 
 def _inertial_units(bag: Bag, given: InputSettings) -> list[str]:

@@ -180,12 +180,13 @@ class ReferenceField:
 
     @classmethod
     def of_survey(cls, survey: Survey) -> ReferenceField:
-        """Return the reference a survey was judged by."""
+        """Return the reference a survey was judged by; a survey's message has 0 for a convergence that is not known."""
+        known = survey.b_reference > 0.0
         return cls(
-            total=survey.b_reference,
-            dip=survey.dip_reference,
-            declination=survey.declination,
-            convergence=survey.convergence,
+            total=survey.b_reference if known else None,
+            dip=survey.dip_reference if known else None,
+            declination=survey.declination if known else None,
+            convergence=survey.convergence or None,
             gravity=survey.g_reference if survey.g_reference > 0.0 else None,
             source=f"as of survey {survey.sequence}",
         )

@@ -42,8 +42,8 @@ from mwd_surface.runs.imu_queue import ImuQueue
 from mwd_surface.runs.list_builder import ListBuilder
 from mwd_surface.runs.merger import Merger
 from mwd_surface.runs.overlap import ahead, behind
-from mwd_surface.runs.recorded_settings import Recorded
 from mwd_surface.runs.run_summary import Summary, pipeline_warnings
+from mwd_surface.surveys.recorded_settings import Recorded
 
 BlockSamples = dict[str | None, Samples]
 

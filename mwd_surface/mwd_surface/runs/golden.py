@@ -19,7 +19,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import compare, process, run_config, run_folder
-from mwd_surface.runs.recorded_settings import recorded_settings
+from mwd_surface.surveys.recorded_settings import recorded_settings
 
 _KEPT_EVERY_NS = 1_000_000_000
 

@@ -82,6 +82,16 @@ def reference_parameters(scenario: Scenario) -> dict[str, Any]:
     }
 
 
+def surface_parameters(scenario: Scenario) -> dict[str, Any]:
+    """Parameters of the surface that follow from a scenario: place of the well, sensor to bit, what its author set."""
+    return {
+        **scenario.surface,
+        "well.sensor_to_bit": scenario.well.sensor_to_bit_m,
+        "well.latitude_deg": float(scenario.place.latitude_deg),
+        "well.longitude_deg": float(scenario.place.longitude_deg),
+    }
+
+
 def checked_well(name: str) -> str:
     """
     Name of a well as a ROS namespace, without slashes at its ends.

@@ -21,12 +21,12 @@ from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs.bag_input import IMU, IMU_BURST, InputSettings, Topics
-from mwd_surface.runs.recorded_settings import Recorded, SurfacePart
 from mwd_surface.surveys.depth import DepthReading, DepthTrack
 from mwd_surface.surveys.depth_table import read_depths
 from mwd_surface.surveys.leg_settings import arranged
 from mwd_surface.surveys.message_conversion import survey_of_fields
 from mwd_surface.surveys.recorded_list import RecordedList, recorded_list
+from mwd_surface.surveys.recorded_settings import Recorded, SurfacePart
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 
@@ -69,8 +69,9 @@ class ListBuilder:
     ) -> None:
         self._bag, self._estimator, self._recorded, self._frame = bag, estimator, recorded, frame
         namespace = topics.imu.removesuffix(IMU).removesuffix(IMU_BURST)
-        self._surface = recorded.surface or SurfacePart(Well(name=namespace.strip("/") or Well().name))
-        known = self._surface.well.sensor_to_bit
+        self._surface = recorded.surface or SurfacePart()
+        self._well = recorded.well(Well(name=namespace.strip("/") or Well().name))
+        known = self._well.sensor_to_bit
         self.sensor_to_bit = given.sensor_to_bit_m if given.sensor_to_bit_m >= 0.0 else known
         self._table = read_depths(Path(given.depths)) if given.depths else None
         self._live = recorded_list(bag, namespace) if recorded.surface is not None else RecordedList()
@@ -171,11 +172,10 @@ class ListBuilder:
     def _begin(self, first: Survey) -> None:
         """Begin the list where the live one began."""
         self._begun = True
-        well = self._surface.well
-        place, station = self._estimator.place, first.station
-        if self._recorded.surface is None:
-            well = dataclasses.replace(well, north_reference=station.north)
-        recorded = self._recorded.estimator
+        well = self._well
+        place, recorded = self._estimator.place, self._recorded.estimator
+        if self._recorded.surface is None or recorded is None or self._estimator.survey.north != recorded.survey.north:
+            well = dataclasses.replace(well, north_reference=first.station.north)
         if recorded is None or place != recorded.place:
             well = dataclasses.replace(well, latitude_deg=place.lat_deg, longitude_deg=place.lon_deg)
         well = dataclasses.replace(well, sensor_to_bit=self.sensor_to_bit)

@@ -19,13 +19,13 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.runs.bag_estimate import BagEstimate
 from mwd_surface.runs.bag_input import InputSettings, refuse_damaged, worth_saying
 from mwd_surface.runs.merger import Merger
-from mwd_surface.runs.recorded_settings import Recorded
 from mwd_surface.runs.run_config import config_text
 from mwd_surface.runs.run_output import REVISIONS, OutputSettings, destination, drafts, fault_text, survey_text
 from mwd_surface.runs.run_summary import Summary
+from mwd_surface.surveys.recorded_settings import Recorded
 from mwd_surface.surveys.survey_store import encoded
 
-_REVERSED = (
+REVERSED = (
     "the accelerometer reads gravity instead of specific force: its signs are reversed for these results, as "
     "--accelerometer down does"
 )
@@ -73,19 +73,21 @@ def process(
     """
     given, wanted = given or InputSettings(), wanted or OutputSettings()
     summary = _processed(bag, folder, estimator, given, progress, compensation, wanted, recorded)
-    if estimator.tool.mount.accelerometer == "up" and _reads_down(summary):
-        changed = settings.changed(estimator, {"tool.mount.accelerometer": "down"})
+    if (changed := reversed_settings(estimator, summary)) is not None:
         summary = _processed(bag, folder, changed, given, progress, compensation, wanted, recorded)
-        summary.warnings.insert(0, _REVERSED)
+        summary.warnings.insert(0, REVERSED)
     return summary
 
 
-def _reads_down(summary: Summary) -> bool:
-    """Whether the motion or the dip showed to the end that the accelerometer, and nothing else, is reversed."""
+def reversed_settings(estimator: EstimatorSettings, summary: Summary) -> EstimatorSettings | None:
+    """Settings with the accelerometer reversed, where motion or dip showed to the end that it, and no other, is."""
     last = {fault.check: fault for fault in summary.faults}
     standing = [fault for fault in last.values() if not fault.cleared_ns]
     reversals = (FaultCode.SIGN, FaultCode.POINTS_UP)
-    return any(fault.code in reversals and fault.sensors == (1,) for fault in standing)
+    shown = any(fault.code in reversals and fault.sensors == (1,) for fault in standing)
+    if not shown or estimator.tool.mount.accelerometer != "up":
+        return None
+    return settings.changed(estimator, {"tool.mount.accelerometer": "down"})
 
 
 def _processed(
@@ -116,16 +118,24 @@ def _processed(
     return summary
 
 
-def estimate(bag: Bag, estimator: EstimatorSettings, given: InputSettings, sink: Callable[[Output], None]) -> Summary:
+def estimate(
+    bag: Bag,
+    estimator: EstimatorSettings,
+    given: InputSettings,
+    sink: Callable[[Output], None],
+    recorded: Recorded | None = None,
+) -> Summary:
     """
     Run the estimator over a bag; sink: called with the output of each block, in order, in a thread of its own.
+
+    recorded: the settings in the recording, for its survey list.
 
     Raises
     ------
     BagError, ValueError
         As `process`; an exception of the sink ends the run.
     """
-    return _finished(_run_of(bag, estimator, given), bag, given, sink, lambda _share: None)
+    return _finished(_run_of(bag, estimator, given, recorded=recorded), bag, given, sink, lambda _share: None)
 
 
 def _run_of(

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from mwd_sensors.core import gauge_burst, wire
 from mwd_sensors.core.arrays import Samples
@@ -13,7 +14,9 @@ from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.bags.bag_metadata import qos_profile
 from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.runs import launch_plan
 from mwd_surface.runs.simulated_tool import SimulatedTool
+from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
 
 _BLOCK_S = 1.0
 # As `mwd_sensors.ros.qos` names them: STREAM, and EVENT for the rig.
@@ -76,8 +79,18 @@ def record(
             progress(min(done / sonde.duration, 1.0))
         if link is not None:
             link.finish()
+        for name, table in _parameters(scenario, namespace).items():
+            bag.add_metadata(name, {key: str(value) for key, value in table.items()})
         count = bag.messages
     return count, sonde.duration
+
+
+def _parameters(scenario: Scenario, namespace: str) -> dict[str, dict[str, Any]]:
+    """Place, day and well of a scenario, as `mwd run` sets them and the surface node records them."""
+    surface = launch_plan.surface_parameters(scenario)
+    if namespace.strip("/"):
+        surface["well.name"] = namespace.strip("/")
+    return {ESTIMATOR: launch_plan.reference_parameters(scenario), SURFACE: surface}
 
 
 class _LinkWriter:

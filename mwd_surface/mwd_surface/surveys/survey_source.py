@@ -7,6 +7,7 @@ Only reads: a list that a running surface node keeps can be exported at the same
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -14,6 +15,7 @@ from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.list_file import is_list, read_list
 from mwd_surface.surveys.message_conversion import record_of, stamp_of
+from mwd_surface.surveys.recorded_settings import recorded_settings
 from mwd_surface.surveys.slide_file import NAME, read_stretches
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
@@ -23,7 +25,7 @@ from mwd_surface.surveys.well import Well
 
 LIST_TYPE, PATH_TYPE = "mwd_msgs/msg/SurveyList", "mwd_msgs/msg/Trajectory"
 _NO_WELL = (
-    "a recording does not carry the description of the well: names, datum and section azimuth are defaults unless"
+    "this recording does not carry the description of the well: names, datum and section azimuth are defaults unless"
     " given with --set"
 )
 FILES = ("surveys.json", "surveys.previous.json")
@@ -56,7 +58,7 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
     if folders:
         return _stored(folders[0])
     with Bag(path) as bag:
-        return surveys_of_bag(bag), (_NO_WELL,)
+        return surveys_of_bag(bag), () if recorded_settings(bag).surface is not None else (_NO_WELL,)
 
 
 def stretches_of(path: Path) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
@@ -102,7 +104,8 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
         )
     leg = legs.pop() if legs else Leg().name
     tie_on, north = _start(bag, topic.removesuffix("surveys") + "trajectory")
-    well = Well(name=message.well or Well().name, north_reference=north.name.lower())
+    well = recorded_settings(bag).well(Well(name=message.well or Well().name))
+    well = dataclasses.replace(well, north_reference=north.name.lower())
     bare = SurveyList(
         well=well, legs=(Leg(leg, tie_on),), records=records, leg=leg, changed_ns=stamp_of(message.header.stamp)
     )

@@ -97,6 +97,16 @@ def test_a_recording_brings_its_own_settings_unless_a_file_or_an_option_says_oth
     assert fleet_task.carry_out(file).row["method"] == "raw"
 
 
+def test_place_and_day_come_from_the_recording_and_an_old_day_has_the_older_model(tmp_path):
+    place = {"place.field": "model", "place.lat_deg": "59.9", "place.lon_deg": "10.7", "place.date": "2019-03-01"}
+    recorded(tmp_path / "own", **place)
+    work = Work(str(tmp_path / "own"), str(tmp_path / "fleet"), CONFIG, InputSettings(), fleet_task.changes_text({}))
+    row = fleet_task.carry_out(work).row
+    assert row["outcome"] == DONE
+    assert any("the field is taken from the IGRF" in warning for warning in row["warnings"])
+    assert all(survey["dip_reference_deg"] > 70.0 for survey in table(work, "surveys"))
+
+
 def test_the_settings_a_worker_is_given_hold_every_one_of_them():
     chosen = settings.changed(EstimatorSettings(), {"gravity.method": "s3"})
     text = fleet_task.config_text(chosen)

@@ -13,10 +13,10 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs import process
 from mwd_surface.runs.bag_input import InputSettings
-from mwd_surface.runs.recorded_settings import ESTIMATOR, SURFACE, SurfacePart, recorded_settings
 from mwd_surface.surveys import message_conversion
 from mwd_surface.surveys.depth_table import read_depths
 from mwd_surface.surveys.list_columns import ListFileError
+from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE, SurfacePart, recorded_settings
 
 LIST = "mwd_msgs/msg/SurveyList"
 IN_FORCE = settings.changed(
@@ -104,7 +104,8 @@ def test_the_settings_of_a_recording_are_read_back_and_strange_ones_are_named(tm
 
 def test_a_recording_of_our_own_brings_well_tool_and_sensor_to_bit(live):
     (record,) = live.records
-    assert live.well == SHOWN.well
+    # The surface was told no place: that of the estimator counts.
+    assert live.well == dataclasses.replace(SHOWN.well, latitude_deg=38.3, longitude_deg=109.6)
     assert (record.measured_depth, record.tool) == (488.0, "T-7")
 
 

@@ -9,7 +9,10 @@ import pytest
 from plotted_bag import recorded
 
 from mwd_surface.bags.bag_reader import BagError
+from mwd_surface.exports.export_csv import definitive_csv
+from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.leg import TieOn
+from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
 from mwd_surface.surveys.slide_file import NAME, append_stretch
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_source import stretches_of, surveys_of
@@ -45,6 +48,23 @@ def test_a_recording_without_a_path_begins_at_the_wellhead(tmp_path):
     surveys = example.surveys(well)
     got, _ = surveys_of(recorded(tmp_path / "bag", [surveys], trajectory=False))
     assert got == without_well(surveys)
+
+
+def test_a_recording_with_the_settings_of_the_surface_gives_the_well_and_its_place(tmp_path):
+    surveys = example.surveys()
+    told = {"well.name": "Alpha", "well.rig": "Rig 7", "well.sensor_to_bit": "14.0"}
+    place = {"place.field": "model", "place.lat_deg": "58.44", "place.lon_deg": "1.88"}
+    tables = {SURFACE: told, ESTIMATOR: place}
+    got, notes = surveys_of(recorded(tmp_path / "bag", [surveys], tables=tables))
+    assert notes == ()
+    assert (got.well.name, got.well.rig, got.well.sensor_to_bit) == ("Alpha", "Rig 7", 14.0)
+    assert got.well.north_reference == surveys.well.north_reference
+    # The surface was told no place: that of the estimator counts.
+    assert (got.well.latitude_deg, got.well.longitude_deg) == (58.44, 1.88)
+    assert "58.440000 deg, 1.880000 deg" in definitive_csv(survey_table(got, 0))
+    tables[SURFACE] = told | {"well.latitude_deg": "58.5", "well.longitude_deg": "1.9"}
+    got, _ = surveys_of(recorded(tmp_path / "own", [surveys], tables=tables))
+    assert (got.well.latitude_deg, got.well.longitude_deg) == (58.5, 1.9)
 
 
 def test_a_recorded_sidetrack_is_refused_for_its_tie_on_is_not_recorded(tmp_path):

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The settings a recording was made with, from its metadata: what `mwd process` starts from where nothing else is said.
+The settings a recording was made with: what every command that reads one starts from where nothing else is said.
 
 The surface node writes the parameters of estimator and surface into every recording; later changes are messages of
-/parameter_events. Those of the surface count for the whole list; those of the estimator are named.
+/parameter_events. Those of the surface count for the whole list; those of the estimator are named. A recording without
+them may hold the fix of a satellite receiver, which is its place.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import reference_of
 from mwd_sensors.core import settings
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.surveys.depth import DepthRules
@@ -24,6 +26,7 @@ from mwd_surface.surveys.well import Well
 S = TypeVar("S")
 
 ESTIMATOR, SURFACE = "parameters/estimator", "parameters/surface"
+_FIX = "sensor_msgs/msg/NavSatFix"
 _EVENTS, _EVENT_TYPE = "/parameter_events", "rcl_interfaces/msg/ParameterEvent"
 # Field of ParameterValue by its type.
 _FIELDS = (
@@ -55,12 +58,21 @@ class Recorded:
     """
     Settings in a recording; None where it has none.
 
-    remarks: what of them this version cannot use, in words.
+    source: where the estimator's come from, in words. remarks: what of them this version cannot use, likewise.
     """
 
     estimator: EstimatorSettings | None = None
     surface: SurfacePart | None = None
+    source: str = ""
     remarks: tuple[str, ...] = ()
+
+    def well(self, usual: Well) -> Well:
+        """The well of the surface, else the usual one; at the estimator's place where neither has one."""
+        well = self.surface.well if self.surface is not None else usual
+        place = self.estimator.place if self.estimator is not None else None
+        if place is None or place.lat_deg is None or well.latitude_deg is not None:
+            return well
+        return dataclasses.replace(well, latitude_deg=place.lat_deg, longitude_deg=place.lon_deg)
 
 
 def recorded_settings(bag: Bag) -> Recorded:
@@ -82,7 +94,42 @@ def recorded_settings(bag: Bag) -> Recorded:
         )
     estimator = _settings(EstimatorSettings(), tables.get(ESTIMATOR), remarks)
     surface = _settings(SurfacePart(), tables.get(SURFACE), remarks, sections=True)
-    return Recorded(estimator, surface, tuple(remarks))
+    source = "those of the recording" if estimator is not None else ""
+    if estimator is None:
+        estimator, source = _by_receiver(bag)
+    return Recorded(estimator, surface, source, tuple(remarks))
+
+
+def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
+    """
+    Settings whose model covers the day, and a remark: where the newer model does not reach back, the IGRF is taken.
+
+    stamp_ns: ns, whose day counts where no date is set. Raises ValueError for a day outside every model.
+    """
+    try:
+        reference_of(estimator.place, stamp_ns)
+    except ValueError as error:
+        older = settings.changed(estimator, {"place.model": "igrf"})
+        if older == estimator:
+            raise
+        try:
+            reference_of(older.place, stamp_ns)
+        except ValueError:
+            raise error from None
+        return older, f"{error}: the field is taken from the IGRF"
+    return estimator, ""
+
+
+def _by_receiver(bag: Bag) -> tuple[EstimatorSettings | None, str]:
+    """Settings with the position of a satellite receiver in a recording, and its topic; None where there is none."""
+    fixes = [topic.name for topic in bag.topics.values() if topic.type_name == _FIX]
+    for _, name, _, data in bag.messages(fixes) if fixes else ():
+        fix = bag.decode(name, data)
+        if fix.status.status >= 0 and abs(fix.latitude) <= 90.0 and -180.0 <= fix.longitude <= 360.0:
+            place = {"place.lat_deg": round(float(fix.latitude), 5), "place.lon_deg": round(float(fix.longitude), 5)}
+            changes = {"place.field": "model", "survey.north": "true", **place}
+            return settings.changed(EstimatorSettings(), changes), f"the place of {name}"
+    return None, ""
 
 
 def _changes(bag: Bag) -> dict[str, dict[str, str]]:
