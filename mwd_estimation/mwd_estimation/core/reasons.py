@@ -18,7 +18,7 @@ from mwd_estimation.core.sensor_fault import SensorFault
 class ReasonCode(StrEnum):
     """What a reason says; the numbers and names that belong to each code stand beside its words."""
 
-    # Totals against the reference (survey.acceptance, survey.station_deviations).
+    # Totals against the reference (survey.totals).
     GRAVITY_OFF = "gravity_off"
     GRAVITY_OFF_STANDARD = "gravity_off_standard"
     FIELD_OFF = "field_off"
@@ -35,7 +35,7 @@ class ReasonCode(StrEnum):
     FIELD_IN_OTHER_UNIT = "field_in_other_unit"
     DIP_SIGN = "dip_sign"
 
-    # Readings and north of one station (survey.station).
+    # Readings and north of one station (survey.measurement).
     NO_ACCELEROMETER = "no_accelerometer"
     NO_MAGNETOMETER = "no_magnetometer"
     NO_NUMBER = "no_number"
@@ -46,11 +46,11 @@ class ReasonCode(StrEnum):
     STRING_ROTATED = "string_rotated"
     SAG_CORRECTED = "sag_corrected"
 
-    # External field of an observatory (observatory).
+    # External field of an observatory (pipeline.observatory).
     MAGNETIC_STORM = "magnetic_storm"
     EXTERNAL_FIELD_UNKNOWN = "external_field_unknown"
 
-    # The azimuth by its posterior (survey.judgement), and the single-station correction beside it (survey.acceptance).
+    # The azimuth by its posterior (survey.verdict), and the single-station correction beside it (survey.measurement).
     AZIMUTH_NOT_DETERMINED = "azimuth_not_determined"
     AZIMUTHS_FIT = "azimuths_fit"
     EXTERNAL_FIELD = "external_field"

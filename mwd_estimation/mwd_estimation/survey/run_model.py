@@ -3,7 +3,7 @@
 The stations of one run: what each says of its azimuth, given all that the run has shown before it.
 
 A single station is a run of length one. The model and its priors are in `survey.posterior`; here readings, references
-and gyro solutions become its records, and its densities become findings (`finding`) that `judgement` reads.
+and gyro solutions become its records, and its densities become findings (`finding`) that `verdict` reads.
 """
 
 from __future__ import annotations

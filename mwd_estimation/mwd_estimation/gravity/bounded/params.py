@@ -50,7 +50,7 @@ class Params(NamedTuple):
     walk : float
         Least random walk of the point that the tool vibrates about, m/sqrt(s). Raising it smooths a quiet tool more.
     axial_speed, max_bridged_gap_s : float
-        As in `gravity_settings.Bounded`, m/s and s.
+        As in `settings.gravity.Bounded`, m/s and s.
     """
 
     gravity: float = STANDARD_GRAVITY
