@@ -76,7 +76,7 @@ export class SurveyTable {
     head.append(el("th", { scope: "col" }, "Verdict"), el("th", { scope: "col", class: "at-2 method" }, "Method"), el("th", { scope: "col", class: "at-1" }, "By"));
     const body = el("tbody", {});
     const bit = this.projected(path);
-    if (bit) body.append(this.bitRow(bit, wanted));
+    if (bit) body.append(this.bitRow({ ...bit, azimuth_north: well?.north_reference || "" }, wanted));
     for (const row of [...rows].reverse()) {
       body.append(this.row(row, wanted));
       if (row.sequence === this.open) body.append(this.detail(row, wanted.length + 4, controls));
@@ -98,7 +98,7 @@ export class SurveyTable {
 
   bitRow(bit, wanted) {
     const line = el("tr", { class: "projected-row" }, el("th", { scope: "row" }, "bit"));
-    for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text({ ...bit, build_rate: null, turn_rate: null, g_total: null, b_total: null, dip: null, azimuth_north: wanted[2][0].slice(4) })));
+    for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text(bit)));
     line.append(el("td", {}, pill("idle", "projected")), el("td", { class: "at-2" }, "–"), el("td", { class: "at-1" }, "–"));
     return line;
   }
