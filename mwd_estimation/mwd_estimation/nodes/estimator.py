@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from mwd_msgs.action import NorthSeek, RotarySurvey
 from mwd_msgs.msg import Attitude, Dynamics, Gravity, InnovationList, Interference, SurveyList
 from mwd_msgs.msg import Survey as SurveyMessage
@@ -243,15 +242,16 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if self._survey_response is not None:
             response.success, response.message = False, "a survey is already being taken"
             return response
-        if not np.isfinite(request.duration) or request.duration < 0.0:
-            response.success, response.message = False, f"duration: must be 0 or more seconds, got {request.duration}"
-            return response
         if self._inputs.silent("imu/data_raw"):
             response.success, response.message = False, "no survey taken: no samples arrive from the sonde"
             return response
+        try:
+            self._pipeline.request_survey(request.duration)
+        except ValueError as error:
+            response.success, response.message = False, f"no survey taken: {error}"
+            return response
         self._survey_response = DeferredResponse()
         self._requested_s = request.duration or self.settings.survey.duration_s
-        self._pipeline.request_survey(request.duration)
         return self._survey_response
 
     def _respond(self, success: bool, message: str, sequence: int) -> None:

@@ -183,7 +183,7 @@ class Pipeline:
         self._estimate.set_reference(reference)
 
     def request_survey(self, duration_s: float = 0.0) -> None:
-        """Take a survey from the next half second on; `duration_s` 0 means as configured."""
+        """Take a survey from the next half second on, as `StillSurvey.request`; it comes in `Output.surveys`."""
         self._estimate.bin_stage.still.request(duration_s)
 
     def request_north(self, duration_s: float = 0.0, mode: str = "") -> None:

@@ -18,6 +18,7 @@ from mwd_estimation.settings.gravity import EXPERT, NoExpert
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool
 from mwd_estimation.survey.quality_settings import QualitySettings
+from mwd_estimation.survey.static_survey import LONGEST_S, SHORTEST_S
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 
@@ -45,8 +46,8 @@ class Survey:
         8.0,
         "Averaging time of a survey. Raising it lowers the noise and takes longer.",
         unit="s",
-        low=1.0,
-        high=600.0,
+        low=SHORTEST_S,
+        high=LONGEST_S,
     )
     wait_for_gyro_s: float = setting(
         120.0,

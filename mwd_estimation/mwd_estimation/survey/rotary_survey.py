@@ -20,7 +20,6 @@ from mwd_estimation.core.time_bins import Average
 from mwd_estimation.core.track import ROTATING_ABOVE, Track
 from mwd_estimation.survey.static_survey import Refusal, StillAverage
 from mwd_sensors.core.arrays import Array, Samples, Stamps
-from mwd_sensors.core.settings import setting
 
 # Share of the samples in which the string may not turn.
 _STOPS = 0.2
@@ -29,9 +28,9 @@ _FEWEST = 20
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """A survey taken while the string turns."""
+    """A survey taken while the string turns. duration_s: averaging time where the request names none, s."""
 
-    duration_s: float = setting(30.0, "Averaging time where the request names none", unit="s", low=5.0, high=3600.0)
+    duration_s: float = 30.0
 
 
 @dataclasses.dataclass(frozen=True)

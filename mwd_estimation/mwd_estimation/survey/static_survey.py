@@ -16,36 +16,39 @@ import numpy as np
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.time_bins import Average, Bin, average
-from mwd_sensors.core.settings import setting
 
 BIN_NS = 500_000_000
+SHORTEST_S, LONGEST_S = 1.0, 600.0  # of the averaging
 _BIN_S = BIN_NS * 1e-9
 
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """When a tool counts as still and how long it is averaged."""
+    """
+    When a tool counts as still and how long it is averaged; set by `settings.estimator.Survey`, which says more.
 
-    automatic: bool = setting(True, "Take a survey by itself in each still interval")
-    settle_s: float = setting(2.0, "Time to let the string settle before averaging", unit="s", low=0.0, high=120.0)
-    duration_s: float = setting(8.0, "Averaging time of a survey", unit="s", low=1.0, high=600.0)
-    wait_for_gyro_s: float = setting(
-        120.0,
-        "A survey taken by itself waits so long for the gyro azimuth while the tool keeps still, and averages on",
-        unit="s",
-        low=0.0,
-        high=3600.0,
-    )
-    max_rate: float = setting(0.03, "Mean angular rate above which the tool turns", unit="rad/s", low=1e-4, high=1.0)
-    max_rate_noise: float = setting(
-        0.03, "Standard deviation of the angular rate above which it moves", unit="rad/s", low=1e-4, high=1.0
-    )
-    max_force_noise: float = setting(
-        0.25, "Standard deviation of the specific force above which it shakes", unit="m/s^2", low=1e-3, high=10.0
-    )
-    max_force_step: float = setting(
-        0.1, "Change of the mean specific force between bins above which it shifts", unit="m/s^2", low=1e-3, high=10.0
-    )
+    Attributes
+    ----------
+    automatic : bool
+        Take a survey in each still interval.
+    settle_s, duration_s : float
+        Rest before averaging, and averaging, s.
+    wait_for_gyro_s : float
+        Longest wait of an automatic survey for what `StillSurvey.add` is told to wait for, s.
+    max_rate, max_rate_noise : float
+        Mean and standard deviation of the angular rate above which the tool moves, rad/s.
+    max_force_noise, max_force_step : float
+        Standard deviation of the specific force, and its change between bins, above which it moves, m/s^2.
+    """
+
+    automatic: bool = True
+    settle_s: float = 2.0
+    duration_s: float = 8.0
+    wait_for_gyro_s: float = 120.0
+    max_rate: float = 0.03
+    max_rate_noise: float = 0.03
+    max_force_noise: float = 0.25
+    max_force_step: float = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,8 +115,18 @@ class StillSurvey:
         self.waits_for: Reason | None = None
 
     def request(self, duration_s: float = 0.0) -> None:
-        """Ask for a survey that starts with the next bin; `duration_s` 0 means as configured."""
-        self._requested_bins = _bins(duration_s if duration_s > 0.0 else self.params.duration_s)
+        """
+        Ask for a survey that starts with the next bin; `duration_s` 0 means as configured.
+
+        Raises
+        ------
+        ValueError
+            A duration that is negative, not finite, shorter than SHORTEST_S or longer than LONGEST_S.
+        """
+        if duration_s and not SHORTEST_S <= duration_s <= LONGEST_S:
+            rule = f"{SHORTEST_S:g} to {LONGEST_S:g} s, or 0 for the configured one"
+            raise ValueError(f"duration: must be {rule}, got {duration_s:g}")
+        self._requested_bins = _bins(duration_s or self.params.duration_s)
         self._run, self.waits_for = [], None
 
     @property

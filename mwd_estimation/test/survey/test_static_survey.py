@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Surveys in still intervals: one each, after settling, on request at once, and refusals that say why."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,14 @@ def test_a_requested_survey_starts_at_once_without_settling():
     assert average.requested
     assert average.start_ns == bins[6].index * BIN_NS
     assert average.end_ns - average.start_ns == 3 * 10**9
+
+
+@pytest.mark.parametrize("duration_s", [-1.0, 0.2, 601.0, 1e9, math.inf, math.nan])
+def test_a_request_for_an_average_that_says_nothing_or_never_ends_is_refused(duration_s):
+    survey = StillSurvey(Params())
+    with pytest.raises(ValueError, match="duration: must be 1 to 600 s, or 0 for the configured one"):
+        survey.request(duration_s)
+    assert not survey.requested
 
 
 def test_a_gap_between_bins_ends_the_interval():
