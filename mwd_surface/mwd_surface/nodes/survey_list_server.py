@@ -34,7 +34,7 @@ from mwd_surface.surveys.message_conversion import survey_of
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.station_checks import revision_flags
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey, Verdict
+from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
@@ -171,23 +171,23 @@ class SurveyListServer:
         """Add a serialised survey of the estimator to the list; returns the outcome in words."""
         survey = survey_of(deserialize_message(data, msg.Survey))
         at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_to_bit)
-        known = {r.survey.uuid for r in self.surveys.records}
-        self._alarm_verdict(survey)
+        known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
         try:
             self._replace(self.surveys.add(survey, at.measured_depth, at.depth_age, comment=at.reason))
         except ValueError as error:
             text = f"survey {survey.sequence} not taken: {error}"
             self._alarm_log.raise_alarm("survey.refused", Severity.WARNING, text)
             return text
-        for record in self.surveys.records:
-            if record.survey.uuid not in known:
-                words = "in use" if record.in_use else "waits for a decision"
-                reasons = "; ".join(record.survey.reasons)
-                self._alarm_log.log_event("survey", f"survey {record.survey.sequence} {words}: {reasons}")
-                if record.in_use:
-                    self._accepted_publisher.publish(messages.record_message(record))
-                return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"
-        return f"survey {survey.sequence} is in the list already"
+        record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
+        self._alarm_verdict(record)
+        number = f"survey {record.survey.sequence}"
+        if known:
+            return f"{number} is in the list already"
+        words = "in use" if record.in_use else "waits for a decision"
+        self._alarm_log.log_event("survey", f"{number} {words}: {'; '.join(survey.reasons)}")
+        if record.in_use:
+            self._accepted_publisher.publish(messages.record_message(record))
+        return f"{number}: {Verdict(survey.verdict).name.lower()}"
 
     def on_revision(self, data: bytes) -> None:
         """Keep a serialised revision of the estimator beside the first value; a person decides about it."""
@@ -206,16 +206,14 @@ class SurveyListServer:
         severity = Severity.WARNING if worse else Severity.INFO
         self._alarm_log.log_event("survey", f"survey {record.survey.sequence}: {words}", severity)
 
-    def _alarm_verdict(self, survey: Survey) -> None:
+    def _alarm_verdict(self, record: SurveyRecord) -> None:
         """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""
-        if survey.verdict_azimuth in (Verdict.ACCEPT, Verdict.NOT_DETERMINED):
+        if not record.azimuth_doubt:
             self._alarm_log.clear_alarm("survey.azimuth")
             return
-        severity = Severity.CRITICAL if survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
-        text = f"survey {survey.sequence}: azimuth {Verdict(survey.verdict_azimuth).word}: {survey.action}"
-        self._alarm_log.raise_alarm(
-            "survey.azimuth", severity, text, "act on the reason, or decide about it in the list"
-        )
+        severity = Severity.CRITICAL if record.survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
+        remedy = "act on the reason, or decide about it in the list"
+        self._alarm_log.raise_alarm("survey.azimuth", severity, record.azimuth_doubt, remedy)
 
     # Services.
 

@@ -246,6 +246,15 @@ class SurveyRecord:
     turn_rate: float = 0.0
     flags: tuple[str, ...] = ()
 
+    @property
+    def azimuth_doubt(self) -> str:
+        """Which survey's azimuth is not to be relied on and why, in a sentence; empty where it is, or has none."""
+        verdict = Verdict(self.survey.verdict_azimuth)
+        if verdict in (Verdict.ACCEPT, Verdict.NOT_DETERMINED):
+            return ""
+        place = f" at {self.measured_depth:.1f} m" if self.measured_depth >= 0.0 else ""
+        return f"survey {self.survey.sequence}{place}: azimuth {verdict.word}: {self.survey.action}"
+
 
 def checked_survey(survey: Survey) -> Survey:
     """

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import settings
-from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, SurveyRecord, checked_survey
+from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, SurveyRecord, Verdict, checked_survey
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 4e-4, 0.0, 0.0, 0.0, 1e-6)
 
@@ -84,3 +84,12 @@ def test_a_record_survives_json_unchanged():
 def test_an_impossible_survey_is_refused_by_field(changes, says):
     with pytest.raises(ValueError, match=says):
         checked_survey(survey(**changes))
+
+
+def test_a_doubted_azimuth_is_named_by_the_number_and_the_depth_that_the_list_has():
+    off = survey(sequence=7, verdict_azimuth=int(Verdict.REJECT), headline="total field +900 nT off the reference")
+    words = "survey 7 at 1486.8 m: azimuth reject: total field +900 nT off the reference"
+    assert SurveyRecord(off, measured_depth=1486.8).azimuth_doubt == words
+    assert SurveyRecord(off).azimuth_doubt == words.replace(" at 1486.8 m", "")
+    for fine in (Verdict.ACCEPT, Verdict.NOT_DETERMINED):
+        assert not SurveyRecord(survey(verdict_azimuth=int(fine))).azimuth_doubt
