@@ -16,9 +16,16 @@ DISTURBED = ("casing", "s0_table")
 # Sensor faults, an uncalibrated probe, a run without a rest; and a field turned with its total and dip kept, which
 # nothing but a gyro in two positions shows.
 OTHERS = ("faults", "tumble", "s3_vibration", "s1_field")
-# Another link, pump or seed in the hole and the schedule of one that is played.
-SAME_DRILLING = ("telemetry_bad_day", "telemetry_pumps", "telemetry_siren", "telemetry_two_links")
-NAMES = sorted(path.stem for path in SCENARIOS.glob("*.yaml") if path.stem not in (*OTHERS, *SAME_DRILLING))
+# Another link, pump or seed in a hole that is played, or a depth between two of it.
+SAME_HOLE = (
+    "telemetry_bad_day",
+    "telemetry_downlink",
+    "telemetry_em_clay",
+    "telemetry_pumps",
+    "telemetry_siren",
+    "telemetry_two_links",
+)
+NAMES = sorted(path.stem for path in SCENARIOS.glob("*.yaml") if path.stem not in (*OTHERS, *SAME_HOLE))
 # A rig's hour and a quarter repeats one stand and one connection: twice says what five times do.
 CYCLES = {"connections": 2}
 

@@ -374,7 +374,7 @@ def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeyp
     imu, mag = _samples(seconds=30.0, rate=10.0, still_after=12.0)
     tracemalloc.start()
     for _ in range(32):
-        outputs = _run(imu, mag, pipeline, range(100, 3000, 100))
+        outputs = _run(imu, mag, pipeline, (1000, 2000))
         surveys += sum(len(output.surveys) for output in outputs)
         imu["stamp_ns"] += 30 * 10**9
         mag["stamp_ns"] += 30 * 10**9
