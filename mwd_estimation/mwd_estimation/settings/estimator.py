@@ -175,8 +175,9 @@ class Gravity:
 
     method: str = setting(
         gravity.DEFAULT,
-        "Gravity extraction. bounded is the most accurate; the others are for comparison (s3: the paper's fuzzy "
-        "filter, mahony: fixed gains, kalman: linear Kalman, raw: accelerometer alone).",
+        f"Gravity extraction; all but {gravity.DEFAULT} are for comparison. "
+        + "; ".join(f"{one.name}: {one.doc}" for one in gravity.METHODS.values())
+        + ".",
         choices=tuple(gravity.METHODS),
         fixed=True,
     )
