@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import dataclasses
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -229,3 +231,9 @@ def test_the_clock_jumps_once():
     off = (stamps - samples["stamp_ns"]) / 1e9
     assert np.all(off[t < 5.0] == 0.0)
     assert np.all(off[t >= 5.0] == -2.0)
+
+
+def test_the_guide_explains_every_word():
+    guide = (Path(__file__).resolve().parents[3] / "docs" / "guide" / "simulator.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`[^|]+) \|", guide[guide.index("| word | effect |") :], re.MULTILINE)
+    assert sorted(re.findall(r"`(\w+)`", " ".join(rows))) == sorted(faults.WORDS)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """What parities teach of confidence."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from mwd_surface.receiver.belief import TEMPERATURES, TOOLFACE_LEVEL, Candidate, Soft, Temper
+from mwd_surface.receiver.belief import SURVEY_LEVEL, TEMPERATURES, TOOLFACE_LEVEL, Candidate, Soft, Temper
 
 COUNT = len(TEMPERATURES)
 
@@ -61,3 +63,10 @@ def test_a_tool_without_any_parity_can_be_believed():
     unsure, sure = Temper().judge(soft(right=1.0)), Temper(parity=False).judge(soft(right=1.0))
     assert unsure.confidence < 0.95
     assert sure.confidence > 0.99
+
+
+def test_help_and_tutorial_name_the_probability_from_which_a_word_is_believed():
+    root = Path(__file__).resolve().parents[3]
+    for page in ("docs/tutorials/decode_pressure.md", "mwd_surface/mwd_surface/commands/decode.py"):
+        words = " ".join((root / page).read_text(encoding="utf-8").split())
+        assert f"below {SURVEY_LEVEL:g} (survey) or {TOOLFACE_LEVEL:g} (toolface)" in words, page
