@@ -69,7 +69,7 @@ def test_rows_without_times_are_taken_stand_after_stand():
 
 def test_a_multi_station_analysis_of_the_run_stands_beside_its_azimuths():
     errors, sigmas = [], []
-    for seed in range(20, 26):
+    for seed in range(20, 23):
         rows, azimuth = drawn(seed)
         for row, truth in zip(run_stations(rows, SETTINGS), azimuth, strict=True):
             beside = row.station.by_method("msa")
