@@ -102,7 +102,7 @@ class Requests:
         """
         if self._rotary is not None:
             raise ValueError("a rotary survey is already being taken")
-        self._rotary = RotarySurvey(derivation.rotary_params(self._settings), _bounded(duration_s))
+        self._rotary = RotarySurvey(_bounded(duration_s) or self._settings.survey.rotary_s)
 
     def cancel_rotary(self) -> None:
         """Take the rotary survey no longer."""

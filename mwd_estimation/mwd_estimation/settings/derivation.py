@@ -31,7 +31,6 @@ from mwd_estimation.settings.precision import PrecisionGyro
 from mwd_estimation.settings.tool import Accelerometer, Gyro, Tool
 from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.posterior.hypotheses import Priors
-from mwd_estimation.survey.rotary_survey import Params as RotaryParams
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core import earth
@@ -211,11 +210,6 @@ def still_params(settings: EstimatorSettings) -> StillParams:
         max_rate_noise=survey.max_rate_noise,
         max_force_noise=survey.max_force_noise,
     )
-
-
-def rotary_params(settings: EstimatorSettings) -> RotaryParams:
-    """Parameters of surveys in a turning string."""
-    return RotaryParams(duration_s=settings.survey.rotary_s)
 
 
 def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:

@@ -27,13 +27,6 @@ _FEWEST = 20
 
 
 @dataclasses.dataclass(frozen=True)
-class Params:
-    """A survey taken while the string turns. duration_s: averaging time where the request names none, s."""
-
-    duration_s: float = 30.0
-
-
-@dataclasses.dataclass(frozen=True)
 class Progress:
     """How far a survey is: s, s, samples, and in words."""
 
@@ -49,20 +42,19 @@ class RotarySurvey:
 
     Parameters
     ----------
-    params : Params
     duration_s : float
-        0: as configured.
+        Averaging time, s.
 
     Raises
     ------
     ValueError
-        A duration that is negative, not finite, or shorter than 5 s.
+        A duration that is not finite, or shorter than 5 s.
     """
 
-    def __init__(self, params: Params, duration_s: float = 0.0) -> None:
-        if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= 5.0)):
-            raise ValueError(f"duration: must be 0 or at least 5 s, got {duration_s:g}")
-        self.duration = duration_s or params.duration_s
+    def __init__(self, duration_s: float) -> None:
+        if not (math.isfinite(duration_s) and duration_s >= 5.0):
+            raise ValueError(f"duration: must be at least 5 s, or 0 for the configured one, got {duration_s:g}")
+        self.duration = duration_s
         self._begin: int | None = None
         self._last = 0
         self._down: list[Array] = []

@@ -114,7 +114,6 @@ def test_by_default_the_filters_get_their_own_defaults():
         derivation.gyrocompass_params,
         derivation.north_params,
         derivation.still_params,
-        derivation.rotary_params,
     ):
         found = derive(settings)
         assert found == type(found)(), derive.__name__

@@ -10,7 +10,7 @@ from mwd_estimation.attitude.time_alignment_state import PAIR
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.track import Track
-from mwd_estimation.survey.rotary_survey import Params, RotarySurvey
+from mwd_estimation.survey.rotary_survey import RotarySurvey
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_estimation.survey.station import station
 from mwd_sensors.core.frames import mat_nt, wrap_pi
@@ -45,7 +45,7 @@ def cut(block, part):
 
 
 def test_a_turning_string_gives_the_angles_it_would_give_at_rest():
-    survey = RotarySurvey(Params(), 30.0)
+    survey = RotarySurvey(30.0)
     average = survey.add(*turning(30.0))
     assert (average.end_ns - average.start_ns) == 30 * 10**9
     assert average.requested
@@ -65,8 +65,8 @@ def test_a_turning_string_gives_the_angles_it_would_give_at_rest():
 
 def test_any_cut_gives_the_same_average():
     block = turning(12.0)
-    whole = RotarySurvey(Params(), 10.0).add(*block)
-    survey = RotarySurvey(Params(), 10.0)
+    whole = RotarySurvey(10.0).add(*block)
+    survey = RotarySurvey(10.0)
     results = [survey.add(*cut(block, part)) for part in np.split(np.arange(len(block[0])), [1, 300, 999, 1001])]
     (average,) = [result for result in results if result is not None][:1]
     np.testing.assert_allclose(average.imu.mean, whole.imu.mean, rtol=1e-12)
@@ -75,16 +75,16 @@ def test_any_cut_gives_the_same_average():
 
 
 def test_a_string_that_does_not_turn_is_refused():
-    refused = RotarySurvey(Params(), 5.0).add(*turning(6.0, rate=0.0))
+    refused = RotarySurvey(5.0).add(*turning(6.0, rate=0.0))
     assert isinstance(refused, Refusal)
     assert "take a survey at rest" in text(refused.reason)
 
 
 def test_progress_tells_time_and_samples():
-    survey = RotarySurvey(Params())
+    survey = RotarySurvey(30.0)
     assert survey.progress().samples == 0
     assert survey.add(*turning(4.0)) is None
     given = survey.progress()
     assert (given.elapsed, given.remaining, given.samples, given.state) == (4.0, 26.0, 401, "averaging")
     with pytest.raises(ValueError, match="duration"):
-        RotarySurvey(Params(), 1.0)
+        RotarySurvey(1.0)
