@@ -3,7 +3,7 @@
 # make check  lint, types and the fast tests, before each commit
 # make test-ubuntu  the same tests with the versions of Ubuntu 24.04's Python packages, on Python 3.12
 # make bench  accuracy and speed against the papers and the peers; writes docs/benchmarks.md
-# make fuzz   generated input against every parser, for long (the suite does it for short)
+# make fuzz   generated input against every parser, for long (the suite does it for short); INPUTS=500: of so many each
 # make soak   an hour of the graph at ten times its pace with kills, LOSS=0.3: over a network that loses and reorders
 # make sbom   the locked packages as CycloneDX
 # make deb    out/mwd_*.deb: ROS 2, messages, packages and mwd in /opt/mwd, for machines of this distribution
@@ -68,7 +68,7 @@ lock: setup
 	@$(BIN)/python .ci/lock
 
 fuzz: setup
-	@HYPOTHESIS_PROFILE=fuzz $(CLEAN) $(BIN)/python -m pytest -m fuzz --hypothesis-show-statistics $(ONLY)
+	@HYPOTHESIS_PROFILE=fuzz FUZZ_INPUTS=$(or $(INPUTS),5000) $(CLEAN) $(BIN)/python -m pytest -m fuzz --hypothesis-show-statistics $(ONLY)
 
 soak: setup
 	@$(CLEAN) $(BIN)/python tests/soak.py $(if $(MINUTES),--minutes $(MINUTES)) $(if $(LOSS),--loss $(LOSS))

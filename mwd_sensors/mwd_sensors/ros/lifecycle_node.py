@@ -238,6 +238,9 @@ class GraphNode(LifecycleNode, Generic[T]):
         """
         if not self.active:
             return None, f"{self.get_name()} is not active; activate it first"
+        return self._guarded(name, callback, *arguments)
+
+    def _guarded(self, name: str, callback: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
         try:
             with self._heartbeat.timed():
                 return callback(*arguments), ""
@@ -258,7 +261,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def _settings_changed(self, settings: T) -> None:
         if self._configured:
-            self.on_settings_changed(settings)
+            self._guarded("parameters", self.on_settings_changed, settings)
 
     # Lifecycle.
 
@@ -332,7 +335,8 @@ class GraphNode(LifecycleNode, Generic[T]):
     def _publish_diagnostics(self) -> None:
         state = self._state_machine.current_state[1]
         if self.active:
-            found = [Diagnostic("lifecycle", OK, state), *self.diagnostics(), *self._middleware.diagnostics()]
+            own, _ = self._guarded("diagnostics", lambda: [*self.diagnostics(), *self._middleware.diagnostics()])
+            found = [Diagnostic("lifecycle", OK, state), *(own or ())]
         else:
             found = [Diagnostic("lifecycle", WARN, state, "activate the node")]
         found += clock_diagnostics(self.get_parameter("use_sim_time").value, self.get_clock().now().nanoseconds)

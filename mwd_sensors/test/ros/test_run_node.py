@@ -70,3 +70,41 @@ def test_a_node_started_by_any_means_stays_on_this_machine_unless_told_and_keeps
     assert (done.stdout.strip(), done.stderr.strip(), done.returncode) == (seen, "enough", 2)
     assert (tmp_path / "made").stat().st_mode & 0o777 == 0o750
     assert (tmp_path / "made" / "file").stat().st_mode & 0o777 == 0o640
+
+
+FAILING = """
+import dataclasses, os, signal, sys
+from rclpy.parameter import Parameter
+from mwd_sensors.core.settings import setting
+from mwd_sensors.ros import run_node
+from mwd_sensors.ros.lifecycle_node import GraphNode
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    gain: float = setting(1.0, "Gain")
+WHERE = sys.argv[1]
+def fail(where):
+    if where == WHERE: raise KeyError(where)
+class Failing(GraphNode):
+    def configure(self): self.add_timer(0.05, lambda: fail("timer"))
+    def diagnostics(self): fail("diagnostics"); return ()
+    def on_settings_changed(self, settings): fail("parameters")
+    def deactivate(self): fail("end")
+class Other(GraphNode):
+    # The failing node has had its turn several times when this one ends the process.
+    def configure(self): self.ticks = 0; self.add_timer(0.1, self.tick)
+    def tick(self):
+        self.ticks += 1
+        if self.ticks == 1: print(made[0].set_parameters([Parameter("gain", value=2.0)])[0].successful)
+        if self.ticks == 25: os.kill(os.getpid(), signal.SIGINT)
+    def deactivate(self): print("ended in order")
+made = []
+def failing(): made.append(Failing("failing", Settings())); return made[0]
+sys.exit(run_node.run_nodes([failing, lambda: Other("other", Settings())], []))
+"""
+
+
+@pytest.mark.parametrize("where", ["timer", "diagnostics", "parameters", "end"])
+def test_what_one_node_raises_anywhere_leaves_the_others_of_its_process_alone(where):
+    done = subprocess.run([sys.executable, "-c", FAILING, where], capture_output=True, text=True, check=False)
+    assert (done.stdout.split("\n")[:2], done.returncode) == (["True", "ended in order"], 0)
+    assert where == "end" or f"KeyError: '{where}'" in done.stderr

@@ -13,6 +13,7 @@ import dataclasses
 import math
 import platform
 import time
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -251,7 +252,10 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         """Close the parts in the order in which they were created."""
         closers, self._closers = self._closers, []
         for close in closers:
-            close()
+            try:
+                close()
+            except Exception:  # noqa: BLE001  (a part that cannot close must not keep the others open)
+                self.get_logger().error(f"cannot close:\n{traceback.format_exc()}")
 
     # Messages and requests.
 
