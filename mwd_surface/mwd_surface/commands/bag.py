@@ -22,6 +22,7 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap
       mwd bag info bags/run_7
     """
     from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.bags.mcap.writer import is_being_written
     from mwd_surface.commands import terminal
 
     console = terminal.output()
@@ -42,7 +43,9 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap
             console.print(f"attached: {attachment.name} ({len(attachment.data)} bytes)", markup=False)
         for note in opened.notes:
             terminal.warn(note)
-        if not opened.complete:
+        if is_being_written(path):
+            terminal.remark(f"{path} is being recorded")
+        elif not opened.complete:
             raise ValueError(f"{path} is cut off or damaged; `mwd recover {path}` makes it whole")
 
 

@@ -46,6 +46,7 @@ def view(
     from mwd_surface.page.page_server import PageServer
     from mwd_surface.page.settings import PageSettings
     from mwd_surface.runs import launch_plan
+    from mwd_surface.runs.bag_input import worth_saying
     from mwd_surface.runs.bundle import newest_recording
     from mwd_surface.runs.player import Player, Playing, namespace_of
     from mwd_surface.surveys.plan import with_section
@@ -60,6 +61,8 @@ def view(
     asked = Playing(not paused, rate, start)
     with contextlib.ExitStack() as held:
         bag = held.enter_context(Bag(recording))
+        for note in worth_saying(bag):
+            terminal.warn(note)
         planned = _plan(bag, plan)
         if namespace_of(bag):
             surveys = _surveys(bag)

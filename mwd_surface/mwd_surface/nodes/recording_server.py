@@ -180,7 +180,7 @@ class RecordingServer:
         self._live.on_recorder(status, now)
         causes: dict[str, tuple[int, str, str]] = {}
         if status.state in (RecorderState.PAUSED_DISK_FULL, RecorderState.FAILED):
-            causes["recorder.state"] = (Severity.CRITICAL, status.reason, _RESUMES)
+            causes["recorder.state"] = (Severity.CRITICAL, f"recording paused: {status.reason}", _RESUMES)
         if status.dropped:
             text = f"{status.dropped} messages were not recorded"
             causes["recorder.dropped"] = (Severity.WARNING, text, _FASTER)

@@ -297,10 +297,11 @@ class SurveyListServer:
         try:
             self._store.save(surveys)
         except StoreError as error:
+            # Tried every second, and said once.
+            if str(error) != self._save_error:
+                remedy = "free the disk; it is tried every second"
+                self._alarm_log.raise_alarm("surveys.unsaved", Severity.CRITICAL, str(error), remedy)
             self._save_error = str(error)
-            self._alarm_log.raise_alarm(
-                "surveys.unsaved", Severity.CRITICAL, str(error), "free the disk; it is tried every second"
-            )
             return
         self._save_error = ""
         self._alarm_log.clear_alarm("surveys.unsaved")

@@ -25,6 +25,7 @@ from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.bags.mcap.records import MAGIC
+from mwd_surface.bags.mcap.writer import is_being_written
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
@@ -269,6 +270,10 @@ def refuse_damaged(bag: Bag, given: InputSettings) -> None:
     """Raise BagError for a damaged recording, unless what can be read is asked for."""
     if given.partial or (bag.complete and not _cut_off(bag.path)):
         return
+    if is_being_written(bag.path):
+        raise BagError(
+            f"{bag.path} is being recorded", "stop the recording first, or take what can be read with --partial"
+        )
     notes = worth_saying(bag)
     reason = f": {notes[-1]}" if notes else ""
     raise BagError(

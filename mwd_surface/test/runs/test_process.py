@@ -255,6 +255,19 @@ def test_a_bag_that_was_cut_off_is_refused_and_leaves_nothing(tmp_path, keep):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
 
 
+def test_a_bag_that_is_being_recorded_is_refused_until_it_has_its_end(tmp_path):
+    imu = wire.IMU.empty(2000)
+    imu["stamp_ns"] = START + np.arange(2000) * 5_000_000
+    writer = BagWriter(tmp_path / "bag", in_place=True, chunk_bytes=20_000)
+    topic = writer.topic("/imu/data_raw", wire.IMU.type_name)
+    writer.write_rows(topic, wire.IMU.encode(imu, "x"), imu["stamp_ns"])
+    with pytest.raises(BagError, match="is being recorded"):
+        run(tmp_path / "bag", tmp_path / "out")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+    writer.close()
+    assert run(tmp_path / "bag", tmp_path / "out").rows == 2000
+
+
 def test_a_flipped_bit_is_refused_and_leaves_nothing(tmp_path):
     recording(tmp_path / "bag", seconds=5.0)
     file = next((tmp_path / "bag").glob("*.mcap"))

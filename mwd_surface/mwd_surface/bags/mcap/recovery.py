@@ -27,7 +27,7 @@ from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import INDEX_ENTRY, MESSAGE_PREFIX, Channel, FormatError, Opcode, Schema
 from mwd_surface.bags.mcap.recovery_report import RecoveryReport, Tally, all_notes, check
 from mwd_surface.bags.mcap.walk import Walk
-from mwd_surface.bags.mcap.writer import McapWriter
+from mwd_surface.bags.mcap.writer import McapWriter, is_being_written
 
 ROSBAG2_RECORD = "rosbag2"
 RECOVERY_RECORD = "mwd_recovery"
@@ -52,9 +52,11 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
     OSError
         `path` cannot be read or the disk refuses the new file.
     ValueError
-        `output` was given for a folder, or exists.
+        `output` was given for a folder, or exists; or the recording goes on.
     """
     path = Path(path)
+    if is_being_written(path):
+        raise ValueError(f"{path} is being recorded: stop the recording first")
     if path.is_dir():
         if output is not None:
             raise ValueError("output: a bag's folder is recovered in place; omit output")

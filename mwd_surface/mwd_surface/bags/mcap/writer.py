@@ -10,6 +10,8 @@ cannot take the names of all that follows.
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
 import zlib
 from collections.abc import Mapping
@@ -97,6 +99,9 @@ class McapWriter:
         self._declarations = b""
         self._index: dict[int, list[NDArray[np.void] | tuple[int, int]]] = {}
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        # For `is_being_written`; a disk without locks does without.
+        with contextlib.suppress(OSError):
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
             self._append(MAGIC + header_record(LIBRARY))
         except OSError:
@@ -322,6 +327,28 @@ class McapWriter:
             raise
         self._crc = zlib.crc32(data, self._crc)
         self.size += len(data)
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether a `McapWriter`, of this process or another on this machine, has a file open, or one of a folder."""
+    return any(map(_is_locked, path.glob("*.mcap") if path.is_dir() else [path]))
+
+
+def _is_locked(path: Path) -> bool:
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    else:
+        return False
+    finally:
+        os.close(handle)
 
 
 def _entries(items: list[NDArray[np.void] | tuple[int, int]]) -> NDArray[np.void]:

@@ -263,3 +263,17 @@ def test_hostile_lengths_are_passed_over_in_bounded_memory(whole, tmp_path, size
     tracemalloc.stop()
     assert peak < 50e6
     assert report.messages > 600
+
+
+@pytest.mark.fault_case(59)
+def test_a_recording_that_goes_on_is_left_alone(tmp_path):
+    writer = record(tmp_path / "bag")
+    before = sorted(tmp_path.rglob("*"))
+    for path in (tmp_path / "bag", tmp_path / "bag" / "bag_0.mcap"):
+        with pytest.raises(ValueError, match="is being recorded"):
+            recovery.recover(path)
+    assert sorted(tmp_path.rglob("*")) == before
+    # As after a kill: the file has no end, and nobody holds it.
+    writer.file.close()
+    (report,) = recovery.recover(tmp_path / "bag")
+    assert report.messages == 801

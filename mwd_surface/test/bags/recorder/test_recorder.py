@@ -20,6 +20,7 @@ from rosbags.rosbag2 import Reader
 from mwd_sensors.core.settings import SettingsError, from_mapping
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import Definitions
 from mwd_surface.bags.mcap import recovery
 from mwd_surface.bags.recorder.folder import recordings_named
@@ -290,7 +291,16 @@ def test_a_disk_that_refuses_pauses_the_recording_and_only_what_was_refused_is_l
             raise OSError(number, os.strerror(number))
         return real(file, data)
 
+    begin = BagWriter.begin_file
+
+    def begin_file(self: BagWriter) -> None:
+        # The head of a new file is small: without this the pause would be over before anybody looks.
+        if broken.is_set():
+            raise OSError(number, os.strerror(number))
+        begin(self)
+
     monkeypatch.setattr(os, "write", write)
+    monkeypatch.setattr(BagWriter, "begin_file", begin_file)
     settings = RecorderSettings(
         compression="none", chunk_bytes=20_000, min_free_bytes=0, retry_seconds=0.05, split_bytes=0
     )

@@ -93,6 +93,7 @@ def is_whole_block(pdu):
     return BLOCKS.get(address) == count and pdu[5] == 2 * count
 
 
+@pytest.mark.fuzz
 def test_no_request_but_a_whole_block_changes_who_has_control_or_what_is_commanded():
     with serving() as (s, authority):
         owner, attacker = Master(s.port), Master(s.port)
