@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.page.page_server import PageServer
     from mwd_surface.runs.player import Player, Playing
+    from mwd_surface.runs.run_config import ProcessedInput
     from mwd_surface.surveys.plan import Plan
     from mwd_surface.surveys.survey_list import SurveyList
 
@@ -34,11 +35,13 @@ def view(
     """
     Show a recording on the live page: play it at any rate, and go to any moment of it with the slider.
 
-    A recording without estimates is processed first, with the settings in it. Needs no ROS. Ends with Ctrl-C.
+    A recording without estimates is processed first, with the settings in it; the recording behind the results of
+    `mwd process`, as they were made. Needs no ROS. Ends with Ctrl-C.
 
     \b
     Examples:
       mwd view out/first
+      mwd view mine
       mwd view bags/run_7 --rate 10 --start 600
     """
     from mwd_surface.bags.bag_reader import Bag, BagError
@@ -49,15 +52,19 @@ def view(
     from mwd_surface.runs.bag_input import worth_saying
     from mwd_surface.runs.bundle import newest_recording
     from mwd_surface.runs.player import Player, Playing, namespace_of
+    from mwd_surface.runs.run_config import processed_input
     from mwd_surface.surveys.plan import with_section
 
     if not 0.01 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0.01 to 1000")
     if not run.exists():
         raise FileNotFoundError(2, "there is no such run or recording", str(run))
-    recording = newest_recording(run)
+    recording, read = newest_recording(run), None
     if recording is None:
-        raise BagError(f"{run} holds no recording", "`mwd process --format mcap` writes one with its results")
+        read = processed_input(run)
+        if read is None:
+            raise BagError(f"{run} holds no recording", "name a recording, or the folder of `mwd run` or `mwd process`")
+        recording = read.recording
     asked = Playing(not paused, rate, start)
     with contextlib.ExitStack() as held:
         bag = held.enter_context(Bag(recording))
@@ -65,9 +72,11 @@ def view(
             terminal.warn(note)
         planned = _plan(bag, plan)
         if namespace_of(bag):
-            surveys = _surveys(bag)
+            surveys = _surveys(bag, run)
+            if read is not None:
+                terminal.remark("shown are the estimates in the recording, not those of these results")
         else:
-            bag, surveys = held.enter_context(_processed(bag))
+            bag, surveys = held.enter_context(_processed(bag, read))
         surveys = dataclasses.replace(surveys, well=with_section(surveys.well, planned))
         player = Player(bag, namespace_of(bag), surveys, planned)
         page_port = held.enter_context(launch_plan.page_port(port))
@@ -108,16 +117,18 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
         time.sleep(max(0.0, _PERIOD_S - (time.monotonic() - now)))
 
 
-def _surveys(bag: Bag) -> SurveyList:
-    """The survey list of a recording; empty where it has none."""
+def _surveys(bag: Bag, run: Path) -> SurveyList:
+    """The survey list of a recording, else of the results beside it; empty where there is none."""
     from mwd_surface.bags.bag_reader import BagError
     from mwd_surface.surveys.recorded_settings import recorded_settings
     from mwd_surface.surveys.survey_list import SurveyList
-    from mwd_surface.surveys.survey_source import surveys_of_bag
+    from mwd_surface.surveys.survey_source import surveys_of, surveys_of_bag
     from mwd_surface.surveys.well import Well
 
-    try:
+    with contextlib.suppress(BagError):
         return surveys_of_bag(bag)
+    try:
+        return surveys_of(run)[0]
     except BagError:
         return SurveyList(well=recorded_settings(bag).well(Well()))
 
@@ -140,8 +151,8 @@ def _plan(bag: Bag, path: Path | None) -> Plan | None:
 
 
 @contextlib.contextmanager
-def _processed(bag: Bag) -> Iterator[tuple[Bag, SurveyList]]:
-    """A copy of a recording with its estimates, and its surveys."""
+def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[tuple[Bag, SurveyList]]:
+    """A copy of a recording with its estimates, and its surveys; read: how the results at hand were made."""
     import tempfile
 
     from mwd_estimation.settings.estimator import EstimatorSettings
@@ -152,11 +163,14 @@ def _processed(bag: Bag) -> Iterator[tuple[Bag, SurveyList]]:
     from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
     recorded = recorded_settings(bag)
-    estimator, remark = with_a_model(recorded.estimator or EstimatorSettings(), bag.start_ns)
+    begin = read.estimator if read is not None else recorded.estimator or EstimatorSettings()
+    estimator, remark = with_a_model(begin, bag.start_ns)
+    if read is not None and read.calibrated:
+        terminal.warn("shown without the calibration of these results: `mwd process --format mcap` writes them to view")
     with tempfile.TemporaryDirectory(prefix="mwd_view_") as scratch, terminal.progress("processing") as progress:
         folder = Path(scratch) / "out"
         wanted = OutputSettings(format="mcap")
-        summary = process.process(bag, folder, estimator, None, progress, None, wanted, recorded)
+        summary = process.process(bag, folder, estimator, read and read.given, progress, None, wanted, recorded)
         for warning in [remark, *summary.warnings] if remark else summary.warnings:
             terminal.warn(warning)
         with Opened(folder / MERGED) as merged:

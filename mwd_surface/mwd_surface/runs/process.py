@@ -19,8 +19,17 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.runs.bag_estimate import BagEstimate
 from mwd_surface.runs.bag_input import InputSettings, refuse_damaged, worth_saying
 from mwd_surface.runs.merger import Merger
-from mwd_surface.runs.run_config import config_text
-from mwd_surface.runs.run_output import REVISIONS, OutputSettings, destination, drafts, fault_text, survey_text
+from mwd_surface.runs.run_config import config_text, input_text
+from mwd_surface.runs.run_output import (
+    CONFIG,
+    INPUT,
+    REVISIONS,
+    OutputSettings,
+    destination,
+    drafts,
+    fault_text,
+    survey_text,
+)
 from mwd_surface.runs.run_summary import Summary
 from mwd_surface.surveys.recorded_settings import Recorded
 from mwd_surface.surveys.survey_store import encoded
@@ -29,7 +38,7 @@ REVERSED = (
     "the accelerometer reads gravity instead of specific force: its signs are reversed for these results, as "
     "--accelerometer down does"
 )
-_AFTER = ("surveys.csv", "surveys.json", REVISIONS, "faults.csv", "config.yaml")  # files named after the attitude
+_AFTER = ("surveys.csv", "surveys.json", REVISIONS, "faults.csv", CONFIG, INPUT)  # files named after the attitude
 
 
 def process(
@@ -43,7 +52,7 @@ def process(
     recorded: Recorded | None = None,
 ) -> Summary:
     """
-    Write the attitude (by default attitude.csv), surveys.csv, surveys.json, faults.csv and config.yaml of a bag.
+    Write the attitude (by default attitude.csv), surveys.csv, surveys.json, faults.csv, config.yaml and input.yaml.
 
     surveys.json is the survey list as the surface node keeps it: `mwd export` and `mwd report` take the folder.
 
@@ -111,7 +120,9 @@ def _processed(
         (draft / "surveys.json").write_bytes(encoded(summary.listed))
         (draft / "faults.csv").write_text(fault_text(summary.faults), encoding="utf-8")
         config = config_text(estimator, given, wanted, summary.topics)
-        (draft / "config.yaml").write_text(config, encoding="utf-8")
+        (draft / CONFIG).write_text(config, encoding="utf-8")
+        read = input_text(bag.path, given, calibrated=compensation is not None)
+        (draft / INPUT).write_text(read, encoding="utf-8")
         summary.files = [file.name for file in draft.iterdir()]
         # The largest first: what was asked for.
         summary.files.sort(key=lambda name: _AFTER.index(name) if name in _AFTER else -1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""config.yaml of a run: every setting in force, written so that it can be read back and used again."""
+"""config.yaml and input.yaml of a run: settings in force, and what was read how, to be read back and used again."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.runs.bag_input import InputSettings, Topics
-from mwd_surface.runs.run_output import OutputSettings
+from mwd_surface.runs.run_output import CONFIG, INPUT, OutputSettings
 
 
 def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
@@ -28,6 +28,46 @@ def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: Outp
         ]
     body: str = yaml.safe_dump(settings_of.to_mapping(estimator), sort_keys=False)
     return "\n".join(head) + "\n" + body
+
+
+def input_text(bag: Path, given: InputSettings, *, calibrated: bool) -> str:
+    """input.yaml: the recording, how it was read, and whether a calibration was applied to it."""
+    usual = settings_of.to_mapping(InputSettings())
+    changed = {name: value for name, value in settings_of.to_mapping(given).items() if value != usual[name]}
+    if given.depths:
+        changed["depths"] = str(Path(given.depths).resolve())
+    table = {"recording": str(bag.resolve()), "calibrated": calibrated, "input": changed}
+    text: str = yaml.safe_dump(table, sort_keys=False)
+    return text
+
+
+@dataclasses.dataclass(frozen=True)
+class ProcessedInput:
+    """What `mwd process` read for the results in a folder, and with which settings."""
+
+    recording: Path
+    calibrated: bool
+    given: InputSettings
+    estimator: EstimatorSettings
+
+
+def processed_input(folder: Path) -> ProcessedInput | None:
+    """
+    What was read for the results in a folder; None where it holds none.
+
+    Raises
+    ------
+    SettingsError
+        A file of settings in it is not as it was written.
+    OSError
+        It cannot be read.
+    """
+    if not (folder / INPUT).is_file():
+        return None
+    table = read_yaml(folder / INPUT)
+    given = settings_of.from_mapping(InputSettings, table.pop("input", {}), "input")
+    estimator = settings_of.from_mapping(EstimatorSettings, read_config(folder / CONFIG))
+    return ProcessedInput(Path(table["recording"]), bool(table["calibrated"]), given, estimator)
 
 
 def read_config(path: Path) -> dict[str, Any]:

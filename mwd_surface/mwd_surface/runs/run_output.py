@@ -28,7 +28,8 @@ MERGED = "merged"
 # Written where later surveys change what earlier ones say.
 REVISIONS = "revisions.csv"
 _SURVEYS = ("surveys.csv", "surveys.json", REVISIONS)
-_RESULTS = ("attitude.csv", "attitude.parquet", MERGED, *_SURVEYS, "faults.csv", "config.yaml")
+CONFIG, INPUT = "config.yaml", "input.yaml"
+_RESULTS = ("attitude.csv", "attitude.parquet", MERGED, *_SURVEYS, "faults.csv", CONFIG, INPUT)
 SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
 FAULT_COLUMNS = ("since_ns", "cleared_ns", "severity", "sensor", "axis", "kind", "confidence", "message", "remedy")
 

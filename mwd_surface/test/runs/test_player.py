@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording as the page shows it: the state of each moment, whatever the way to it."""
 
+import contextlib
 import json
+import math
 import signal
 import subprocess
 import sys
@@ -11,8 +13,9 @@ import urllib.request
 import pytest
 
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_sensors.simulator.scenario import read
+from mwd_sensors.simulator.scenario import parse, read
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.cli import app
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.runs import process, simulate
 from mwd_surface.runs.player import Player, namespace_of
@@ -106,25 +109,51 @@ def state(address):
         return json.load(answer)
 
 
-def test_the_page_of_a_recording_is_played_paused_and_wound(recorded, tmp_path):
-    words = [sys.executable, "-P", "-m", "mwd_surface.cli", "view", str(recorded[0]), "--paused", "--start", "3"]
-    with (tmp_path / "log").open("w") as log:
-        viewer = subprocess.Popen(words, stdout=log, stderr=log)
+def shown_at(address, at):
+    """The state of the page where it shows that moment, else None."""
+    shown = state(address)
+    return shown if shown["server"].get("replay", {}).get("at") == at else None
+
+
+@contextlib.contextmanager
+def viewed(folder, *words):
+    """The address of the page over a recording."""
+    command = [sys.executable, "-P", "-m", "mwd_surface.cli", "view", *words, "--paused", "--start", "3"]
+    with (folder / "log").open("w") as log:
+        viewer = subprocess.Popen(command, stdout=log, stderr=log)
     try:
-        until(lambda: "page at" in (tmp_path / "log").read_text(), 120, "the page")
-        address = (tmp_path / "log").read_text().partition("page at ")[2].partition(";")[0]
+        until(lambda: "page at" in (folder / "log").read_text(), 300, "the page")
+        yield (folder / "log").read_text().partition("page at ")[2].partition(";")[0]
+    finally:
+        viewer.send_signal(signal.SIGINT)
+        assert viewer.wait(60) == 0
+
+
+def test_results_of_a_recording_are_viewed_as_they_were_made(tmp_path):
+    story = "{name: s, well: {stations: [[0.0, 30.0, 40.0]]}, schedule: [{kind: still, seconds: 20.0}]}"
+    simulate.record(parse(story), tmp_path / "bag")
+    for form in ("csv", "mcap"):
+        results = str(tmp_path / form)
+        app(["process", str(tmp_path / "bag"), "-o", results, "-f", form], standalone_mode=False)
+        with viewed(tmp_path, results) as address:
+            assert ask(address, {"seek": 21.0}) == 200
+            after = until(lambda a=address: shown_at(a, 21.0), 60, "the moment")
+        assert after["sections"]["attitude"]["inclination"]["value"] == pytest.approx(math.radians(30.0), abs=0.01)
+        (survey,) = after["sections"]["surveys"]["rows"]
+        assert survey["verdict"] == "accepted"
+
+
+def test_the_page_of_a_recording_is_played_paused_and_wound(recorded, tmp_path):
+    with viewed(tmp_path, str(recorded[0])) as address:
         before = until(lambda: state(address) if "replay" in state(address)["server"] else None, 20, "the recording")
         replay = before["server"]["replay"]
         assert (replay["at"], replay["playing"], replay["rate"]) == (3.0, False, 1.0)
         assert replay["length"] == pytest.approx(30.0, abs=0.2)
         assert ask(address, {"seek": 20.0}) == 200
-        after = until(lambda: s if (s := state(address))["server"]["replay"]["at"] == 20.0 else None, 20, "the moment")
+        after = until(lambda: shown_at(address, 20.0), 20, "the moment")
         assert after["now"] == 20.0
         assert after["sections"]["rig"]["bit_depth"]["value"] == deepest(recorded[1], 20.0)
         assert ask(address, {"playing": True, "rate": 5}) == 200
         until(lambda: state(address)["server"]["replay"]["at"] > 25.0, 20, "it plays")
         assert ask(address, {"rate": 1e9}) == 400
         assert ask(address, {"sek": 1}) == 400
-    finally:
-        viewer.send_signal(signal.SIGINT)
-        assert viewer.wait(20) == 0

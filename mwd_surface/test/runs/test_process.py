@@ -70,6 +70,9 @@ def attitude(folder):
         return list(csv.DictReader(file))
 
 
+BESIDE = ("surveys.csv", "surveys.json", "faults.csv", "config.yaml", "input.yaml")
+
+
 def surveys(folder):
     with (folder / "surveys.csv").open() as file:
         return list(csv.DictReader(file))
@@ -82,6 +85,7 @@ def test_one_line_for_every_imu_message_in_order(tmp_path):
         "attitude.csv",
         "config.yaml",
         "faults.csv",
+        "input.yaml",
         "surveys.csv",
         "surveys.json",
     ]
@@ -130,7 +134,7 @@ def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
         wanted = OutputSettings(format="parquet", rate_hz=10.0)
         summary = process.process(bag, tmp_path / "few", S3, wanted=wanted)
     assert summary.rows == len(imu)
-    assert summary.files == ["attitude.parquet", "surveys.csv", "surveys.json", "faults.csv", "config.yaml"]
+    assert summary.files == ["attitude.parquet", *BESIDE]
     assert "# rate_hz: 10.0" in (tmp_path / "few" / "config.yaml").read_text()
     table = pq.read_table(tmp_path / "few" / "attitude.parquet").to_pylist()
     lines = attitude(tmp_path / "out")[::10]
@@ -146,7 +150,7 @@ def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
         with Bag(tmp_path / "bag") as bag:
             wanted = OutputSettings(format="mcap")
             summary = process.process(bag, tmp_path / "merged", S3, InputSettings(start_s=2.0), wanted=wanted)
-    assert summary.files == ["merged", "surveys.csv", "surveys.json", "faults.csv", "config.yaml"]
+    assert summary.files == ["merged", *BESIDE]
     run(tmp_path / "bag", tmp_path / "out", start_s=2.0)
     lines = attitude(tmp_path / "out")
     with Bag(tmp_path / "merged" / "merged") as bag:

@@ -2,6 +2,7 @@
 """config.yaml of a run: what was in force, read back as it was; other files in its place are refused in a sentence."""
 
 import math
+from pathlib import Path
 
 import pytest
 import yaml
@@ -10,7 +11,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings
 from mwd_sensors.core.settings import SettingsError
 from mwd_surface.runs.bag_input import InputSettings, Topics
-from mwd_surface.runs.run_config import config_text, read_config
+from mwd_surface.runs.run_config import config_text, input_text, processed_input, read_config
 from mwd_surface.runs.run_output import OutputSettings
 
 TOPICS = Topics("/well_1/imu/data_raw", "/well_1/imu/mag", None, None, None)
@@ -66,6 +67,17 @@ def test_what_is_no_table_of_settings_is_refused_with_the_name_of_the_file(tmp_p
     path.write_bytes(content)
     with pytest.raises(SettingsError, match=rf"config\.yaml.*{message}"):
         read_config(path)
+
+
+def test_what_was_read_and_how_comes_back_from_the_folder_of_the_results(tmp_path):
+    assert processed_input(tmp_path) is None
+    chosen = settings.changed(EstimatorSettings(), {"survey.duration_s": 5.0})
+    given = InputSettings(mag_unit="uT", start_s=9.0, depths="depths.csv")
+    (tmp_path / "config.yaml").write_text(written(chosen, given))
+    (tmp_path / "input.yaml").write_text(input_text(Path("bags/run_7"), given, calibrated=True))
+    found = processed_input(tmp_path)
+    assert (found.recording, found.calibrated, found.estimator) == (Path("bags/run_7").resolve(), True, chosen)
+    assert found.given == InputSettings(mag_unit="uT", start_s=9.0, depths=str(Path("depths.csv").resolve()))
 
 
 def test_a_file_that_is_not_there_is_reported(tmp_path):
