@@ -80,8 +80,9 @@ def inspect(
             frame = found.frames.get(name, "")
             lines.append((what, f"{name}: {figures(found.times[name])}" + (f", frame {frame}" if frame else "")))
     words = {"accel_unit": "specific force", "gyro_unit": "angular rate", "mag_unit": "field"}
+    read = words if found.topics.mag is not None else ("accel_unit", "gyro_unit")
     lines += [
-        ("units", ", ".join(f"{words[name]} in {unit}" for name, unit in found.units.items())),
+        ("units", ", ".join(f"{words[name]} in {unit}" for name, unit in found.units.items() if name in read)),
         ("mount", found.mount),
         ("turning", f"{found.turns_about} in axes of the IMU" if found.turns_about else "never seen: axes not checked"),
         ("at rest", f"{found.rests} times long enough for a survey, longest {found.rest_s:.0f} s"),

@@ -21,13 +21,14 @@ from mwd_surface.exports.report_section import Section
 from mwd_surface.surveys.plan import Plan, offset_from
 from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_path import Definitive
 from mwd_surface.surveys.well_position import uncertain
 
 _DEG = 180.0 / math.pi
 _DEG_30 = 30.0 * _DEG
+_FEW = 12  # numbers in a sentence
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,6 +148,7 @@ def table_of(
 ) -> SurveyTable:
     """The printed table of a path of the list; see `survey_table`."""
     path, left_out = _finite(path)
+    left_out += _without_depth(surveys)
     by_number = {r.survey.sequence: r for r in surveys.records}
     records = tuple(by_number.get(s) if s else None for s in path.sequence)
     used = [r.survey for r in records if r is not None]
@@ -216,6 +218,16 @@ def plain(text: str) -> str:
 
 def _numbers(values: Iterable[float]) -> tuple[float | None, ...]:
     return tuple(float(v) for v in values)
+
+
+def _without_depth(surveys: SurveyList) -> tuple[str, ...]:
+    """What to do about surveys that have no place on the path, where there are any."""
+    without = [r for r in surveys.records if r.measured_depth < 0.0 and r.judgement != Judgement.REJECTED]
+    if not without:
+        return ()
+    numbers = ", ".join(str(r.survey.sequence) for r in without[:_FEW]) + (" ..." if len(without) > _FEW else "")
+    remedy = "set it in the list, or give a table of depths to `mwd process --depths`"
+    return (f"left out for want of a depth: survey {numbers}; {remedy}",)
 
 
 def _finite(path: Definitive) -> tuple[Definitive, tuple[str, ...]]:

@@ -70,7 +70,9 @@ class ListBuilder:
         self._bag, self._estimator, self._recorded, self._frame = bag, estimator, recorded, frame
         namespace = topics.imu.removesuffix(IMU).removesuffix(IMU_BURST)
         self._surface = recorded.surface or SurfacePart()
-        self._well = recorded.well(Well(name=namespace.strip("/") or Well().name))
+        # A topic of another name says nothing of the well.
+        well = namespace.strip("/") if namespace != topics.imu else ""
+        self._well = recorded.well(Well(name=well or Well().name))
         known = self._well.sensor_to_bit
         self.sensor_to_bit = given.sensor_to_bit_m if given.sensor_to_bit_m >= 0.0 else known
         self._table = read_depths(Path(given.depths)) if given.depths else None

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.exports.export_csv import definitive_csv, quoted, raw_csv
+from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey
 
@@ -115,3 +116,13 @@ def test_the_decimal_sign_is_a_point_in_every_locale():
 def test_stations_left_out_are_named_in_the_head():
     table = dataclasses.replace(example.table(), left_out=("station 3 left out: a number in it is not finite",))
     assert "# station 3 left out: a number in it is not finite" in definitive_csv(table)
+
+
+def test_surveys_without_a_depth_are_named_with_what_to_do():
+    surveys = example.surveys()
+    number = surveys.records[-1].survey.sequence + 1
+    surveys = surveys.add(example.survey(number, 15.0, 80.0), -1.0, -1.0)
+    (why,) = survey_table(surveys, 0).left_out
+    assert why.startswith(f"left out for want of a depth: survey {number};")
+    assert f"# {why}" in definitive_csv(survey_table(surveys, 0))
+    assert survey_table(surveys.reject(number, "Ann", "no depth", 1), 0).left_out == ()
