@@ -169,8 +169,8 @@ def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[tuple[Bag, Sur
         terminal.warn("shown without the calibration of these results: `mwd process --format mcap` writes them to view")
     with tempfile.TemporaryDirectory(prefix="mwd_view_") as scratch, terminal.progress("processing") as progress:
         folder = Path(scratch) / "out"
-        wanted = OutputSettings(format="mcap")
-        summary = process.process(bag, folder, estimator, read and read.given, progress, None, wanted, recorded)
+        wanted, given = OutputSettings(format="mcap"), read.given if read is not None else None
+        summary = process.process(bag, folder, estimator, given, progress, None, wanted, recorded)
         for warning in [remark, *summary.warnings] if remark else summary.warnings:
             terminal.warn(warning)
         with Opened(folder / MERGED) as merged:
