@@ -3,6 +3,7 @@
 
 import ast
 import functools
+import graphlib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -122,6 +123,18 @@ def test_control_lies_below_rig_and_page():
         and not _within(name, "mwd_surface.control")
     ]
     assert not wrong, "\n".join(wrong)
+
+
+def test_rooms_import_each_other_in_no_circle():
+    rooms = {".".join(_module(path).split(".")[:2]) for path in MODULES if len(_module(path).split(".")) > 2}
+    imports = {room: set() for room in rooms}
+    for path in MODULES:
+        own = ".".join(_module(path).split(".")[:2])
+        for name in _imports(path):
+            room = ".".join(name.split(".")[:2])
+            if own in rooms and room in rooms - {own}:
+                imports[own].add(room)
+    list(graphlib.TopologicalSorter(imports).static_order())  # raises with the rooms of a circle
 
 
 def test_rooms_that_are_apart_do_not_import_each_other():

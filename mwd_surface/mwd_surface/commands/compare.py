@@ -62,14 +62,23 @@ def compare(
         limits = {**golden.limits_of(expected), **_limits(limit)}
         found = runs.compare(run, expected, limits)
         if output is not None:
-            from mwd_surface.plots import run_comparison
-
-            picture = run_comparison.picture(run, expected)
+            picture = _picture(run, expected)
     _show(found, limited=bool(limits))
     if output is not None:
         terminal.write(output.parent, {output.name: picture})
     if not found.agree:
         raise typer.Exit(1)
+
+
+def _picture(run: Path, expected: Path) -> bytes:
+    from mwd_surface.plots import run_comparison
+    from mwd_surface.runs import run_folder
+
+    ours, theirs = (
+        run_comparison.Run(path.resolve().name, run_folder.attitude(path), run_folder.surveys(path))
+        for path in (run, expected)
+    )
+    return run_comparison.picture(ours, theirs)
 
 
 def _limits(given: list[str] | None) -> dict[str, float]:

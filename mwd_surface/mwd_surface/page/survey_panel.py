@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.live.settings import QualityLimits
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.position_covariance import ellipse, in_section
-from mwd_surface.surveys.station_quality import totals
+from mwd_surface.surveys.station_quality import QualityLimits, totals
 from mwd_surface.surveys.survey_record import ROTARY, Judgement, North, Survey, SurveyRecord, Verdict
 from mwd_surface.surveys.well_path import Definitive
 

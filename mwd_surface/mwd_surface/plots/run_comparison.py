@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.plots.drawing import finish_axes, png, time_unit
-from mwd_surface.runs import run_folder
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,20 +20,23 @@ _ANGLES = ("inclination_deg", "azimuth_deg")
 _NAMES = ("inclination", "azimuth")
 
 
-def thinned(folder: Path) -> dict[str, Array]:
+class Run(NamedTuple):
+    """A run as `mwd process` writes it: its name, blocks of attitude with stamp_ns and angles, deg, and its surveys."""
+
+    name: str
+    attitude: Iterable[Mapping[str, Any]]
+    surveys: list[dict[str, str]]
+
+
+def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
     """
     Some rows of the attitude of a run, in constant memory: stamp_ns and the angles, shape (n,), ns and deg.
 
     Rows are taken at equal distances, at most `_MOST` of them.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        As `run_folder.attitude`.
     """
     kept: dict[str, list[Array]] = {name: [] for name in ("stamp_ns", *_ANGLES)}
     step, place = 1, 0
-    for block in run_folder.attitude(folder):
+    for block in attitude:
         first = -place % step
         place += len(block["stamp_ns"])
         for name, parts in kept.items():
@@ -46,18 +48,11 @@ def thinned(folder: Path) -> dict[str, Array]:
     return {name: np.concatenate(parts) if parts else np.empty(0) for name, parts in kept.items()}
 
 
-def picture(ours: Path, expected: Path) -> bytes:
-    """
-    PNG of two runs: folders that `mwd process` wrote.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        One of them has no attitude.
-    """
+def picture(ours: Run, expected: Run) -> bytes:
+    """PNG of two runs."""
     from matplotlib.figure import Figure
 
-    runs = [(path.resolve().name, thinned(path), run_folder.surveys(path)) for path in (ours, expected)]
+    runs = [(run.name, thinned(run.attitude), run.surveys) for run in (ours, expected)]
     begin = min((int(rows["stamp_ns"][0]) for _, rows, _ in runs if len(rows["stamp_ns"])), default=0)
     last = max((int(rows["stamp_ns"][-1]) for _, rows, _ in runs if len(rows["stamp_ns"])), default=0)
     unit_s, unit = time_unit((last - begin) * 1e-9)

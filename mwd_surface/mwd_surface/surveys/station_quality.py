@@ -14,11 +14,26 @@ import math
 import numpy as np
 
 from mwd_estimation.core import magnetic_geometry
-from mwd_surface.live.settings import QualityLimits
+from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_record import STATIC, Survey, Verdict
 
 GOOD, DOUBTFUL, REJECT, NO_REFERENCE = "good", "doubtful", "reject", "no reference"
+
+
+@dataclasses.dataclass(frozen=True)
+class QualityLimits:
+    """What totals may deviate from the reference, as the quality lights show it where a survey brings no limits."""
+
+    gravity: float = setting(0.0245, "tolerance of total gravity against the reference", unit="m/s^2", low=0.0)
+    field_nt: float = setting(300.0, "tolerance of the total field against the reference", unit="nT", low=0.0)
+    dip_deg: float = setting(0.45, "tolerance of the dip against the reference", unit="deg", low=0.0)
+    reject_factor: float = setting(
+        1.5,
+        "factor of the tolerance beyond which a station shows as rejected; between 1 and the factor it "
+        "shows as doubtful",
+        low=1.0,
+    )
 
 
 @dataclasses.dataclass(frozen=True)
