@@ -19,10 +19,10 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 
 TEMPERATURES = (1.15, 1.5, 4.0)
-# Before any parity is seen. Words of the simulated wells, of an independent channel and of white noise, with the truth
-# known, are likeliest between 1 and 1.8; of ten thousand a few at 4 (gaps, spikes, pumps that hunt). The last is for a
-# temperature without bound.
-_PRIOR = (0.51, 0.40, 0.03, 0.06)
+# Before any parity is seen: likeliest of words with the truth known, of simulated wells and of white noise. White noise
+# alone is likeliest at 1.15, pulses of 0.3 s among pumps at 1.5, stalls and gaps at 4. The last is for a temperature
+# without bound.
+_PRIOR = (0.60, 0.32, 0.02, 0.06)
 # The last one of a tool whose words have no parity.
 _UNSEEN = 0.002
 # A transmission of a tool whose parities held: how much of the prior it begins with, the rest as the last one ended.
@@ -117,6 +117,11 @@ class Temper:
     def judge(self, word: Soft) -> Judged:
         """Confidence of a word's values."""
         weights = self.weights()[:-1]
+        if word.holds is not None:
+            # Noise changes from word to word: a parity that would rather fail says so of its own word first. Whether
+            # parities mean anything is a question to all of them, already answered.
+            own = weights * word.holds
+            weights = own * (weights.sum() / own.sum())
         found = sorted(
             ((float(np.dot(weights, one.probability)), one.code) for one in word.candidates),
             key=lambda row: (-row[0], row[1]),

@@ -25,7 +25,6 @@ from mwd_surface.receiver.tool_clock import ToolClock
 from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
 
 _HISTORY_TU = 400
-_BEFORE_TU = 50
 # A response that comes after the last packet, as far as it still carries energy.
 _AFTER_TU = 14
 # Beyond this probability that parities mean nothing, the transmission is lost.
@@ -61,7 +60,7 @@ class Transmission:
     ) -> None:
         self._tool, self._grid = tool, grid
         self._clock = ToolClock(position)
-        self._settled = -min(found.settled, SAMPLES_PER_TU * _BEFORE_TU)
+        self._settled = -found.settled
         self._edges = [float(SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu]
         self._chances = [1.0] * len(self._edges)
         response = np.zeros(response_length(tool.tu_s))

@@ -50,6 +50,17 @@ def test_a_proven_configuration_begins_a_transmission_with_less_doubt():
     assert failed.following().weights() == pytest.approx(Temper().weights(), abs=1e-3)
 
 
+def test_a_word_whose_parity_would_rather_fail_is_believed_less():
+    temper = Temper()
+    temper.learn([soft()] * 20)
+    doubtful, clear = temper.judge(soft(holds=0.05)), temper.judge(soft())
+    assert doubtful.code == clear.code
+    assert doubtful.confidence < clear.confidence
+    # What all parities say of the configuration is not counted again.
+    ways = [sum(p for _, p in one.alternatives) + one.confidence for one in (doubtful, clear)]
+    assert ways == pytest.approx([1.0 - temper.failing] * 2)
+
+
 def test_a_word_without_parity_teaches_nothing():
     temper = Temper()
     before = temper.weights()
