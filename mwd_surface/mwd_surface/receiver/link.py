@@ -21,10 +21,9 @@ from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfigurat
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.link_attitude import AgeRules, LinkAttitude
 from mwd_surface.receiver.link_survey import HeardSurvey, SurveyTime
-from mwd_surface.receiver.link_values import believed
 from mwd_surface.receiver.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.receivers import receiver_of
-from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception
+from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 # Eb/N0 at which 19 of 20 words of 13 bits are right when their parity is used (docs/benchmarks.md, limits of the code).

@@ -24,8 +24,7 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.settings import setting
 from mwd_sensors.telemetry import meanings
 from mwd_surface.receiver.link_survey import north_of
-from mwd_surface.receiver.link_values import LinkValue, value_of
-from mwd_surface.receiver.words import ReceivedWord
+from mwd_surface.receiver.words import LinkValue, ReceivedWord, value_of
 
 
 @dataclasses.dataclass(frozen=True)

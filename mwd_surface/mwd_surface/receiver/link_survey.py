@@ -26,7 +26,7 @@ from mwd_sensors.core import frames
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.telemetry import meanings
-from mwd_surface.receiver.link_values import LinkValue
+from mwd_surface.receiver.words import LinkValue
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Nine, North, Survey, Verdict
 
 _VERDICTS = {"accept": Verdict.ACCEPT, "doubtful": Verdict.DOUBTFUL, "reject": Verdict.REJECT}

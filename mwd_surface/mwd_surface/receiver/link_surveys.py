@@ -18,7 +18,7 @@ from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link_survey import HeardSurvey, survey
-from mwd_surface.receiver.link_values import LinkValue
+from mwd_surface.receiver.words import LinkValue
 from mwd_surface.surveys.survey_record import Survey
 
 _OF_SURVEY = (meanings.INCLINATION, meanings.AZIMUTH, meanings.G_TOTAL, meanings.B_TOTAL, meanings.DIP)

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 
 from mwd_sensors.core.arrays import Indices
-from mwd_sensors.telemetry import combinatorial
+from mwd_sensors.telemetry import combinatorial, meanings
 from mwd_sensors.telemetry.combinatorial import SPACING_TU
 from mwd_sensors.telemetry.pulse_position import packets, window_tu
 from mwd_sensors.telemetry.sequences import SequenceItem
@@ -68,6 +68,34 @@ class ReceivedWord:
     def usable(self) -> bool:
         """Whether its value may be used: it is believed, or chosen by the consistency of its survey."""
         return self.status != ERASED
+
+
+@dataclasses.dataclass(frozen=True)
+class LinkValue:
+    """Value and 1 sigma, SI, of a word; code; begin and end on air, s on the clock of the samples; odds of the code."""
+
+    value: float
+    sigma: float
+    raw: int
+    start_s: float
+    end_s: float
+    confidence: float = 1.0
+
+
+def believed(words: list[ReceivedWord]) -> dict[str, LinkValue]:
+    """Newest believed word of each meaning."""
+    found = {}
+    for word in words:
+        quantity = meanings.meaning_of(word.name)
+        if quantity and word.usable:
+            found[quantity] = value_of(word)
+    return found
+
+
+def value_of(word: ReceivedWord) -> LinkValue:
+    """Value of a word in SI."""
+    factor = meanings.factor(word.unit)
+    return LinkValue(word.value * factor, word.sigma * factor, word.raw, word.start_s, word.end_s, word.confidence)
 
 
 @dataclasses.dataclass(frozen=True)

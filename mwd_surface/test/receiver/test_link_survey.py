@@ -16,8 +16,7 @@ from mwd_sensors.core import frames
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.words import COMMON
 from mwd_surface.receiver.link_survey import SurveyTime, survey
-from mwd_surface.receiver.link_values import LinkValue, believed
-from mwd_surface.receiver.words import BELIEVED, ERASED, ReceivedWord
+from mwd_surface.receiver.words import BELIEVED, ERASED, LinkValue, ReceivedWord, believed
 from mwd_surface.surveys.survey_record import North, Verdict, checked_survey
 
 REFERENCE = Reference(50e-6, math.radians(70.0), math.radians(2.0), math.radians(0.5), 9.82, "test")

@@ -10,7 +10,7 @@ from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link_survey import HeardSurvey, SurveyTime
 from mwd_surface.receiver.link_surveys import LinkSurveys
-from mwd_surface.receiver.link_values import LinkValue
+from mwd_surface.receiver.words import LinkValue
 
 SECOND = 10**9
 START = 1_772_345_000 * SECOND
