@@ -73,6 +73,8 @@ def test_what_python_writes_beside_the_files_goes_with_the_package(installed):
     assert any(prefix.rglob("__pycache__"))
     subprocess.run([root / "DEBIAN/prerm", "remove"], check=True)
     assert not any(prefix.rglob("__pycache__"))
+    gone = (root / "DEBIAN/prerm").read_text().replace(str(prefix), str(prefix / "gone"))
+    subprocess.run(["sh", "-c", gone], check=True)
 
 
 def test_an_interpreter_of_this_machine_alone_is_refused_with_the_remedy(tmp_path):
