@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comments and pages name is there: modules of a room (`survey.verdict`), and files of this repository."""
+"""What comments and pages name is there, modules of a room (`survey.verdict`) and files; and maps are complete."""
 
 import io
 import re
@@ -71,6 +71,15 @@ def test_modules_and_files_that_are_named_exist():
     found = {str(path.relative_to(ROOT)): [name for text in prose(path) for name in missing(text)] for path in SOURCES}
     found |= {str(path.relative_to(ROOT)): missing(path.read_text(encoding="utf-8")) for path in PAGES}
     assert {path: names for path, names in found.items() if names} == {}
+
+
+def test_the_maps_leave_no_room_out_and_that_of_the_sensors_no_module():
+    architecture = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    sensors = (ROOT / "mwd_sensors" / "README.md").read_text(encoding="utf-8")
+    rooms = {path.relative_to(ROOT).parts[2] for path in SOURCES if len(path.relative_to(ROOT).parts) > 3}
+    modules = {path.stem for path in SOURCES if path.parent.parent == ROOT / "mwd_sensors" / "mwd_sensors"}
+    assert {room for room in rooms if f"`{room}`" not in architecture} == set()
+    assert {name for name in modules - {"__init__"} if f"`{name}`" not in sensors} == set()
 
 
 def test_a_name_that_nothing_has_is_found():
