@@ -3,9 +3,10 @@
 Attitude of every IMU sample from gravity and the magnetic samples, each magnetic sample paired with its own gravity.
 
 A magnetic sample is paired with the gravity of its own time, not of its arrival: it is taken into account a fixed
-`mag_lag` after its stamp, with gravity interpolated at that stamp. So the result does not depend on the order in which
-two topics happen to be delivered, live and replayed results are the same bits, and a turning tool loses no accuracy.
-The azimuth of the hole axis hardly moves in that time; the magnetic toolface does, and is propagated by the x gyro.
+`mag_lag_ns` after its stamp, with gravity interpolated at that stamp. So the result does not depend on the order in
+which two topics happen to be delivered, live and replayed results are the same bits, and a turning tool loses no
+accuracy. The azimuth of the hole axis hardly moves in that time; the magnetic toolface does, and is propagated by the x
+gyro.
 """
 
 from __future__ import annotations

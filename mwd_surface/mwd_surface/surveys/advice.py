@@ -2,8 +2,8 @@
 """
 Advice on the next interval, slide or rotate, at what toolface, how far; from plan, projected path and slide sheet.
 
-The well is brought back to the plan by the one arc from the bit to the point of the plan that lies `look_ahead` further
-on. Its dogleg severity over what the motor yields per metre slid is the share of the interval to slide, as a
+The well is brought back to the plan by the one arc from the bit to the point of the plan that lies `look_ahead_m`
+further on. Its dogleg severity over what the motor yields per metre slid is the share of the interval to slide, as a
 directional driller reckons it.
 """
 
