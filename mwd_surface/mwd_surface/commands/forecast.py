@@ -82,7 +82,7 @@ def _show(found: Forecast) -> None:
     from mwd_surface.commands import terminal
     from mwd_surface.exports.survey_table import fixed
 
-    names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "corrected", "", "field nT", "dip", "pass %")
+    names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "σ corr", "", "±B nT", "±dip", "pass %")
     table = terminal.table(names)
     # The whole is in the file; here some stations along the hole.
     for k in np.unique(np.linspace(0, found.md.size - 1, 14).astype(int)):

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The survey list of the node: what the estimator says later of a survey stands beside its first value."""
+
+import concurrent.futures
+import dataclasses
+import logging
+from types import SimpleNamespace
+
+import example_surveys as example
+import pytest
+from mwd_msgs import msg
+from rclpy.serialization import serialize_message
+
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.live_state import LiveState
+from mwd_surface.nodes.settings import SurfaceSettings
+from mwd_surface.nodes.survey_list_server import SurveyListServer
+from mwd_surface.page.survey_panel import survey_row
+from mwd_surface.surveys.message_conversion import fill_survey
+from mwd_surface.surveys.survey_record import North, Verdict
+
+
+class Log:
+    """The alarm log without a node."""
+
+    def __init__(self):
+        self.events = []
+
+    def log_event(self, source, text, severity=Severity.INFO):
+        self.events.append((source, text, severity))
+
+    def raise_alarm(self, alarm_id, severity, text, *_):
+        self.events.append((alarm_id, text, severity))
+
+    def clear_alarm(self, alarm_id):
+        """No alarm stands here."""
+
+    def now_ns(self):
+        return example.MADE
+
+
+class Worker:
+    """Runs no report and no ellipse: they are not looked at here."""
+
+    def submit(self, *_):
+        return concurrent.futures.Future()
+
+
+def nothing(*_):
+    """What is not looked at here."""
+
+
+@pytest.fixture
+def server(tmp_path):
+    published = {}
+
+    def add_publisher(_kind, topic, _qos):
+        return SimpleNamespace(publish=lambda message: published.setdefault(topic, []).append(message))
+
+    node = SimpleNamespace(
+        add_publisher=add_publisher,
+        add_service=nothing,
+        frame=lambda name: name,
+        get_logger=lambda: logging.getLogger("surface"),
+    )
+    context = SimpleNamespace(node=node, folder=tmp_path, live=LiveState(), alarm_log=Log(), worker=Worker())
+    server = SurveyListServer(
+        context,
+        SurfaceSettings(),
+        example.WELL,
+        plan=SimpleNamespace(plan=None, show_offset=nothing),
+        on_published=nothing,
+        slide_sheet=tuple,
+        on_depth_by_hand=nothing,
+    )
+    server.open()
+    server.depth.set_by_hand(example.survey(1, 10.0, 40.0).stamp_ns, 500.0)
+    yield SimpleNamespace(server=server, published=published, events=context.alarm_log.events)
+    server.close()
+
+
+def serialised(survey):
+    message = msg.Survey()
+    fill_survey(message, survey, msg.AzimuthEstimate)
+    return serialize_message(message)
+
+
+def test_a_revision_is_listed_published_shown_and_logged_and_moves_no_station(server):
+    first = example.survey(1, 10.0, 40.0)
+    server.server.on_survey(serialised(first))
+    (before,) = server.published["surveys"][-1].records
+    later = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(Verdict.DOUBTFUL), headline="steel")
+    for revision in (1, 1):
+        server.server.on_revision(serialised(dataclasses.replace(later, revision=revision)))
+    assert len(server.published["surveys"]) == 2
+    (record,) = server.published["surveys"][-1].records
+    assert record.survey == before.survey
+    assert record.in_use == before.in_use
+    assert [(one.revision, one.verdict) for one in record.revised] == [(1, msg.Survey.DOUBTFUL)]
+    row = survey_row(server.server.surveys.records[0], North.GRID)
+    assert any(flag.startswith("later surveys say: doubtful") and "steel" in flag for flag in row["flags"])
+    said = [(text, severity) for source, text, severity in server.events if "later surveys say" in text]
+    assert len(said) == 1
+    assert said[0][1] == (Severity.WARNING if before.in_use else Severity.INFO)
+
+
+def test_a_revision_of_a_survey_that_is_not_listed_changes_nothing(server):
+    server.server.on_revision(serialised(dataclasses.replace(example.survey(9, 10.0, 40.0), revision=1)))
+    assert "surveys" not in server.published
