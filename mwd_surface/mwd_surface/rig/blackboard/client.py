@@ -131,11 +131,11 @@ class Blackboard(LoopInterface):
                 async with client:
                     await self._publish(client, stop)
                 failures = 0
-            except (OSError, self._asyncua.ua.UaError, BlackboardError) as error:
+            except Exception as error:  # noqa: BLE001  (asyncua raises anything for bytes that are no OPC UA)
                 # A connection that held makes the next wait short again.
                 failures = 0 if self._connected else failures
                 failures, self._failures = failures + 1, self._failures + 1
-                self._reason = (str(error) or "no answer")[:_SHOWN]
+                self._reason = (str(error) or "no answer that OPC UA has")[:_SHOWN]
             finally:
                 self._connected = False
             if not stop.is_set():
@@ -270,7 +270,7 @@ class _Depths:
                 del self._nodes[name]
                 continue
             stamp = value.SourceTimestamp or value.ServerTimestamp
-            if value.StatusCode.is_good() and stamp != self._stamps.get(name):
+            if value.Value is not None and value.StatusCode.is_good() and stamp != self._stamps.get(name):
                 self._stamps[name] = stamp
                 found[name] = _number(value.Value.Value)
         return found

@@ -5,6 +5,8 @@ import asyncio
 import contextlib
 import json
 import re
+import socket
+import struct
 import threading
 
 import asyncua
@@ -227,3 +229,42 @@ def test_an_answer_that_is_none_ends_in_a_sentence_and_another_try(board, answer
 def test_an_address_that_is_none_is_refused_with_a_sentence(url):
     with pytest.raises(InterfaceError, match=r"write opc\.tcp"):
         Blackboard(BlackboardSettings(url=url)).start()
+
+
+ACKNOWLEDGED = b"ACKF" + struct.pack("<6I", 28, 0, 65536, 65536, 0, 0)
+
+
+@pytest.mark.parametrize(
+    "answered",
+    [
+        lambda _hello: b"",
+        lambda _hello: b"HTTP/1.1 400 Bad Request\r\n\r\n",
+        lambda data: ACKNOWLEDGED if data.startswith(b"HEL") else data,
+        lambda data: ACKNOWLEDGED if data.startswith(b"HEL") else b"OPNF" + struct.pack("<I", 108) + b"\x9f" * 100,
+        lambda data: ACKNOWLEDGED if data.startswith(b"HEL") else b"MSGF" + struct.pack("<I", 0),
+    ],
+    ids=["nothing", "http", "echo", "garbage", "no length"],
+)
+def test_whatever_bytes_a_server_answers_with_the_client_tries_again(answered):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        asked = []
+
+        def serve():
+            # Ends with the server's socket.
+            with contextlib.suppress(OSError):
+                while True:
+                    talk, _ = server.accept()
+                    with talk, contextlib.suppress(OSError):
+                        asked.append(1)
+                        talk.settimeout(5.0)
+                        while (data := talk.recv(65536)) and (answer := answered(data)):
+                            talk.sendall(answer)
+
+        threading.Thread(target=serve, daemon=True).start()
+        waits = Backoff(first=0.05, longest=0.1)
+        url = f"opc.tcp://127.0.0.1:{server.getsockname()[1]}/"
+        with started(Blackboard(BlackboardSettings(url=url, timeout=0.5, backoff=waits))) as one:
+            eventually(lambda: len(asked) >= 3)
+            assert one.running
+            assert one.status().reason
+        server.shutdown(socket.SHUT_RDWR)
