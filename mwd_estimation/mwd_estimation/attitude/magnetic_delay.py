@@ -124,8 +124,10 @@ class MagneticDelay:
 
     def _take_bins(self, bins: Stamps, angle: Array, rate: Array) -> None:
         for part in np.split(np.arange(len(bins)), np.flatnonzero(np.diff(bins)) + 1):
+            if len(part) < _FEW:
+                continue
             mean = complex(np.exp(1j * angle[part]).mean())
-            if len(part) >= _FEW and abs(mean) > _LEAST_RESULTANT:
+            if abs(mean) > _LEAST_RESULTANT:
                 self._update(float(np.angle(mean)), float(rate[part].mean()))
 
     def _update(self, angle: float, rate: float) -> None:

@@ -73,6 +73,12 @@ def test_a_magnetometer_in_time_is_left_alone_biased_or_not(cross_axial):
     assert input_diagnostics(pipeline) == []
 
 
+def test_samples_a_second_apart_show_no_delay():
+    imu, mag = drilled(0.03)
+    pipeline, _, _ = estimated(imu[::100], mag[::100])
+    assert pipeline.mag_late_ns == 0
+
+
 def test_one_speed_shows_no_delay():
     pipeline, _, _ = estimated(*drilled(0.03, rates=((8.0, 40.0),)))
     assert pipeline.mag_late_ns == 0

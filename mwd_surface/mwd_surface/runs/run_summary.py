@@ -19,6 +19,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 
 _MANY_REFUSED = 0.1  # share of the samples that is worth a warning
 _MANY_DISTURBED = 0.05
+_MANY_GAPS = 0.5
 
 
 @dataclasses.dataclass
@@ -124,6 +125,12 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         warnings.append(
             f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
             "are not finite or beyond reason"
+        )
+    if summary.gaps > _MANY_GAPS * summary.rows:
+        rate_hz = (summary.rows - 1) / summary.seconds
+        warnings.append(
+            f"the IMU gives {rate_hz:.2g} samples/s, and most of them follow a gap: no survey can be averaged, and the "
+            "attitude is that of single samples; record it at the rate of the sensor"
         )
     if summary.disturbed > _MANY_DISTURBED * summary.rows:
         warnings.append(

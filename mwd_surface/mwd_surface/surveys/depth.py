@@ -129,10 +129,14 @@ class DepthTrack:
             return False
         if self._sonde_ns is not None:
             self._clocks.append((stamp_ns - self._sonde_ns) * NS)
+        reachable = not self._stamps or self._reachable(self._stamps[-1], self._depths[-1], stamp_ns, bit_depth)
         if self._stamps and stamp_ns <= self._stamps[-1]:
             self.refused_order += 1
+            if stamp_ns == self._stamps[-1] and not reachable:
+                # Two sources that are asked at the same time.
+                self._left_out.append((stamp_ns, bit_depth))
             return False
-        if not self._stamps or self._reachable(self._stamps[-1], self._depths[-1], stamp_ns, bit_depth):
+        if reachable:
             self._leave_out()
             self._append(stamp_ns, bit_depth, False)
             return True

@@ -272,6 +272,13 @@ def test_a_bag_that_is_being_recorded_is_refused_until_it_has_its_end(tmp_path):
     assert run(tmp_path / "bag", tmp_path / "out").rows == 2000
 
 
+def test_a_stream_of_one_hertz_is_named_as_the_reason_for_no_survey(tmp_path):
+    recording(tmp_path / "bag", seconds=60.0, rate=1)
+    summary = run(tmp_path / "bag", tmp_path / "out")
+    assert (summary.rows, summary.surveys) == (60, [])
+    assert [warning for warning in summary.warnings if warning.startswith("the IMU gives 1 samples/s")]
+
+
 def test_a_flipped_bit_is_refused_and_leaves_nothing(tmp_path):
     recording(tmp_path / "bag", seconds=5.0)
     file = next((tmp_path / "bag").glob("*.mcap"))

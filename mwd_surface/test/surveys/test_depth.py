@@ -139,6 +139,16 @@ def test_two_sources_that_alternate_give_no_depth_and_are_named(blocks):
     assert got.sensor_depth((end + 2) * S, 10.0).measured_depth == 1250.0
 
 
+def test_two_sources_with_the_same_stamps_give_no_depth_and_are_named():
+    readings = [(k, depth + 0.005 * k) for k in range(20) for depth in (1000.0, 1250.0)]
+    reading = track(*readings).sensor_depth(18 * S, 10.0)
+    assert reading.measured_depth == -1.0
+    assert reading.reason.startswith("two sources of depth alternate, 1000.1 m and 1250.1 m")
+    # One source that sends its readings twice is one source.
+    doubled = [(k, 1000.0 + 0.005 * k) for k in range(20) for _ in range(2)]
+    assert track(*doubled).sensor_depth(18 * S, 10.0).measured_depth == pytest.approx(990.09)
+
+
 def test_one_source_after_two_is_trusted_again_after_a_while():
     got, end = alternating(*[(1, 1000.0), (1, 1250.0)] * 10)
     for k in range(end, end + 130):
