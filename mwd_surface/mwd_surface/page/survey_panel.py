@@ -59,6 +59,8 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
         "automatic": Verdict(s.verdict).word,
         "verdicts": list(s.verdicts),
         "headline": s.action,
+        # What the estimator says now that it knows later surveys; None: what it said first.
+        "revised": Verdict(record.revised[-1].verdict).word if record.revised else None,
         "alternatives": _alternatives(s, azimuth_north),
         "totals": _lights(s, limits),
         "disturbances": [[words, number(odds)] for words, odds in s.disturbances],

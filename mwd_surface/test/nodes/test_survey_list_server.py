@@ -98,6 +98,7 @@ def test_a_revision_is_listed_published_shown_and_logged_and_moves_no_station(se
     assert record.in_use == before.in_use
     assert [(one.revision, one.verdict) for one in record.revised] == [(1, msg.Survey.DOUBTFUL)]
     row = survey_row(server.server.surveys.records[0], North.GRID)
+    assert row["revised"] == "doubtful"
     assert any(flag.startswith("later surveys say: doubtful") and "steel" in flag for flag in row["flags"])
     said = [(text, severity) for source, text, severity in server.events if "later surveys say" in text]
     assert len(said) == 1

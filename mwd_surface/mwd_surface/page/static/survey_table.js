@@ -5,6 +5,8 @@ import * as units from "./units.js";
 
 const VERDICTS = { accepted: "good", waiting: "info", doubtful: "doubtful", rejected: "reject" };
 
+const REVISED = { accept: "good", doubtful: "doubtful", reject: "reject" };
+
 // Verdict of each quantity: letter and mark of the row, and the whole word of its title.
 const QUANTITIES = [["I", "inclination"], ["A", "azimuth"], ["T", "toolface"]];
 const MARKS = { accept: "✓", doubtful: "?", reject: "✕", "not determined": "–" };
@@ -12,6 +14,9 @@ const MARKS = { accept: "✓", doubtful: "?", reject: "✕", "not determined": "
 const each = (row) => row.verdicts.every((word) => word === "accept") ? null : el("span",
   { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${name}: ${row.verdicts[k]}`).join(", ") },
   QUANTITIES.map(([letter], k) => `${letter}${MARKS[row.verdicts[k]]}`).join(" "));
+
+// What the estimator says of it now that it knows later surveys; the first value stays.
+const revised = (row) => !row.revised ? null : pill(REVISED[row.revised] || "info", `later: ${row.revised}`);
 
 export const percent = (odds) => `${(100 * odds).toFixed(odds < 0.1 ? 1 : 0)} %`;
 
@@ -113,7 +118,7 @@ export class SurveyTable {
     const line = el("tr", { class: row.in_use ? "used" : "unused", "data-sequence": row.sequence }, el("th", { scope: "row" }, toggle));
     for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text(row)));
     line.append(
-      el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict), each(row)),
+      el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict), each(row), revised(row)),
       el("td", { class: "at-2 method" }, row.method || "–"),
       el("td", { class: "at-1 by" }, row.accepted_by === "automatic" ? "auto" : row.accepted_by),
     );
