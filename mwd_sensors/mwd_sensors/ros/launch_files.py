@@ -47,8 +47,10 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
                 output="screen",
                 respawn=LaunchConfiguration("respawn"),
                 respawn_delay=_RESPAWN_DELAY,
-                # A signal that comes while Python ends would kill a node that is ending in order.
+                # A signal that comes while Python ends would kill a node that is ending in order. Where launch alone
+                # gets SIGINT, SIGTERM is the first signal of the node.
                 sigterm_timeout=str(STOP_PATIENCE),
+                sigkill_timeout=str(STOP_PATIENCE),
             ),
         ]
     )

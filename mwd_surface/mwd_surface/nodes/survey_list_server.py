@@ -184,7 +184,8 @@ class SurveyListServer:
         if known:
             return f"{number} is in the list already"
         words = "in use" if record.in_use else "waits for a decision"
-        self._alarm_log.log_event("survey", f"{number} {words}: {'; '.join(survey.reasons)}")
+        why = [record.comment, *survey.reasons] if record.comment else survey.reasons
+        self._alarm_log.log_event("survey", f"{number} {words}: {'; '.join(why)}")
         if record.in_use:
             self._accepted_publisher.publish(messages.record_message(record))
         return f"{number}: {Verdict(survey.verdict).name.lower()}"
