@@ -7,12 +7,13 @@ import contextlib
 import enum
 import fcntl
 import functools
+import os
 import sys
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import IO, Any, TypeVar
+from typing import Any, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -103,11 +104,11 @@ def _one_at_a_time(compile_: Callable[[Any], Any], folder: Path, name: str) -> C
 
 
 @functools.cache
-def _lock_file(folder: Path) -> IO[bytes] | None:
-    """File whose bytes stand for the kernels of a folder of the cache; None where it cannot be written."""
+def _lock_file(folder: Path) -> int | None:
+    """Descriptor of a file whose bytes stand for the kernels of a folder of the cache; None where none can be had."""
     try:
         # Open for good: a process that closes a file gives up all its locks on it.
-        return (folder / "compiling.lock").open("ab")
+        return os.open(folder / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except OSError:
         return None
 
