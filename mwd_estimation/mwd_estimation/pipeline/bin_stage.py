@@ -30,7 +30,6 @@ from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage, StillSurvey
 from mwd_estimation.survey.survey import Survey
-from mwd_estimation.survey.turning_means import TurningMeans
 
 
 @dataclasses.dataclass
@@ -86,7 +85,6 @@ class BinStage:
         self.precision = PrecisionUnit(settings)
         self.streams = SideStreams()
         self.still = StillSurvey(derivation.still_params(settings))
-        self.turning = TurningMeans()
         self.decision = SurveyDecision(derivation.station_params(settings), faults)
         self._observatory = Observatory(settings.place)
         self._binner = Binner(6, BIN_NS)
@@ -143,8 +141,6 @@ class BinStage:
         end_ns = (imu.index + 1) * BIN_NS
         gyro = self.precision.station
         beside = self.streams.beside(imu)
-        if self._sensors_usable:
-            self.turning.add(imu, beside.mag)
         result = self.still.add(beside, gyro.pending() if self.still.complete else None)
         # What the gyro had found before this bin, which ended the interval.
         so_far = gyro.solution() if isinstance(result, StillAverage) and result.moved else None
@@ -171,8 +167,7 @@ class BinStage:
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
         """Begin the survey of a still interval; what it shows of the field is used from here on."""
         number = self._numbering.next()
-        reference, turning = self._reference(still), self.turning.found
-        taken = self.decision.begin(still, number, reference, found, turning, usable=self._sensors_usable)
+        taken = self.decision.begin(still, number, self._reference(still), found, usable=self._sensors_usable)
         if taken.sound:
             self._field.take(taken.survey, taken.shared)
         return taken

@@ -233,7 +233,7 @@ def correction_refusal(correction: AxialCorrection, inclination: float) -> Reaso
 
 def _readings(f_t: Array, b_t: Array, noise: Array, settings: StationSettings) -> Readings:
     turn = np.zeros((6, 6))
-    turn[:3, :3] = turn[3:, 3:] = to_hole(settings)
+    turn[:3, :3] = turn[3:, 3:] = _to_hole(settings)
     b_total = float(np.linalg.norm(b_t))
     has_field = bool(np.isfinite(b_t).all()) and b_total > _NO_FIELD
     has_field = has_field and math.cos(float(magnetic_geometry.dip(f_t, b_t))) > _LEVEL
@@ -274,7 +274,7 @@ def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[N
     return North("magnetic", 0.0), (Reason(Code.NORTH_UNKNOWN, names=(north, missing)),)
 
 
-def to_hole(settings: StationSettings) -> Array:
+def _to_hole(settings: StationSettings) -> Array:
     """Rotation (3, 3) from tool axes to hole axes by the known misalignment."""
     angles = np.array([0.0, math.radians(settings.misalignment_y_deg), math.radians(settings.misalignment_z_deg)])
     return np.asarray(mat_from_quat(quat_from_rotvec(-angles)))

@@ -19,7 +19,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding, GyroParts, gyro_share
-from mwd_estimation.survey.measurement import Measured, Readings, to_hole
+from mwd_estimation.survey.measurement import Measured, Readings
 from mwd_estimation.survey.posterior import circle, field_model
 from mwd_estimation.survey.posterior.evidence import Evidence
 from mwd_estimation.survey.posterior.field_model import FieldErrors, Row, Shared
@@ -27,7 +27,6 @@ from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.posterior.run_filter import RunFilter, State
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
-from mwd_estimation.survey.turning_means import Turning
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
@@ -39,11 +38,6 @@ _LEAST_LASTING = 1e-3
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # Two stations whose gravity and field lie nearer to each other in tool axes than this, rad, are at one attitude.
 _STAYED = math.radians(0.5)
-# 1 sigma of how the axis of rotation lies in a sound tool, rad: misalignment (OWSG, XYM1 and XYM2) and a bent collar.
-_BENT = math.radians(0.15)
-# What the string shows while it turns is taken in again once the sigma of its force is this share of what it was.
-_BETTER = 0.7
-_NOT_TURNED = Turning(np.zeros(3), np.zeros(3), np.zeros(3), math.inf, math.inf)
 # A gyro less probably wrong than this agrees with the magnetometer.
 _AGREES = 0.2
 
@@ -64,16 +58,10 @@ class RunModel:
         self._seen: dict[bytes, int] = {}
         self._lay: list[tuple[Array, Array]] = []
         self._before: State | None = None
-        self._count, self._agreed, self._turned = 0, False, _NOT_TURNED
+        self._count, self._agreed = 0, False
 
     def take(
-        self,
-        measured: Measured,
-        hours: float = math.nan,
-        gyro: Solution | None = None,
-        turning: Turning | None = None,
-        *,
-        learn: bool = True,
+        self, measured: Measured, hours: float = math.nan, gyro: Solution | None = None, *, learn: bool = True
     ) -> Finding | None:
         """
         Take a station in.
@@ -84,8 +72,6 @@ class RunModel:
         hours : float
             When, h from anywhere; nan: not known.
         gyro : Solution or None
-        turning : Turning or None
-            What the string has shown while it turned, in tool axes.
         learn : bool
             Whether the station counts for those after it.
 
@@ -101,9 +87,6 @@ class RunModel:
         if not (one["has_field"] or math.isfinite(one["gyro"])):
             return None
         model = self._model(measured)
-        if turning is not None and turning.sigma_force < _BETTER * self._turned.sigma_force:
-            model.observe(*self._axes_of_rotation(turning, model.sigma))
-            self._turned = turning
         model.pass_time(hours)
         place = self._lay_before(one)
         # Measured again at rest: what the tool showed here a moment ago is nothing new of its lasting errors.
@@ -162,36 +145,8 @@ class RunModel:
             known = reference if reference is not None and reference.has_field else None
             sigmas = field_model.nominal_sigmas(self._settings.errors, known, self._errors, magnetic)
             self._filter, self._of = RunFilter(self._settings.priors, sigmas), (reference, magnetic)
-            self._seen, self._lay, self._count, self._agreed, self._turned = {}, [], 0, False, _NOT_TURNED
+            self._seen, self._lay, self._count, self._agreed = {}, [], 0, False
         return self._filter
-
-    def _axes_of_rotation(self, turning: Turning, sigma: Array) -> tuple[Array, Array, Array]:
-        """
-        Slopes, shape (n, 22), values and covariance of the means over whole turns, as `RunFilter.observe` takes them.
-
-        How the axis of rotation lies in the tool is the same for both triads. The gyros bound it: where they have it
-        elsewhere, the whole tool may be turned against the hole, and only what differs between the triads counts.
-        """
-        mat, before = to_hole(self._settings), self._turned
-        force, field, rate = mat @ turning.force, mat @ turning.field / field_model.UT, mat @ turning.rate
-        # What the force tells more than it told before: its information then is taken off.
-        more, told = turning.sigma_force**-2, before.sigma_force**-2
-        across = (more * force[1:] - told * (mat @ before.force)[1:]) / (more - told)
-        tilt = math.hypot(_BENT, math.hypot(rate[1], rate[2]) / abs(rate[0]))
-        H, value = np.zeros((4, field_model.SIZE)), np.concatenate([across, field[1:]])
-        at, mount, bias = int(Shared.FORCE_BIAS), int(Shared.MOUNT), int(Shared.FIELD_BIAS)
-        for j in range(2):
-            H[j, at + 1 + j] = sigma[at + 1 + j]
-            H[2 + j, bias + 1 + j] = sigma[bias + 1 + j]
-        # Accelerometers that are turned read their turn x force besides.
-        H[0, mount + 2], H[1, mount + 1] = force[0] * sigma[mount + 2], -force[0] * sigma[mount + 1]
-        own = np.array([1.0 / (more - told)] * 2 + [(turning.sigma_field / field_model.UT) ** 2] * 2)
-        lies = np.zeros((4, 2))
-        lies[[0, 1], [0, 1]], lies[[2, 3], [0, 1]] = tilt * force[0], tilt * field[0]
-        # The mean field is known at once.
-        known = np.isfinite(value) & ([True] * 2 + [told == 0.0] * 2)
-        R = np.diag(own) + lies @ lies.T
-        return H[known], value[known], R[np.ix_(known, known)]
 
     def _lay_before(self, one: Row) -> int | None:
         """Latest station at which the tool lay alike: what errs there errs again, and shows nothing new."""

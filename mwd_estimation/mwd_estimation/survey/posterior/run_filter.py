@@ -112,24 +112,6 @@ class RunFilter:
         if math.isfinite(hours):
             state.hours = hours
 
-    def observe(self, H: Array, value: Array, covariance: Array) -> None:
-        """
-        Take in what is measured of the shared errors beside the stations.
-
-        H, shape (n, 22): slopes by the errors in nominal sigmas; value, shape (n,), and its covariance, shape (n, n).
-        """
-        state = self.state
-        for k, (mean, P) in enumerate(zip(state.mean, state.covariance, strict=True)):
-            gain = P @ H.T
-            S, e = H @ gain + covariance, value - H @ mean
-            x = np.linalg.solve(S, e)
-            state.log_weight[k] -= 0.5 * (float(e @ x) + float(np.linalg.slogdet(S)[1]))
-            state.mean[k] = mean + gain @ x
-            state.covariance[k] = P - gain @ np.linalg.solve(S, gain.T)
-        state.log_weight -= state.log_weight.max()
-        weight = np.maximum(np.exp(state.log_weight) / np.exp(state.log_weight).sum(), _FLOOR * self.filters.weight)
-        state.log_weight = np.log(weight / weight.sum())
-
     def evidence(self, one: Row, state: State | None = None) -> Evidence:
         """Evidence of a station, a record of `field_model.GEOMETRY`, given what the run has shown (or a state)."""
         state = self.state if state is None else state
