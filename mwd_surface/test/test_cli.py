@@ -262,16 +262,16 @@ def test_a_simulated_run_is_processed_to_its_surveys(tmp_path):
         "name: still\nwell: {stations: [[0.0, 40.0, 70.0]], bit_m: 103.0}\nschedule: [{kind: still, seconds: 14.0}]\n"
     )
     assert mwd("simulate", scenario, "-o", tmp_path / "bag", "--namespace", "/well_4").returncode == 0
-    done = mwd(
-        "process", tmp_path / "bag", "-o", tmp_path / "out", "--lat", 38, "--lon", 109, "--set", "gravity.method=s3"
-    )
+    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", "--set", "gravity.method=s3")
     assert done.returncode == 0, done.stderr
     assert "/well_4/imu/data_raw: 1600 samples" in done.stdout
     with (tmp_path / "out" / "surveys.csv").open() as file:
         (line,) = csv.DictReader(file)
     assert float(line["inclination_deg"]) == pytest.approx(40.0, abs=0.2)
     assert float(line["azimuth_deg"]) == pytest.approx(70.0, abs=1.5)
-    assert float(line["md_m"]) == pytest.approx(103.0, abs=0.01)
+    # Place and the distance to the bit, 3 m, come from the recording.
+    assert line["azimuth_reference"] == "true"
+    assert float(line["md_m"]) == pytest.approx(100.0, abs=0.01)
     done = mwd("bag", "info", tmp_path / "bag")
     assert done.returncode == 0
     assert "/well_4/truth" in done.stdout
@@ -296,7 +296,7 @@ def test_an_older_recording_takes_the_older_field_model(tmp_path):
     scenario = tmp_path / "old.yaml"
     scenario.write_text("name: old\ndate: 2012-05-01\nmodel: igrf\nschedule: [{kind: still, seconds: 2.0}]\n")
     assert mwd("simulate", scenario, "-o", tmp_path / "bag").returncode == 0
-    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", "--lat", 38, "--lon", 109)
+    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", "--set", "place.model=wmm2025")
     assert done.returncode == 0
     assert "IGRF" in done.stdout
     assert "outside wmm2025" in done.stderr
