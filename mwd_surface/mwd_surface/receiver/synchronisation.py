@@ -43,10 +43,6 @@ _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
 # Chi square with 4 degrees of freedom of the pulses' sizes about their mean; the estimated response adds to it.
 _UNLIKE = 30.0
 _LEAST_SIZE = 0.1  # at 6 dB a size has a sigma of a quarter
-# Behind a silence pulses of the first words may stand where a later sync, which shares some with the true one, would
-# have them. The earlier place is the sync if it has so much of the best score: with two of five pulses missing it has
-# a fifth, with all of them as much, give or take a third at 6 dB a bit.
-NEARLY = 0.7
 _MIDDLE = SAMPLES_PER_TU  # of a pulse of 2 TU behind its edge
 _LEAST_NOISE = 200  # samples that a noise model needs
 # Pumps that start move the mean of some samples by more than so many times its usual deviation, and settle.
@@ -111,14 +107,13 @@ def search(
         moved = _settled(pressure[:begin])
     pressure, known, begin, end = pressure[moved:], known[moved:], begin - moved, end - moved
     pressure = pressure - pump_noise(pressure, known)
-    silent = whitener is None
     if whitener is None:
         quiet = slice(0, begin if begin >= _LEAST_NOISE else len(pressure))
         whitener = steady_filter(pressure[quiet], known[quiet], ORDER, FLOOR)
     if whitener is None:
         return None
     first, *others = (*[_PROMISING] * _ROUNDS, _THRESHOLD) if early else (_THRESHOLD,)
-    found = _found(pressure, known, tool, (begin, end), whitener, first, silent=silent)
+    found = _found(pressure, known, tool, (begin, end), whitener, first)
     for least in others:
         found = None if found is None else _refined(pressure, known, tool, (begin, end), found, least)
     return None if found is None else dataclasses.replace(found, at=found.at + moved)
@@ -132,7 +127,7 @@ def _refined(
     train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = 1.0
     reconstruct(train, found.response, pulses)
     whitener = steady_filter(pressure - pulses, known, ORDER, FLOOR)
-    return None if whitener is None else _found(pressure, known, tool, span, whitener, least, silent=True)
+    return None if whitener is None else _found(pressure, known, tool, span, whitener, least)
 
 
 def _settled(pressure: Array) -> int:
@@ -148,20 +143,9 @@ def _settled(pressure: Array) -> int:
 
 
 def _found(
-    pressure: Array,
-    known: Array,
-    tool: ToolConfiguration,
-    span: tuple[int, int],
-    whitener: Array,
-    least: float,
-    *,
-    silent: bool,
+    pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array, least: float
 ) -> SyncFound | None:
-    """
-    Best sync in pressure whose noise is known.
-
-    span : range of its first sample. least : score. silent : the tool sends nothing before it.
-    """
+    """Best sync in pressure whose noise is known; span: range of its first sample; least: score."""
     begin, end = span
     whitened = np.empty(len(pressure))
     filtered(pressure, whitener, whitened)
@@ -175,31 +159,23 @@ def _found(
     last = min(end, len(pressure) - length)
     if last <= first:
         return None
-    explained, total, score = _explained(whitened, shapes, edges, first, last - first)
-    best = int(np.argmax(score))
-    if score[best] < least:
+    count = last - first
+    explained, total, score = _explained(whitened, shapes, edges, first, count)
+    freedom = len(shapes)
+    at = int(np.argmax(score))
+    if score[at] < least:
         return None
-    for at in (_earlier(score, best, edges), best) if silent else (best,):
-        # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
-        found = _fitted(whitened, shapes, edges, first + at)
-        early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
-        moved = min(max(at + early, 0), len(score) - 1)
-        if moved != at:
-            found = _fitted(whitened, shapes, edges, first + moved)
-        noise = float((total[moved] - explained[moved]) / (length - len(shapes)))
-        if _alike(whitened, found[0] @ shapes, edges, first + moved, noise):
-            response = found[0] @ components
-            return SyncFound(first + moved, float(score[moved]), response, found[1], whitener, first + moved)
-    return None
-
-
-def _earlier(score: Array, best: int, edges: Array) -> int:
-    """Place of the first sync that is nearly as probable as the best one and shares pulses with it."""
-    begin, apart = max(best - int(edges[-1]), 0), int(np.diff(edges).min())
-    near = begin + np.flatnonzero(score[begin : max(best - apart // 2, 0)] > NEARLY * score[best])
-    if len(near) == 0:
-        return best
-    return int(near[0]) + int(np.argmax(score[near[0] : near[0] + apart]))
+    # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
+    found = _fitted(whitened, shapes, edges, first + at)
+    early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
+    moved = min(max(at + early, 0), count - 1)
+    if moved != at:
+        at, found = moved, _fitted(whitened, shapes, edges, first + moved)
+    noise = float((total[at] - explained[at]) / (length - freedom))
+    if not _alike(whitened, found[0] @ shapes, edges, first + at, noise):
+        return None
+    response = found[0] @ components
+    return SyncFound(first + at, float(score[at]), response, found[1], whitener, first + at)
 
 
 def _explained(whitened: Array, shapes: Array, edges: Array, first: int, count: int) -> tuple[Array, Array, Array]:

@@ -20,7 +20,7 @@ from mwd_surface.receiver.grid import REACH, Grid
 from mwd_surface.receiver.passes import LOOK_BITS, Part, Pass, parts_of, soft_words, stretch_of
 from mwd_surface.receiver.presence import FADED, Evidence, Presence
 from mwd_surface.receiver.pump_lines import STEADY_S
-from mwd_surface.receiver.synchronisation import NEARLY, SyncFound
+from mwd_surface.receiver.synchronisation import SyncFound
 from mwd_surface.receiver.tool_clock import ToolClock
 from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
 
@@ -91,7 +91,7 @@ class Transmission:
 
     def replaced_by(self, position: float, score: float) -> bool:
         """Whether a sync found at a position of the grid, within the sync of this transmission, is the true one."""
-        return self._pass is None and position < self._clock.at(self._boundary) and NEARLY * score > self.score
+        return self._pass is None and position < self._clock.at(self._boundary) and score > self.score
 
     def offer_sync(self) -> None:
         """Take a sync into account where the next pass begins; the data decide which of the two it is."""
