@@ -30,6 +30,8 @@ _UNSEEN = 0.002
 _ANEW = 0.25
 _REMEMBERED = 32  # words with parity
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
+# Least probability of a parity that float arithmetic tells from 0, at each temperature: surest to fail at the lowest.
+_LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in TEMPERATURES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,7 +122,7 @@ class Temper:
         if word.holds is not None:
             # Noise changes from word to word: a parity that would rather fail says so of its own word first. Whether
             # parities mean anything is a question to all of them, already answered.
-            own = weights * word.holds
+            own = weights * np.maximum(word.holds, _LEAST)
             weights = own * (weights.sum() / own.sum())
         found = sorted(
             ((float(np.dot(weights, one.probability)), one.code) for one in word.candidates),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What parities teach of confidence."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,14 @@ def test_a_word_whose_parity_would_rather_fail_is_believed_less():
     # What all parities say of the configuration is not counted again.
     ways = [sum(p for _, p in one.alternatives) + one.confidence for one in (doubtful, clear)]
     assert ways == pytest.approx([1.0 - temper.failing] * 2)
+
+
+@pytest.mark.parametrize("holds", [0.0, -2e-16])
+def test_a_parity_that_surely_fails_at_every_temperature_makes_its_word_least_believed(holds):
+    # What is left of 1 by float arithmetic where every code that a strong signal allows has the other parity.
+    judged = Temper().judge(dataclasses.replace(soft(), holds=(holds,) * COUNT))
+    assert judged.code == 7
+    assert 0.5 < judged.confidence < Temper().judge(soft(holds=0.05)).confidence
 
 
 def test_a_word_without_parity_teaches_nothing():
