@@ -42,6 +42,15 @@ def input_text(bag: Path, given: InputSettings, *, calibrated: bool) -> str:
 
 
 @dataclasses.dataclass(frozen=True)
+class _InputFile:
+    """The table of input.yaml."""
+
+    recording: str = settings_of.setting(doc="recording that was read")
+    calibrated: bool = settings_of.setting(doc="whether a calibration was applied to it")
+    input: InputSettings = settings_of.setting(InputSettings)
+
+
+@dataclasses.dataclass(frozen=True)
 class ProcessedInput:
     """What `mwd process` read for the results in a folder, and with which settings."""
 
@@ -64,10 +73,9 @@ def processed_input(folder: Path) -> ProcessedInput | None:
     """
     if not (folder / INPUT).is_file():
         return None
-    table = read_yaml(folder / INPUT)
-    given = settings_of.from_mapping(InputSettings, table.pop("input", {}), "input")
+    table = settings_of.from_mapping(_InputFile, read_yaml(folder / INPUT), str(folder / INPUT))
     estimator = settings_of.from_mapping(EstimatorSettings, read_config(folder / CONFIG))
-    return ProcessedInput(Path(table["recording"]), bool(table["calibrated"]), given, estimator)
+    return ProcessedInput(Path(table.recording), table.calibrated, table.input, estimator)
 
 
 def read_config(path: Path) -> dict[str, Any]:

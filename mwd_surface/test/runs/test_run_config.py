@@ -80,6 +80,17 @@ def test_what_was_read_and_how_comes_back_from_the_folder_of_the_results(tmp_pat
     assert found.given == InputSettings(mag_unit="uT", start_s=9.0, depths=str(Path("depths.csv").resolve()))
 
 
+@pytest.mark.parametrize(
+    "text",
+    ["", "{}", "[1]", "recording: bag", "{recording: 7, calibrated: false}", "{recording: a, calibrated: maybe}"],
+)
+def test_an_edited_file_of_what_was_read_is_refused_by_name(tmp_path, text):
+    (tmp_path / "config.yaml").write_text(written(EstimatorSettings()))
+    (tmp_path / "input.yaml").write_text(text)
+    with pytest.raises(SettingsError, match=r"input\.yaml"):
+        processed_input(tmp_path)
+
+
 def test_a_file_that_is_not_there_is_reported(tmp_path):
     with pytest.raises(FileNotFoundError):
         read_config(tmp_path / "config.yaml")
