@@ -25,8 +25,10 @@ from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import STATE, STREAM
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
+from mwd_surface.bags.bag_files import TopicInfo
 from mwd_surface.bags.bag_metadata import parse_qos
 from mwd_surface.bags.bag_reader import Bag, BagError, Message
+from mwd_surface.bags.definitions import DefinitionError, installed
 from mwd_surface.bags.pace import Pace
 from mwd_surface.ros.topics import message_class
 
@@ -136,6 +138,10 @@ class ReplayNode(GraphNode[ReplaySettings]):
             kind = message_class(about.type_name)
             if kind is None or about.serialization != "cdr":
                 left_out.append(f"{about.name} is not published: {about.type_name} is not installed")
+                continue
+            if _differs(about):
+                why = f"it was recorded with another definition of {about.type_name}"
+                left_out.append(f"{about.name} is not published: {why}")
                 continue
             publishers[about.name] = self.add_publisher(kind, about.name, profile(about.qos))
         return publishers, left_out
@@ -331,7 +337,8 @@ class ReplayNode(GraphNode[ReplaySettings]):
         if late > 0.5 and math.isfinite(self._pace.rate):
             found = [Diagnostic("replay", WARN, f"{late:.1f} s behind", "lower the rate", values)]
         if self._left_out:
-            found.append(Diagnostic("topics", WARN, "; ".join(self._left_out), "install the packages of their types"))
+            remedy = "install the packages of their types, in the version of the recording"
+            found.append(Diagnostic("topics", WARN, "; ".join(self._left_out), remedy))
         return found
 
 
@@ -362,6 +369,14 @@ def _duration(recorded: Mapping[str, Any]) -> Duration:
 
 def _is_sensor(topic: str) -> bool:
     return any(("/" + topic.strip("/")).endswith("/" + name) for name in wire.SONDE_TOPICS)
+
+
+def _differs(about: TopicInfo) -> bool:
+    """Whether its messages have other fields than the type that is installed: subscribers could not read them."""
+    try:
+        return about.type_hash not in ("", installed().definition(about.type_name).type_hash)
+    except DefinitionError:
+        return False
 
 
 def main(args: Sequence[str] | None = None) -> int:

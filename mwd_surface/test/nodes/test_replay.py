@@ -2,20 +2,24 @@
 """A recording published again by a real node, received by a real subscriber on a middleware domain of its own."""
 
 import os
+import re
 import subprocess
 import sys
 import time
 
 import numpy as np
+import plotted_bag
 import pytest
 
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_metadata import qos_profile, qos_text
 from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.definitions import Definitions
 from mwd_surface.runs import launch_plan
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
+from mwd_msgs.msg import Survey  # noqa: E402
 from mwd_msgs.srv import SeekReplay, SetReplayRate, StepReplay  # noqa: E402
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor  # noqa: E402
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy  # noqa: E402
@@ -160,6 +164,39 @@ def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
     assert process.returncode == 0
     stamps = [int(wire.IMU.decode(data)["stamp_ns"][0]) for _, data in arrived]
     assert stamps[: 2 * len(imu)] == imu["stamp_ns"].tolist() * 2
+
+
+def older(folder):
+    """Definitions in which a Survey has no revision yet, as those of an older version."""
+    package = folder / "mwd_msgs" / "msg"
+    package.mkdir(parents=True)
+    for name in ("Survey", "AzimuthEstimate"):
+        text = Definitions().definition(f"mwd_msgs/msg/{name}").text.split("=" * 80)[0]
+        (package / f"{name}.msg").write_text(re.sub(r"(?m)^uint32 revision.*$", "", text))
+    return Definitions([folder])
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_topic_that_was_recorded_with_another_definition_of_its_type_is_not_published(graph, tmp_path):
+    listener, play = graph
+    imu, survey = wire.IMU.empty(100), "mwd_msgs/msg/Survey"
+    imu["stamp_ns"] = START + np.arange(100) * 10_000_000
+    with BagWriter(tmp_path / "bag", older(tmp_path / "old")) as bag:
+        store = bag.definitions.typestore
+        channels = [bag.topic(f"/{name}", kind) for name, kind in (("imu", wire.IMU.type_name), ("survey", survey))]
+        bag.write_rows(channels[0], wire.IMU.encode(imu, "sonde_link"), imu["stamp_ns"])
+        message = plotted_bag.arrays(plotted_bag.blank(store, survey))
+        bag.write(channels[1], bytes(store.serialize_cdr(message, survey)), START + 500_000_000)
+    listener.listen(Imu, "/imu")
+    listener.listen(Survey, "/survey")
+    process = play(tmp_path / "bag")
+    listener.until(lambda: process.poll() is not None)
+    assert len(listener.received["/imu"]) == 100
+    assert listener.received["/survey"] == []
+    assert "/survey is not published: it was recorded with another definition of mwd_msgs/msg/Survey" in (
+        process.stderr.read()
+    )
 
 
 @pytest.mark.fault_case(46)
