@@ -89,7 +89,8 @@ class BagWriter:
         self._folder.mkdir(parents=True)
         self._tracks: dict[int, _Track] = {}
         self._by_name: dict[tuple[str, str], int] = {}
-        self._schemas: dict[str, Schema] = {}
+        # By type and definition: topics that are copied may have an older one.
+        self._schemas: dict[tuple[str, bytes], Schema] = {}
         self._open = True
         self._finished_bytes = 0
         self._next = 0
@@ -149,11 +150,7 @@ class BagWriter:
         except DefinitionError:
             if need_definition:
                 raise
-        schema = self._schemas.get(type_name)
-        if schema is None:
-            schema = Schema(len(self._schemas) + 1, type_name, "ros2msg" if text else "", text.encode())
-            self.file.add_schema(schema)
-            self._schemas[type_name] = schema
+        schema = self._schema(type_name, "ros2msg" if text else "", text)
         metadata = {"offered_qos_profiles": bag_metadata.qos_text(profiles), "topic_type_hash": type_hash}
         channel = Channel(len(self._tracks) + 1, schema.id, name, "cdr", metadata)
         self.file.add_channel(channel)
@@ -179,11 +176,7 @@ class BagWriter:
             raise ValueError(f"name: {name} of {type_name} was declared already")
         if not definition:
             return self.topic(name, type_name, qos, type_hash, need_definition=False)
-        schema = self._schemas.get(type_name)
-        if schema is None:
-            schema = Schema(len(self._schemas) + 1, type_name, encoding, definition.encode())
-            self.file.add_schema(schema)
-            self._schemas[type_name] = schema
+        schema = self._schema(type_name, encoding, definition)
         metadata = {"offered_qos_profiles": qos, "topic_type_hash": type_hash}
         channel = Channel(len(self._tracks) + 1, schema.id, name, serialization, metadata)
         self.file.add_channel(channel)
@@ -195,6 +188,16 @@ class BagWriter:
         self._tracks[channel.id] = _Track(channel, schema, type_hash, profiles)
         self._by_name[name, type_name] = channel.id
         return channel.id
+
+    def _schema(self, type_name: str, encoding: str, text: str) -> Schema:
+        """Schema of a type as this text defines it, declared on first use."""
+        data = text.encode()
+        schema = self._schemas.get((type_name, data))
+        if schema is None:
+            schema = Schema(len(self._schemas) + 1, type_name, encoding, data)
+            self.file.add_schema(schema)
+            self._schemas[type_name, data] = schema
+        return schema
 
     def write_records(
         self,

@@ -48,7 +48,8 @@ class SampleDecoder:
     ) -> None:
         self.damaged = 0
         self._topics, self._message_compression, self._report = topics, message_compression, report
-        self._definitions: Definitions | None = None
+        # By type and schema: a merged recording may have topics with an older definition of a type.
+        self._definitions: dict[tuple[str, str], Definitions] = {}
 
     def decode(self, topic: str, data: bytes) -> Any:
         """As `bag_reader.Bag.decode`."""
@@ -175,14 +176,16 @@ class SampleDecoder:
         return None
 
     def _knowing(self, about: TopicInfo) -> Definitions:
-        if self._definitions is None:
-            self._definitions = Definitions()
-        if about.type_name not in self._definitions.typestore.fielddefs:
-            if about.schema and about.schema_encoding in ("ros2msg", "msg"):
-                self._definitions.learn(about.type_name, about.schema)
-            else:
-                self._definitions.load(about.type_name)
-        return self._definitions
+        known = self._definitions.get((about.type_name, about.schema))
+        if known is None:
+            known = Definitions()
+            if about.type_name not in known.typestore.fielddefs:
+                if about.schema and about.schema_encoding in ("ros2msg", "msg"):
+                    known.learn(about.type_name, about.schema)
+                else:
+                    known.load(about.type_name)
+            self._definitions[about.type_name, about.schema] = known
+        return known
 
 
 def _with_fields(samples: Samples, layout: wire.Layout, some: tuple[str, ...] | None) -> Samples:

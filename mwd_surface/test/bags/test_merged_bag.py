@@ -4,8 +4,10 @@
 from pathlib import Path
 
 import numpy as np
+import plotted_bag
 import pytest
 from mcap.reader import make_reader
+from older_messages import older
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
@@ -140,3 +142,29 @@ def test_a_copy_that_fails_leaves_nothing(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         fail()
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_type_that_has_other_fields_now_is_read_by_the_definition_of_each_topic(tmp_path):
+    survey = "mwd_msgs/msg/Survey"
+
+    def of(store, number):
+        message = plotted_bag.blank(store, survey)
+        message.sequence, message.duration = number, 10.0
+        return np.frombuffer(store.serialize_cdr(plotted_bag.arrays(message), survey), dtype=np.uint8)
+
+    with BagWriter(tmp_path / "source", older(tmp_path / "old")) as writer:
+        channel = writer.topic("/w1/survey", survey)
+        writer.write(channel, bytes(of(writer.definitions.typestore, 7)), START)
+    with Bag(tmp_path / "source") as bag, MergedBag(tmp_path / "merged", bag) as merged:
+        channel, name = merged.topic("/w1/survey", survey)
+        for _, originals in bag.blocks_and_originals([]):
+            for one in originals:
+                merged.add_originals(one)
+        merged.add_rows(channel, of(merged.definitions.typestore, 8)[None, :], np.array([START + 1]))
+    with Bag(tmp_path / "merged") as bag:
+        found = {topic: bag.decode(topic, data) for _, topic, _, data in bag.messages()}
+    assert {topic: (one.sequence, one.duration) for topic, one in found.items()} == {
+        "/w1/survey": (7, 10.0),
+        name: (8, 10.0),
+    }
+    assert {topic: hasattr(one, "revision") for topic, one in found.items()} == {"/w1/survey": False, name: True}

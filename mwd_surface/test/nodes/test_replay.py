@@ -2,7 +2,6 @@
 """A recording published again by a real node, received by a real subscriber on a middleware domain of its own."""
 
 import os
-import re
 import subprocess
 import sys
 import time
@@ -10,11 +9,11 @@ import time
 import numpy as np
 import plotted_bag
 import pytest
+from older_messages import older
 
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_metadata import qos_profile, qos_text
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.bags.definitions import Definitions
 from mwd_surface.runs import launch_plan
 
 rclpy = pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
@@ -164,16 +163,6 @@ def test_a_loop_begins_again_until_it_is_interrupted(graph, tmp_path):
     assert process.returncode == 0
     stamps = [int(wire.IMU.decode(data)["stamp_ns"][0]) for _, data in arrived]
     assert stamps[: 2 * len(imu)] == imu["stamp_ns"].tolist() * 2
-
-
-def older(folder):
-    """Definitions in which a Survey has no revision yet, as those of an older version."""
-    package = folder / "mwd_msgs" / "msg"
-    package.mkdir(parents=True)
-    for name in ("Survey", "AzimuthEstimate"):
-        text = Definitions().definition(f"mwd_msgs/msg/{name}").text.split("=" * 80)[0]
-        (package / f"{name}.msg").write_text(re.sub(r"(?m)^uint32 revision.*$", "", text))
-    return Definitions([folder])
 
 
 @pytest.mark.ros
