@@ -23,7 +23,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.fault_history import FaultHistory
+from mwd_estimation.survey.fault_history import Accusation, FaultHistory
 from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.revision import Taken, findings, is_revised
@@ -61,6 +61,9 @@ class Provisional:
         What the run shows of the errors that its stations share, as `RunModel.shared`.
     sound : bool
         Whether no sensor was at fault while it was taken: only then anything is learnt from it.
+    against : Accusation or None
+        What was known of the sensors then. What later samples show has no say, for how many of them are known when a
+        survey is completed depends on how they were cut into blocks.
     """
 
     survey: Survey
@@ -68,6 +71,7 @@ class Provisional:
     finding: Finding | None = None
     shared: tuple[Array, Array] | None = None
     sound: bool = True
+    against: Accusation | None = None
 
     @property
     def gyro(self) -> tuple[float, float]:
@@ -145,12 +149,13 @@ class SurveyDecision:
         taken = Taken(one, average.end_ns / _NS_PER_HOUR, gyro)
         finding = self._run.take(*taken, learn=usable)
         survey = _survey(average, sequence, self._decided(one, finding, gyro), _weights(finding, gyro))
-        faulty = self._faults.judge(survey)
-        if usable and faulty is survey:
+        against = self._faults.against(survey)
+        if usable and against is None:
             self._taken[sequence] = taken, finding
             while len(self._taken) > _REVISABLE:
                 del self._taken[next(iter(self._taken))]
-        return Provisional(faulty, one, finding, self._run.shared(), faulty is survey)
+        judged_by_faults = survey if against is None else against.judge(survey)
+        return Provisional(judged_by_faults, one, finding, self._run.shared(), against is None, against)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
         """The survey, with what the azimuth propagated to it says of its own."""
@@ -193,7 +198,8 @@ class SurveyDecision:
             continued = finding.continued(azimuth, sigma, shared if math.isfinite(shared) else 0.0)
             decided = judged(provisional.measured, continued, self._settings)
             station = dataclasses.replace(decided, azimuths=survey.station.azimuths)
-            survey = self._faults.judge(dataclasses.replace(survey, station=station))
+            survey = dataclasses.replace(survey, station=station)
+            survey = survey if provisional.against is None else provisional.against.judge(survey)
         row = MethodAzimuth(AzimuthMethod.GYRO_PROPAGATED, azimuth, sigma)
         listed = dataclasses.replace(survey.station, azimuths=(*survey.station.azimuths, row))
         return dataclasses.replace(survey, station=listed, weights={**survey.weights, row.method: 0.0})

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,29 @@ _SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
 AZIMUTH = ACCEL | MAG
 # A doubt rests on samples of so long before, ns.
 _EVIDENCE_NS = 3_000_000_000
+
+
+class Accusation(NamedTuple):
+    """
+    What speaks against the sensors that a survey rests on.
+
+    Attributes
+    ----------
+    verdict : str
+        DOUBTFUL or REJECT.
+    reasons : tuple of Reason
+    inclination : bool
+        Whether it touches more than the azimuth.
+    """
+
+    verdict: str
+    reasons: tuple[Reason, ...]
+    inclination: bool
+
+    def judge(self, survey: Survey) -> Survey:
+        """The survey with that verdict or a graver one."""
+        station = with_faults(survey.station, self.verdict, self.reasons, inclination=self.inclination)
+        return dataclasses.replace(survey, station=station)
 
 
 class FaultHistory:
@@ -88,6 +112,11 @@ class FaultHistory:
 
     def judge(self, survey: Survey) -> Survey:
         """The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it."""
+        against = self.against(survey)
+        return survey if against is None else against.judge(survey)
+
+    def against(self, survey: Survey) -> Accusation | None:
+        """What is known so far to speak against the sensors that a survey rests on; None: nothing."""
         magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != AzimuthMethod.GYRO)
         by_gyro = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0 and not magnetic
         rests_on = AZIMUTH & ~MAG if by_gyro else AZIMUTH
@@ -101,11 +130,8 @@ class FaultHistory:
             if last >= begin and first <= end + _EVIDENCE_NS and not (by_gyro and 1 << s == MAG)
         ]
         verdict, found = (REJECT, faults) if faults else (DOUBTFUL, doubts)
-        if not found:
-            return survey
         level = any(bits & ~MAG for bits, _ in found)
-        station = with_faults(survey.station, verdict, tuple(reason for _, reason in found), inclination=level)
-        return dataclasses.replace(survey, station=station)
+        return Accusation(verdict, tuple(reason for _, reason in found), level) if found else None
 
 
 def _reason(fault: SensorFault, begin: int) -> Reason:

@@ -250,3 +250,16 @@ def test_the_propagated_azimuth_chooses_between_azimuths_that_fit_and_adds_nothi
     assert near.station.alternatives == ()
     assert near.station.by_method("carried").azimuth == pytest.approx(math.radians(8.0))
     assert abs(wrap_pi(near.station.azimuth - math.radians(7.8))) < near.station.sigma_azimuth
+
+
+@pytest.mark.parametrize("noted", [False, True])
+def test_a_doubt_that_comes_after_a_survey_was_begun_changes_nothing_however_the_samples_were_cut(noted):
+    faults = FaultHistory()
+    decide = decision(faults)
+    begun = decide.begin(average(1, 0.8, 1.9), 1, REFERENCE, None)
+    if noted:
+        # Later samples of the block in which the survey was begun.
+        faults.doubt(np.array([112, 113]) * 10**9, np.array([2, 2], dtype=np.uint8))
+    done = decide.complete(begun, PropagatedAzimuth(1.9, 0.02, 0.005, 1.9, 0.02))
+    assert done.station.verdict == begun.survey.station.verdict == "accept"
+    assert decide.revisions() == {}
