@@ -59,6 +59,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         super().__init__("estimator", EstimatorSettings(), **node_options)
         self._survey_response: DeferredResponse | None = None
         self._requested_s = 0.0
+        self._revisions: LiveRevisions | None = None
         self._actions = EstimatorActions(lambda: self._pipeline, lambda: not self._inputs.silent("imu/data_raw"))
 
     def configure(self) -> None:
@@ -82,13 +83,13 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._innovations = self.add_publisher(InnovationList, "innovations", qos.STATE)
         self._survey = self.add_publisher(SurveyMessage, "survey", qos.EVENT)
         self._revised = self.add_publisher(SurveyMessage, "survey/revised", qos.EVENT)
-        self._revisions = LiveRevisions(self._publish_revision)
+        revisions = self._revisions = LiveRevisions(self._publish_revision)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
         self.add_timer(_BLOCK_PERIOD, self._estimate_block)
         self.add_timer(_INNOVATIONS_PERIOD, self._publish_innovations)
         self.add_timer(_SILENCE_PERIOD, self._end_silent_survey)
-        self.add_timer(_SILENCE_PERIOD, self._revisions.update)
+        self.add_timer(_SILENCE_PERIOD, revisions.update)
         self.add_timer(FEEDBACK_PERIOD, self._actions.publish_feedback)
         self.add_subscription(SurveyList, "surveys", self._on_surveys, qos.LATCHED)
         self.add_service(TakeSurvey, "take_survey", self._take_survey)
@@ -121,7 +122,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def cleanup(self) -> None:
         """Judge no survey again."""
-        self._revisions.close()
+        if self._revisions is not None:
+            self._revisions.close()
 
     # Subscriptions.
 
@@ -209,7 +211,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._survey.publish(message)
         verdict = f"survey {survey.sequence}: {survey.station.verdict}"
         self.get_logger().info(f"{verdict}; {joined(survey.station.reasons)}")
-        self._revisions.take(survey, self._pipeline, frame)
+        if self._revisions is not None:
+            self._revisions.take(survey, self._pipeline, frame)
         return message, verdict
 
     def _publish_revision(self, survey: Survey, frame: str) -> None:

@@ -9,6 +9,9 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+import rclpy
+from rclpy.lifecycle import TransitionCallbackReturn
+
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.estimator import EstimatorNode
@@ -36,6 +39,18 @@ def changed(**blocks):
     )
     EstimatorNode.on_settings_changed(node, dataclasses.replace(settings, **blocks))
     return node, answers
+
+
+def test_a_node_that_was_never_configured_shuts_down_and_ends_its_process():
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    node = EstimatorNode(context=context)
+    try:
+        assert node.trigger_shutdown() == TransitionCallbackReturn.SUCCESS
+        assert node.stop_requested.done()
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
 
 
 def test_a_change_of_settings_answers_a_survey_that_was_asked_for():

@@ -73,6 +73,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("receiver", ReceiverSettings(), **node_options)
+        self._line: SerialBytes | None = None
 
     def configure(self) -> None:
         """Read the tool configurations and open the topics."""

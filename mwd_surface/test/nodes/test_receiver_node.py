@@ -9,7 +9,9 @@ import pytest
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
+import rclpy
 from mwd_msgs.msg import RigState
+from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -44,3 +46,16 @@ def test_an_angle_of_the_top_drive_that_is_not_finite_is_left_out(node, monkeypa
     for angle in (math.nan, math.inf, 0.5):
         ReceiverNode._on_quill(node, JointState(position=[angle]))
     assert taken == [0.5]
+
+
+def test_a_receiver_without_a_tool_file_shuts_down_and_ends_its_process():
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    node = ReceiverNode(context=context)
+    try:
+        assert node.trigger_configure() == TransitionCallbackReturn.FAILURE
+        assert node.trigger_shutdown() == TransitionCallbackReturn.SUCCESS
+        assert node.stop_requested.done()
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
