@@ -42,6 +42,11 @@ def _file(path, minutes=400, missing=()):
 
 def _survey(settings):
     """The survey of a tool at rest in the field of the settings with the storm added."""
+    return _surveyed(settings)[1]
+
+
+def _surveyed(settings):
+    """That survey, behind the pipeline that took it."""
     n = 2000
     total, dip, declination = 5e-5, np.radians(70.0), np.radians(2.0)
     quiet = total * np.array([np.cos(dip) * np.cos(declination), np.cos(dip) * np.sin(declination), np.sin(dip)])
@@ -56,7 +61,7 @@ def _survey(settings):
     pipeline.push_mag(mag)
     surveys = pipeline.push_imu(imu).surveys + pipeline.finish().surveys
     assert len(surveys) == 1
-    return surveys[0].station
+    return pipeline, surveys[0].station
 
 
 def _codes(station):
@@ -72,6 +77,8 @@ def test_the_storm_is_taken_off_and_the_survey_says_so(tmp_path):
     assert abs(wrap_pi(aided.azimuth - TRUE[1])) < 2.0 * aided.sigma_azimuth
     assert abs(np.degrees(wrap_pi(aided.azimuth - TRUE[1]))) < 0.5
     assert ReasonCode.MAGNETIC_STORM in _codes(aided)
+    pipeline, _ = _surveyed(with_file)
+    assert ReasonCode.MAGNETIC_STORM in _codes(pipeline.judging_again(1)()[1])
     assert "observatory TST" in aided.reference.source
 
 
