@@ -14,6 +14,7 @@ import functools
 import math
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,6 +45,19 @@ _NS_PER_HOUR = 3.6e12
 _COUNTS = 0.01
 # Stations that a run may still revise; a recording has fewer, and a tool that stays down for months forgets the first.
 _REVISABLE = 1000
+
+
+class _Published(NamedTuple):
+    """
+    What left the estimator, and what the station above had to say about its azimuth.
+
+    known : azimuth, 1 sigma, rad, and variance in common, rad^2, as of `Finding.continued`; None: it had no say.
+    above : number of the survey that this came from; 0: none.
+    """
+
+    station: Station
+    known: tuple[float, float, float] | None = None
+    above: int = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,7 +133,9 @@ class SurveyDecision:
         self._run = RunModel(settings)
         # Stations of the run in order, with what was found of them, and what left the estimator, by number.
         self._taken: dict[int, tuple[Taken, Finding | None]] = {}
-        self._published: dict[int, Station] = {}
+        self._published: dict[int, _Published] = {}
+        # The last survey whose azimuth the gyros propagate.
+        self._above = 0
 
     def begin(
         self,
@@ -159,8 +175,12 @@ class SurveyDecision:
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
         """The survey, with what the azimuth propagated to it says of its own."""
-        survey = self._continued(provisional, propagated)
-        self._published[survey.sequence] = survey.station
+        known, finding = _known_of(provisional, propagated), provisional.finding
+        survey = self._continued(provisional, propagated, known)
+        had_a_say = known is not None and finding is not None and finding.continued(*known) is not finding
+        self._published[survey.sequence] = _Published(survey.station, known if had_a_say else None, self._above)
+        if math.isfinite(provisional.accepted_azimuth.azimuth):
+            self._above = survey.sequence
         while len(self._published) > _REVISABLE:
             del self._published[next(iter(self._published))]
         return survey
@@ -177,7 +197,7 @@ class SurveyDecision:
             By number of the survey. What was published stays; a revision is a proposal.
         """
         now = self.judging_again(len(self._taken))()
-        return {number: station for number, station in now.items() if station is not self._published[number]}
+        return {number: station for number, station in now.items() if station is not self._published[number].station}
 
     def judging_again(self, newest: int) -> Callable[[], dict[int, Station]]:
         """
@@ -188,19 +208,18 @@ class SurveyDecision:
         taken = tuple(self._taken.items())
         return functools.partial(_judged_again, taken, dict(self._published), self._settings, newest)
 
-    def _continued(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
-        azimuth, sigma = propagated.station_azimuth, propagated.station_sigma
-        if not (math.isfinite(azimuth) and sigma > 0.0) or provisional.survey.kind != STATIC:
-            return provisional.survey
+    def _continued(
+        self, provisional: Provisional, propagated: PropagatedAzimuth, known: tuple[float, float, float] | None
+    ) -> Survey:
         survey, finding = provisional.survey, provisional.finding
+        if known is None:
+            return survey
         if finding is not None:
-            shared = propagated.station_constant_sigma * provisional.lasting
-            continued = finding.continued(azimuth, sigma, shared if math.isfinite(shared) else 0.0)
-            decided = judged(provisional.measured, continued, self._settings)
+            decided = judged(provisional.measured, finding.continued(*known), self._settings)
             station = dataclasses.replace(decided, azimuths=survey.station.azimuths)
             survey = dataclasses.replace(survey, station=station)
             survey = survey if provisional.against is None else provisional.against.judge(survey)
-        row = MethodAzimuth(AzimuthMethod.GYRO_PROPAGATED, azimuth, sigma)
+        row = MethodAzimuth(AzimuthMethod.GYRO_PROPAGATED, propagated.station_azimuth, propagated.station_sigma)
         listed = dataclasses.replace(survey.station, azimuths=(*survey.station.azimuths, row))
         return dataclasses.replace(survey, station=listed, weights={**survey.weights, row.method: 0.0})
 
@@ -222,24 +241,38 @@ class SurveyDecision:
 
 def _judged_again(
     taken: Sequence[tuple[int, tuple[Taken, Finding | None]]],
-    published: Mapping[int, Station],
+    published: Mapping[int, _Published],
     settings: StationSettings,
     newest: int,
 ) -> dict[int, Station]:
     """Return the newest stations by number: as published, or what the run says now where that is something else."""
     stations, before = [one for _, (one, _) in taken], [found for _, (_, found) in taken]
     again = zip(taken, findings(stations, before, settings, newest), strict=True)
-    now = {}
+    now, revised = {}, set[int]()
     for (number, (one, _)), finding in list(again)[-newest:]:
         if number not in published:
             continue
-        now[number] = first = published[number]
+        first, known, above = published[number]
+        now[number] = first
         if finding is not None and finding.repeats is not None:
             continue
+        # What came from a station that is itself revised says nothing any more.
+        if finding is not None and known is not None and above not in revised:
+            finding = finding.continued(*known)
         station = judged(one.measured, finding, settings)
         if is_revised(first, station, first.sigma_azimuth):
             now[number] = dataclasses.replace(station, azimuths=first.azimuths)
+            revised.add(number)
     return now
+
+
+def _known_of(provisional: Provisional, propagated: PropagatedAzimuth) -> tuple[float, float, float] | None:
+    """What the station above and the gyros since say of an azimuth, as of `Finding.continued`; None: nothing."""
+    azimuth, sigma = propagated.station_azimuth, propagated.station_sigma
+    if not (math.isfinite(azimuth) and sigma > 0.0) or provisional.survey.kind != STATIC:
+        return None
+    shared = propagated.station_constant_sigma * provisional.lasting
+    return azimuth, sigma, shared if math.isfinite(shared) else 0.0
 
 
 def _own_sigma(station: Station) -> float:

@@ -263,3 +263,41 @@ def test_a_doubt_that_comes_after_a_survey_was_begun_changes_nothing_however_the
     done = decide.complete(begun, PropagatedAzimuth(1.9, 0.02, 0.005, 1.9, 0.02))
     assert done.station.verdict == begun.survey.station.verdict == "accept"
     assert decide.revisions() == {}
+
+
+def with_one_that_the_gyros_contradict():
+    """A run of four and its stations; the third shows a turn that the gyros did not see, and nothing else is wrong."""
+    decide, published = decision(), []
+    for k in range(4):
+        begun = decide.begin(average(k + 1, 0.8, 1.9 + 0.05 * k), k + 1, REFERENCE, None)
+        off = 0.1 if k == 2 else 0.0
+        known = NOTHING if k == 0 else NOTHING._replace(station_azimuth=1.891 + 0.05 * k + off, station_sigma=0.005)
+        published.append(decide.complete(begun, known).station)
+    return decide, published
+
+
+def test_what_the_station_above_says_of_an_azimuth_is_not_forgotten_when_it_is_judged_again():
+    decide, published = with_one_that_the_gyros_contradict()
+    assert [one.verdict for one in published] == ["accept", "accept", "doubtful", "accept"]
+    assert decide.revisions() == {}
+
+
+def test_what_came_from_a_station_that_is_itself_revised_is_no_longer_held_against_the_next(monkeypatch):
+    decide, published = with_one_that_the_gyros_contradict()
+    whether = mwd_estimation.survey.decision.is_revised
+    of_the_second = lambda first, *other: first is published[1] or whether(first, *other)  # noqa: E731
+    monkeypatch.setattr(mwd_estimation.survey.decision, "is_revised", of_the_second)
+    revised = decide.revisions()
+    assert list(revised) == [2, 3]
+    assert revised[3].verdict == "accept"
+
+
+def test_a_sound_station_is_not_held_against_one_beside_steel_once_a_gyro_has_agreed():
+    decide, published = decision(), []
+    for k in range(6):
+        # Steel turns the first one's field alone; the gyro agrees from the second on, when it was no judge yet.
+        found = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.01) if k else None
+        begun = decide.begin(average(k + 1, 0.8, 1.891, turned=0.0 if k else 0.4), k + 1, REFERENCE, found)
+        known = NOTHING._replace(station_azimuth=published[0].azimuth, station_sigma=0.005) if k == 1 else NOTHING
+        published.append(decide.complete(begun, known).station)
+    assert published[1].verdict == decide.judging_again(6)()[2].verdict == "accept"
