@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
 from mwd_estimation.health import monitor
+from mwd_estimation.health.signal_checks import BIN_NS
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.fault_history import AZIMUTH, FaultHistory
@@ -22,6 +23,8 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 # Numbers of the sensors by the vectors of messages; and the faults that a sensor declared not provided looks like.
 _SENSOR_OF = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
 _MISSING = (FaultCode.INVALID, FaultCode.DEAD)
+# Half seconds for which it is remembered that a sensor was declared not provided.
+_DECLARED_BINS = 240
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,15 +74,15 @@ class SensorWatch:
         self._state = monitor.initial(self._params)
         self.history = FaultHistory()
         self._contaminated = False
-        # By sensor the stamp of its last sample that was declared not provided.
-        self._declared_ns: dict[int, int] = {}
+        # By sensor, and half second, the stamp of its first sample that was declared not provided.
+        self._declared_ns: dict[int, dict[int, int]] = {}
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
         self._mag_since_ns = np.iinfo(np.int64).max
 
     @property
     def faults(self) -> list[SensorFault]:
         """Faults that stand now."""
-        return [self._explained(fault) for fault in monitor.faults(self._state)]
+        return [self._explained(fault, np.iinfo(np.int64).max) for fault in monitor.faults(self._state)]
 
     @property
     def known(self) -> dict[str, int]:
@@ -100,11 +103,16 @@ class SensorWatch:
         for vector in _SENSOR_OF.keys() & set(samples.dtype.names or ()):
             absent = input_covariance.not_provided(samples, vector)
             if absent.any():
-                self._declared_ns[_SENSOR_OF[vector]] = int(samples["stamp_ns"][absent][-1])
+                known, stamps = self._declared_ns.setdefault(_SENSOR_OF[vector], {}), samples["stamp_ns"][absent]
+                for half, at in zip(*np.unique(stamps // BIN_NS, return_index=True), strict=True):
+                    known.setdefault(int(half), int(stamps[at]))
+                while len(known) > _DECLARED_BINS:
+                    del known[next(iter(known))]
 
-    def _explained(self, fault: SensorFault) -> SensorFault:
-        """The fault, with whether the sensor's own messages declare it not provided."""
-        if fault.code in _MISSING and fault.since_ns <= self._declared_ns.get(fault.place // 3, fault.since_ns - 1):
+    def _explained(self, fault: SensorFault, now_ns: int) -> SensorFault:
+        """The fault, with whether the sensor's own messages up to a stamp declare it not provided."""
+        declared = self._declared_ns.get(fault.place // 3, {}).values()
+        if fault.code in _MISSING and any(fault.since_ns <= at <= now_ns for at in declared):
             return dataclasses.replace(fault, declared=True)
         return fault
 
@@ -122,7 +130,8 @@ class SensorWatch:
         found = monitor.run(self._params, self._state, stamps, gyro, accel)
         for start, stop in itertools.pairwise(sorted({0, *found.places, len(stamps)})):
             part = slice(start, stop)
-            changes = [self._explained(one) for one, at in zip(found.changes, found.places, strict=True) if at == start]
+            placed, now_ns = zip(found.changes, found.places, strict=True), int(stamps[start])
+            changes = [self._explained(one, now_ns) for one, at in placed if at == start]
             for change in changes:
                 self.history.note(change)
             unusable = int(found.unusable[start])

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
+from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.nodes import diagnostics
 from mwd_estimation.nodes.inputs import InputTopics
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -223,6 +224,22 @@ def test_a_sensor_declared_absent_is_named_as_that_and_a_broken_one_as_broken(ve
     (broken,) = [found for found in diagnostics.sensor_diagnostics(estimated(imu, mag)[0]) if sensor in found.message]
     assert broken.message == f"{sensor} sends values that are not finite"
     assert "plug" in broken.remedy
+
+
+@pytest.mark.parametrize("cut", [7, 500])
+def test_a_sensor_that_is_declared_absent_only_after_it_failed_is_broken_however_the_samples_are_cut(cut):
+    n, rng, pipeline, changes = 500, np.random.default_rng(1), Pipeline(EstimatorSettings()), []
+    imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
+    imu["stamp_ns"] = mag["stamp_ns"] = 10**18 + 10**7 * np.arange(n)
+    imu["angular_velocity"] = 1e-3 * rng.normal(size=(n, 3))
+    imu["linear_acceleration"] = [-9.0, 0.5, 3.8] + 5e-3 * rng.normal(size=(n, 3))
+    mag["magnetic_field"] = [2e-5, 1e-5, 4e-5] + 5e-8 * rng.normal(size=(n, 3))
+    mag["magnetic_field"][100:] = np.nan
+    mag["magnetic_field_covariance"][400:, 0] = -1.0
+    for k in range(0, n, cut):
+        pipeline.push_mag(mag[k : k + cut])
+        changes += pipeline.push_imu(imu[k : k + cut]).health
+    assert [describe(change).message for change in changes] == ["magnetometer sends values that are not finite"]
 
 
 def test_samples_that_were_not_used_are_told_with_the_remedy_of_their_cause():
