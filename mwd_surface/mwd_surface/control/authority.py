@@ -37,6 +37,7 @@ from mwd_surface.control.status import (
     Request,
 )
 
+_SWITCHED_OFF = "control is switched off at this rig; set control.enabled to let controllers have it"
 _TORQUE_TIME = 1.0  # s that a torque must last above its limit; a peak of stick-slip is shorter
 _LONGEST_NAME = 100
 _WORDS = {
@@ -77,10 +78,12 @@ class ControlAuthority:
     first : int
         Number of the first lease; `upcoming` is that of the next. A rig obeys no lease older than the newest it has
         seen, so that numbers go on after a restart (`lease_numbers`).
+    closed : str
+        Why nobody can have control, in a sentence with the remedy; empty: by the settings.
     """
 
-    def __init__(self, settings: ControlSettings, first: int = 1) -> None:
-        self.settings = settings
+    def __init__(self, settings: ControlSettings, first: int = 1, closed: str = "") -> None:
+        self.settings, self._closed = settings, closed
         self.refused = 0
         self._site = LeaseLimits.of_settings(settings)
         self._reactions = {
@@ -110,9 +113,8 @@ class ControlAuthority:
                 limits = self._checked(request)
             except ValueError as error:
                 return Decision(Permission.DENIED, 0, str(error))
-            if not self.settings.enabled:
-                text = "control is switched off at this rig; set control.enabled to let controllers have it"
-                return Decision(Permission.DENIED, 0, text)
+            if self._closed or not self.settings.enabled:
+                return Decision(Permission.DENIED, 0, self._closed or _SWITCHED_OFF)
             owner = self._lease
             if owner is None or not owner.is_of(request):
                 return self._decide(request, limits, now)
@@ -359,7 +361,7 @@ class ControlAuthority:
             status = ControlStatus(
                 state=ControlState.FAULT if self._fault else state,
                 enabled=self.settings.enabled,
-                reason=self._reason,
+                reason=self._closed or self._reason,
                 limits=self._site if self._lease is None else self._lease.limits,
                 mode=Mode.RELEASE if drive is None else Mode(drive.mode),
                 rotary_speed=rig.speed,

@@ -24,6 +24,7 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.message_conversion import stamp_of
 
+_RESTART = "then restart the surface"
 _PERIOD = 0.1  # s between commands to the rig
 _STATE_PERIOD = 0.5  # s between states that have not changed
 _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
@@ -58,8 +59,9 @@ class ControlServer:
                 first = self._numbers.first(int(time.time()))
             except ValueError as error:
                 # Page, recording and survey list do not wait for it.
-                self._unsafe, settings = str(error), dataclasses.replace(settings, enabled=False)
-        self.authority = ControlAuthority(settings, first)
+                self._unsafe = f"nobody can have control: {error}"
+                settings = dataclasses.replace(settings, enabled=False)
+        self.authority = ControlAuthority(settings, first, self._unsafe)
         self.handlers = {"control/command": self._on_command, "rig/acknowledge": self._on_acknowledge}
         self._updated_at = self._published_at = 0.0
         self._shown: dict[str, Any] = {}
@@ -74,8 +76,7 @@ class ControlServer:
         node.add_service(srv.ReleaseControl, "release_control", self._release)
         node.add_service(srv.JudgeControl, "judge_control", self.judge)
         if self._unsafe:
-            text = f"nobody can have control: {self._unsafe}"
-            self._context.alarm_log.raise_alarm("control.numbers", Severity.CRITICAL, text, "then restart the surface")
+            self._context.alarm_log.raise_alarm("control.numbers", Severity.CRITICAL, self._unsafe, _RESTART)
         self._reserve()
 
     # Services.
@@ -189,6 +190,8 @@ class ControlServer:
 
     def diagnostics(self) -> list[Diagnostic]:
         """Who has control, and what was refused."""
+        if self._unsafe:
+            return [Diagnostic("control", WARN, self._unsafe, _RESTART)]
         if not self.authority.settings.enabled:
             return []
         status = self.authority.status(time.monotonic())

@@ -36,6 +36,8 @@ from mwd_surface.ros.topics import TOPICS
 _STATE_PERIOD = 1.0
 # What changes without a transition: what it waits for, symbol, set-point.
 _SHOWN = {DownlinkState.GRANTED, DownlinkState.ARMED, DownlinkState.RUNNING}
+_NO_TOOL = "this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink"
+_RESTART = "then restart the surface"
 _LOUD = {DownlinkState.ABORTED, DownlinkState.UNCONFIRMED}
 
 
@@ -63,14 +65,15 @@ class DownlinkServer:
         self._rig = RigControl(authority)
         self._memory = Memory(context.folder / "downlink.json")
         self._machine: Machine | None = None
+        self._refusal = _NO_TOOL
         if settings.tool_file:
             tool = tool_configuration.read(Path(settings.tool_file).expanduser())
             try:
                 kept = self._memory.read(tool)
             except ValueError as error:
                 # Page, recording and survey list do not wait for it.
-                text = f"no command can be sent to the tool: {error}"
-                context.alarm_log.raise_alarm("downlink.memory", Severity.WARNING, text, "then restart the surface")
+                self._refusal = f"no command can be sent to the tool: {error}"
+                context.alarm_log.raise_alarm("downlink.memory", Severity.WARNING, self._refusal, _RESTART)
             else:
                 self._machine = Machine(tool, settings, *kept)
         self._goal: DeferredGoal | None = None
@@ -80,12 +83,15 @@ class DownlinkServer:
 
     def open(self) -> None:
         """Open topic, services and action."""
-        if self._machine is None:
-            return
         node = self._node
-        self._state = node.add_publisher(msg.DownlinkState, "downlink/state", TOPICS["downlink/state"][1])
+        if self._machine is None and self._refusal == _NO_TOOL:
+            return
         node.add_service(srv.DraftDownlink, "draft_downlink", self.draft)
         node.add_service(srv.DecideDownlink, "decide_downlink", self.decide)
+        if self._machine is None:
+            # Whoever asks is told why.
+            return
+        self._state = node.add_publisher(msg.DownlinkState, "downlink/state", TOPICS["downlink/state"][1])
         node.add_action_server(Downlink, "downlink", self._start_goal, self._cancel_goal)
 
     def activate(self) -> None:
@@ -133,8 +139,7 @@ class DownlinkServer:
     def _answer(self, response: Any, call: Any) -> Any:
         machine, now = self._machine, self._now()
         if machine is None:
-            response.success = False
-            response.message = "this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink"
+            response.success, response.message = False, self._refusal
             return response
         try:
             response.message, response.success = call(machine, now), True
@@ -287,7 +292,7 @@ class DownlinkServer:
         """State of the downlink at hand."""
         machine = self._machine
         if machine is None:
-            return []
+            return [] if self._refusal == _NO_TOOL else [Diagnostic("downlink", WARN, self._refusal, _RESTART)]
         level = WARN if machine.state in _LOUD else OK
         return [Diagnostic("downlink", level, machine.reason or "no command was sent yet")]
 

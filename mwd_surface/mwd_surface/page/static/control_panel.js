@@ -25,7 +25,7 @@ function buttons(control, judge) {
 }
 
 function controlPart(control) {
-  if (!control.enabled) return [el("p", { class: "empty" }, "The driller has the rig: control is switched off (control.enabled).")];
+  if (!control.enabled) return [el("p", { class: "empty" }, `The driller has the rig: ${control.reason || "control is switched off (control.enabled)."}`)];
   return [
     el("p", {}, pill(KINDS[control.state], control.owner ? `${control.owner} has control` : control.state === "fault" ? "fault" : "the driller has the rig"), ` ${control.role}`),
     control.pending ? el("p", { class: "headline" }, `${control.pending} asks for control (request ${control.pending_number}), ${control.pending_reason}.`) : "",
