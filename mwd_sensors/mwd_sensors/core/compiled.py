@@ -15,16 +15,38 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
+import numpy as np
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 try:
     from numba import njit as _njit
+    from numba import version_info as _version
     from numba.core import event as _event
+    from numba.core.registry import CPUDispatcher as _Dispatcher
     from numba.core.types.misc import unliteral as _unliteral
 except ImportError:
     HAVE_NUMBA = False
 else:
     HAVE_NUMBA = True
+
+    class _OldDispatcher(_Dispatcher):  # type: ignore[misc]
+        """
+        A kernel for numba before 0.61, which tells named tuples apart by memory it has not written (its issue 9097).
+
+        Each call would keep some hundred bytes for good, and could take one type for another. So the machine code for
+        named tuples is looked up here.
+        """
+
+        def __call__(self, *args: Any, **keywords: Any) -> Any:
+            if keywords or not any(isinstance(arg, tuple) for arg in args):
+                return super().__call__(*args, **keywords)
+            kinds = tuple(map(_kind, args))
+            entry = self.entries.get(kinds)
+            if entry is None:
+                entry = self.entries[kinds] = self.compile(tuple(map(self.typeof_pyval, args)))
+            return entry(*args)
+
 
 _OURS = "mwd_"
 
@@ -53,6 +75,9 @@ def compiled(function: F) -> F:
     kernel.get_call_template = lambda args, keywords: by_type(
         tuple(map(_unliteral, args)), {name: _unliteral(kind) for name, kind in keywords.items()}
     )
+    if _version.short < (0, 61):
+        kernel.__class__ = _OldDispatcher
+        kernel.entries = {}
     return kernel  # type: ignore[no-any-return]
 
 
@@ -152,3 +177,12 @@ def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
             about = Path(file).stat()
             found.append((at, about.st_mtime_ns, about.st_size))
     return tuple(found)
+
+
+def _kind(arg: Any) -> Any:
+    """What numba makes the type of an argument from."""
+    if isinstance(arg, tuple):
+        return type(arg), *map(_kind, arg)
+    if isinstance(arg, np.ndarray | np.void):
+        return type(arg), arg.dtype, arg.ndim, arg.flags.num
+    return type(arg)

@@ -4,6 +4,10 @@
 import os
 import subprocess
 import sys
+import tracemalloc
+from typing import NamedTuple
+
+import numpy as np
 
 from mwd_sensors.core.compiled import compiled
 
@@ -18,6 +22,35 @@ def _sum(n):
 
 def test_a_kernel_gives_what_the_function_gives():
     assert _sum(1000) == 499500
+
+
+class _Columns(NamedTuple):
+    """Enough names that numba before 0.61 would confuse its layouts."""
+
+    first_of_three: np.ndarray
+    second_of_three: np.ndarray
+    third_of_three: np.ndarray
+
+
+@compiled
+def _total(columns, k):
+    return columns.first_of_three[k] + columns.second_of_three[k] + columns.third_of_three[k]
+
+
+def test_a_kernel_tells_apart_the_layouts_of_columns_and_keeps_nothing_of_a_call():
+    table = np.arange(12.0).reshape(4, 3)
+    spread, packed = _Columns(*table.T), _Columns(*np.ascontiguousarray(table.T))
+    first = _Columns(packed.first_of_three, spread.second_of_three, spread.third_of_three)
+    assert [[_total(columns, k) for k in range(4)] for columns in (spread, packed, first)] == [[3, 12, 21, 30]] * 3
+    kept = []
+    tracemalloc.start()
+    # At first the interpreter keeps freed tuples for the next ones.
+    for _ in range(2):
+        for _ in range(5000):
+            assert _total(spread, 1) == _total(packed, 1) == _total(first, 1) == 12
+        kept.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert kept[1] - kept[0] < 5000
 
 
 def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
