@@ -126,7 +126,8 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
             f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
             "are not finite or beyond reason"
         )
-    if summary.gaps > _MANY_GAPS * summary.rows:
+    # Where the time went back to its begin or before it, there is no rate.
+    if summary.gaps > _MANY_GAPS * summary.rows and summary.seconds > 0.0:
         rate_hz = (summary.rows - 1) / summary.seconds
         warnings.append(
             f"the IMU gives {rate_hz:.2g} samples/s, and most of them follow a gap: no survey can be averaged, and the "

@@ -279,6 +279,18 @@ def test_a_stream_of_one_hertz_is_named_as_the_reason_for_no_survey(tmp_path):
     assert [warning for warning in summary.warnings if warning.startswith("the IMU gives 1 samples/s")]
 
 
+def test_a_slow_stream_whose_time_went_back_to_its_begin_is_processed(tmp_path):
+    imu = wire.IMU.empty(5)
+    imu["stamp_ns"] = START + np.array([0, 2, 4, 6, 0]) * 1_000_000_000
+    imu["linear_acceleration"][:, 0] = -9.81
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.topic("/imu/data_raw", wire.IMU.type_name)
+        writer.write_rows(topic, wire.IMU.encode(imu, "x"), START + np.arange(5) * 1_000_000_000)
+    summary = run(tmp_path / "bag", tmp_path / "out")
+    assert (summary.rows, summary.seconds) == (5, 0.0)
+    assert not any("samples/s" in warning for warning in summary.warnings)
+
+
 def test_a_flipped_bit_is_refused_and_leaves_nothing(tmp_path):
     recording(tmp_path / "bag", seconds=5.0)
     file = next((tmp_path / "bag").glob("*.mcap"))
