@@ -75,7 +75,10 @@ def main() -> None:
         watched(lambda: max(taken.values()) > mended, 120.0, "a survey after the cut")
         watched(lambda: set(taken) <= set(listed()), 60.0, "all surveys in the list")
         alive = all(process.poll() is None for process in graph.running.values())
-        statuses = [graph.end(name)[0] for name in (sonde, estimator, surface)]
+        statuses = [graph.end(name)[0] for name in (sonde, estimator)]
+        # A survey may have been taken since.
+        watched(lambda: set(taken) == set(listed()), 60.0, "the list of the surveys taken")
+        statuses.append(graph.end(surface)[0])
         logs = "".join(graph.log(name) for name in (sonde, estimator, surface))
         rclpy.shutdown()
         report = {"before": before, "during": during, "lonely": lonely, "after": listed(), "taken": list(taken)}
