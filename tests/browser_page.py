@@ -15,6 +15,7 @@ from selenium.webdriver.support.ui import WebDriverWait
 
 from mwd_sensors.core import wire
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
+from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.settings import LiveSettings
@@ -22,12 +23,12 @@ from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
-from mwd_surface.surveys.clearance import Clearance, ClearanceRule
-from mwd_surface.surveys.plan import plan_of
-from mwd_surface.surveys.slide_sheet import SlideSheet, yields
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North, Survey, Verdict
+from mwd_surface.surveys.survey_record import Survey, Verdict
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.plan import plan_of
+from mwd_surface.trajectory.slide_sheet import SlideSheet, yields
 
 TOKEN = "drill-baby-drill"  # noqa: S105
 

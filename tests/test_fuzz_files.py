@@ -29,15 +29,16 @@ from mwd_surface.bags.bag_metadata import MetadataError
 from mwd_surface.bags.bag_metadata import read as read_metadata
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.clearance.offset_wells import OffsetWellError, read_offset_wells
+from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.list_file import list_from_las, list_from_table, list_from_witsml
+from mwd_surface.list_files.station_file import read_table
+from mwd_surface.processing import run_config
 from mwd_surface.receiver import pressure_files
 from mwd_surface.rig.wits.format import Decoder
-from mwd_surface.runs import calibration_run, run_config
-from mwd_surface.surveys.list_columns import ListFileError
-from mwd_surface.surveys.list_file import list_from_las, list_from_table, list_from_witsml
-from mwd_surface.surveys.offset_wells import OffsetWellError, read_offset_wells
-from mwd_surface.surveys.programme import ProgrammeError, read_programme
-from mwd_surface.surveys.station_file import read_table
+from mwd_surface.runs import calibration_run
 from mwd_surface.surveys.survey_store import decoded
+from mwd_surface.uncertainty.programme import ProgrammeError, read_programme
 from project import ROOT
 
 pytestmark = [pytest.mark.fuzz, pytest.mark.fault_case(66)]

@@ -43,7 +43,7 @@ PARAMETERS = {
     for path in ROOT.glob("mwd_*/config/*.yaml")
     for name in re.findall(r"(\w+):", path.read_text(encoding="utf-8"))
 }
-SUFFIXES = {"csv", "json", "md", "parquet", "py", "yaml"}
+SUFFIXES = {"csv", "json", "las", "md", "parquet", "png", "py", "xml", "yaml"}
 NAMED = re.compile(rf"(?<![\w./-])({'|'.join(sorted(ROOMS))})\.([a-z_]+\w)\b(?![(*-])")
 FILE = re.compile(r"(?<![\w./-])((?:tests|bags|docs|mwd_\w+)/[\w/]+\.(?:py|md|yaml|js))\b")
 

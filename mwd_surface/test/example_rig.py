@@ -18,7 +18,7 @@ from mwd_surface.live.inputs import Clock, InputState, InputTable, Role
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.values import rig_values
-from mwd_surface.surveys.advice import Advice, AdviceMode
+from mwd_surface.trajectory.advice import Advice, AdviceMode
 
 NOW = 5000.0
 NOW_NS = START + 95_000 * S

@@ -5,10 +5,11 @@ import dataclasses
 import math
 
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.surveys.slide_sheet import ROTATE, SLIDE, Stretch
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch
 
 S = 10**9
 START = 1_778_767_020 * S + 123_456_789

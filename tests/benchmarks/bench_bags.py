@@ -40,7 +40,7 @@ from mwd_surface.bags.mcap.recovery_report import check
 from mwd_surface.bags.recorder.recorder import Recorder
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.exports import attitude_csv
-from mwd_surface.runs import process
+from mwd_surface.processing import process
 
 DIP = 1.1
 # The field of the recording below, so that nothing is taken for a disturbance.

@@ -25,8 +25,8 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.simulator import scenario
 from mwd_surface.fleet import fleet_dataset, fleet_run
 from mwd_surface.fleet.fleet_task import Outcome, Work, config_text
+from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.runs import simulate
-from mwd_surface.runs.bag_input import InputSettings
 
 BAGS = Path(__file__).resolve().parents[2] / "bags"
 SHORT, LONG = BAGS / "golden" / "stations" / "scenario.yaml", BAGS / "scenarios" / "curve_and_lateral.yaml"

@@ -12,7 +12,7 @@ from mwd_surface.control.set_point import Mode, SetPoint
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import Achieved, Judgement, Request
 from mwd_surface.live.alarms import Severity
-from mwd_surface.surveys.advice import Advice, AdviceMode
+from mwd_surface.trajectory.advice import Advice, AdviceMode
 
 pytestmark = pytest.mark.slow
 

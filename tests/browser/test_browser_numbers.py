@@ -12,7 +12,7 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import ReferenceField
-from mwd_surface.surveys.plan import Offset
+from mwd_surface.trajectory.plan import Offset
 
 pytestmark = pytest.mark.slow
 

@@ -17,7 +17,8 @@ from mwd_sensors.simulator.scenario import read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.definitions import installed
-from mwd_surface.runs import process, simulate
+from mwd_surface.processing import process
+from mwd_surface.runs import simulate
 from running_graph import PLACE, samples_of, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]

@@ -39,8 +39,9 @@ from mwd_surface.rig.wits.link import Wits0Settings
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 from mwd_surface.rig.wits.server import Wits0ServerSettings
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.north import North
 
 S = 10**9
 START = 1_778_767_020 * S

@@ -72,7 +72,7 @@ def batch(
     from mwd_sensors.core import settings
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import assignments, placed_settings, recording_changes
-    from mwd_surface.runs.bag_input import InputSettings
+    from mwd_surface.processing.bag_input import InputSettings
 
     try:
         from mwd_surface.fleet import fleet_index, fleet_run

@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mwd_surface.surveys.clearance import Clearance
+    from mwd_surface.clearance.clearance import Clearance
     from mwd_surface.surveys.survey_list import SurveyList
 
 
@@ -45,16 +45,16 @@ def clearance(
       mwd clearance a1 --offsets wells.yaml -o a1/clearance --programme programme.yaml
       mwd clearance out/run_7 --offsets wells.yaml -o out/near --plan plan.csv
     """
+    from mwd_surface.clearance.clearance import Level
+    from mwd_surface.clearance.offset_wells import read_offset_wells
+    from mwd_surface.clearance.well_clearance import well_clearance
     from mwd_surface.commands import terminal
     from mwd_surface.exports.clearance_csv import clearance_csv
+    from mwd_surface.list_files.list_file import is_list
     from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
     from mwd_surface.plots.drawing import png
-    from mwd_surface.surveys.clearance import Level
-    from mwd_surface.surveys.list_file import is_list
-    from mwd_surface.surveys.offset_wells import read_offset_wells
-    from mwd_surface.surveys.plan_file import read_plan
     from mwd_surface.surveys.survey_source import surveys_of
-    from mwd_surface.surveys.well_clearance import well_clearance
+    from mwd_surface.trajectory.plan_file import read_plan
 
     if is_list(source):
         raise ValueError(f"{source} is a list of stations: make its path first, mwd path {source} -o DIR, and give DIR")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from mwd_surface.runs.compare import Comparison
+    from mwd_surface.processing.compare import Comparison
 
 
 def compare(
@@ -44,8 +44,8 @@ def compare(
       mwd compare bags/golden/stations
     """
     from mwd_surface.commands import terminal
-    from mwd_surface.runs import compare as runs
-    from mwd_surface.runs import golden
+    from mwd_surface.processing import compare as runs
+    from mwd_surface.processing import golden
 
     if accept:
         if run_b is not None or limit:
@@ -72,7 +72,7 @@ def compare(
 
 def _picture(run: Path, expected: Path) -> bytes:
     from mwd_surface.plots import run_comparison
-    from mwd_surface.runs import run_folder
+    from mwd_surface.processing import run_folder
 
     ours, theirs = (
         run_comparison.Run(path.resolve().name, run_folder.attitude(path), run_folder.surveys(path))

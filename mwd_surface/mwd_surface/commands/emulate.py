@@ -64,7 +64,7 @@ def _samples(source: str) -> Iterator[dict[str, Samples]]:
 
 def _recorded(path: Path) -> Iterator[dict[str, Samples]]:
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.runs.bag_input import InputSettings, find_topics
+    from mwd_surface.processing.bag_input import InputSettings, find_topics
 
     with Bag(path) as bag:
         topics = find_topics(bag, InputSettings())

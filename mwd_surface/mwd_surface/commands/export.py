@@ -131,8 +131,8 @@ def _table(
     from mwd_surface.commands.reference_options import assignments
     from mwd_surface.exports.report_clearance import clearance_sections
     from mwd_surface.exports.survey_table import survey_table
-    from mwd_surface.surveys.plan_file import read_plan
     from mwd_surface.surveys.survey_source import stretches_of, surveys_of
+    from mwd_surface.trajectory.plan_file import read_plan
 
     surveys, notes = surveys_of(source)
     given = assignments(changes)

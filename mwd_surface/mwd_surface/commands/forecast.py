@@ -11,7 +11,7 @@ import typer
 from mwd_surface.commands.reference_options import Changes, Convergence, Date, Declination, Field, Lat, Lon
 
 if TYPE_CHECKING:
-    from mwd_surface.surveys.forecast import Forecast
+    from mwd_surface.uncertainty.forecast import Forecast
 
 
 def forecast(
@@ -47,11 +47,11 @@ def forecast(
     from mwd_surface.exports.forecast_csv import forecast_csv
     from mwd_surface.plots.drawing import png
     from mwd_surface.plots.forecast_plot import forecast_figure
-    from mwd_surface.surveys.error_terms import check_tool_code
-    from mwd_surface.surveys.forecast import corrected_sibling, correction_map
-    from mwd_surface.surveys.forecast import forecast as work_out
-    from mwd_surface.surveys.plan_file import read_plan
     from mwd_surface.surveys.well import NORTHS
+    from mwd_surface.trajectory.plan_file import read_plan
+    from mwd_surface.uncertainty.error_terms import check_tool_code
+    from mwd_surface.uncertainty.forecast import corrected_sibling, correction_map
+    from mwd_surface.uncertainty.forecast import forecast as work_out
 
     check_tool_code(code)
     if north not in NORTHS:

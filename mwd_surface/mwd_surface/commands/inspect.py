@@ -61,9 +61,9 @@ def inspect(
     options = locals()
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.runs.bag_input import InputSettings
-    from mwd_surface.runs.inspection import figures
-    from mwd_surface.runs.inspection import inspect as look_through
+    from mwd_surface.processing.bag_input import InputSettings
+    from mwd_surface.processing.inspection import figures
+    from mwd_surface.processing.inspection import inspect as look_through
     from mwd_surface.surveys.recorded_settings import recorded_settings
 
     place, console = recording_changes(lat, lon, date, field), terminal.output()

@@ -13,8 +13,8 @@ from mwd_surface.commands.reference_options import Changes, Convergence, Date, D
 if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
     from mwd_surface.surveys.leg import TieOn
-    from mwd_surface.surveys.list_comparison import PathDifference
     from mwd_surface.surveys.survey_list import SurveyList
+    from mwd_surface.trajectory.list_comparison import PathDifference
 
 _LIST = "List"
 # Of the field of a list without times: the first of the model's.
@@ -82,8 +82,8 @@ def path(
 
     from mwd_surface.commands import terminal
     from mwd_surface.exports.path_csv import path_csv
-    from mwd_surface.surveys.programme import read_programme
     from mwd_surface.surveys.survey_store import encoded
+    from mwd_surface.uncertainty.programme import read_programme
 
     surveys = _surveys(source, options, code)
     if programme is not None:
@@ -110,9 +110,9 @@ def _surveys(source: Path, options: dict[str, Any], code: str | None, beside: Su
     import dataclasses
 
     from mwd_surface.commands import terminal
-    from mwd_surface.surveys.error_terms import check_tool_code
-    from mwd_surface.surveys.list_file import is_list
+    from mwd_surface.list_files.list_file import is_list
     from mwd_surface.surveys.survey_source import surveys_of
+    from mwd_surface.uncertainty.error_terms import check_tool_code
 
     if is_list(source):
         surveys, remarks = _imported(source, options, beside)
@@ -133,9 +133,9 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
     import dataclasses
 
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
+    from mwd_surface.list_files.list_columns import Given
+    from mwd_surface.list_files.list_file import read_list
     from mwd_surface.surveys.imported_list import reference_in, survey_list
-    from mwd_surface.surveys.list_columns import Given
-    from mwd_surface.surveys.list_file import read_list
     from mwd_surface.surveys.well import Well
 
     given = Given(
@@ -224,7 +224,7 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
 
     from mwd_surface.exports.comparison_csv import comparison_csv
     from mwd_surface.plots.path_comparison import picture
-    from mwd_surface.surveys.list_comparison import difference
+    from mwd_surface.trajectory.list_comparison import difference
 
     well = dataclasses.replace(other.well, north_reference=table.surveys.well.north_reference)
     second = _table(other.configured(well, other.rules))

@@ -52,7 +52,7 @@ from mwd_surface.commands.reference_options import (
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_surface.runs.run_summary import Summary
+    from mwd_surface.processing.run_summary import Summary
     from mwd_surface.surveys.recorded_settings import Recorded
 
 
@@ -125,7 +125,7 @@ def process(
 
 def _refuse_taken(output: Path) -> None:
     """Refuse a folder with results of a run before the work begins."""
-    from mwd_surface.runs.run_output import results_in
+    from mwd_surface.processing.run_output import results_in
 
     if found := results_in(output):
         names = ", ".join(path.name for path in found)
@@ -148,10 +148,10 @@ def _run(
     from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
+    from mwd_surface.processing import process as batch
+    from mwd_surface.processing.bag_input import InputSettings
+    from mwd_surface.processing.run_output import OutputSettings
     from mwd_surface.runs import calibration_run
-    from mwd_surface.runs import process as batch
-    from mwd_surface.runs.bag_input import InputSettings
-    from mwd_surface.runs.run_output import OutputSettings
     from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
     start, end = options["start_s"], options["end_s"]

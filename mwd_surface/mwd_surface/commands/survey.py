@@ -67,8 +67,8 @@ def survey(
     from mwd_surface.commands import terminal
     from mwd_surface.commands.survey_table import repeated, run_sentences, show_surveys
     from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
+    from mwd_surface.list_files.station_file import read_table
     from mwd_surface.surveys import station_csv
-    from mwd_surface.surveys.station_file import read_table
 
     table = read_table(stations)
     settings = table_settings(config, changes, lat, lon, date, field)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from mwd_surface.surveys.dense_trajectory import Continuous
     from mwd_surface.surveys.survey_list import SurveyList
+    from mwd_surface.trajectory.dense_trajectory import Continuous
 
 
 def trajectory(
@@ -44,9 +44,9 @@ def trajectory(
     from mwd_surface.commands import terminal
     from mwd_surface.exports.trajectory_files import summary, trajectory_csv, trajectory_las
     from mwd_surface.plots.trajectory_plot import trajectory_plot
-    from mwd_surface.surveys.dense_trajectory import dense_trajectory
-    from mwd_surface.surveys.slide_file import read_stretches
     from mwd_surface.surveys.survey_source import stretches_of, surveys_of
+    from mwd_surface.trajectory.dense_trajectory import dense_trajectory
+    from mwd_surface.trajectory.slide_file import read_stretches
 
     if continuous is not None and recording is not None:
         raise ValueError("--continuous and --recording: give one of them")
@@ -75,10 +75,10 @@ def trajectory(
 def _continuous(source: Path, surveys: SurveyList, table: Path | None, recording: Path | None) -> Continuous | None:
     """Continuous measurements of a table or of a processed recording; None where neither is given."""
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.runs import run_folder
-    from mwd_surface.runs.continuous_log import continuous_log
-    from mwd_surface.surveys.dense_trajectory import Continuous
-    from mwd_surface.surveys.list_file import read_list
+    from mwd_surface.list_files.list_file import read_list
+    from mwd_surface.processing import run_folder
+    from mwd_surface.processing.continuous_log import continuous_log
+    from mwd_surface.trajectory.dense_trajectory import Continuous
 
     if table is not None:
         read = read_list(table)

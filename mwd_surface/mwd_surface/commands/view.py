@@ -14,10 +14,10 @@ import typer
 if TYPE_CHECKING:
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.page.page_server import PageServer
+    from mwd_surface.processing.run_config import ProcessedInput
     from mwd_surface.runs.player import Player, Playing
-    from mwd_surface.runs.run_config import ProcessedInput
-    from mwd_surface.surveys.plan import Plan
     from mwd_surface.surveys.survey_list import SurveyList
+    from mwd_surface.trajectory.plan import Plan
 
 _PERIOD_S = 0.1  # between two states of the page
 
@@ -48,12 +48,12 @@ def view(
     from mwd_surface.commands import terminal
     from mwd_surface.page.page_server import PageServer
     from mwd_surface.page.settings import PageSettings
+    from mwd_surface.processing.bag_input import worth_saying
+    from mwd_surface.processing.run_config import processed_input
     from mwd_surface.runs import launch_plan
-    from mwd_surface.runs.bag_input import worth_saying
     from mwd_surface.runs.bundle import newest_recording
     from mwd_surface.runs.player import Player, Playing, namespace_of
-    from mwd_surface.runs.run_config import processed_input
-    from mwd_surface.surveys.plan import with_section
+    from mwd_surface.surveys.well import with_section
 
     if not 0.01 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0.01 to 1000")
@@ -136,8 +136,8 @@ def _surveys(bag: Bag, run: Path) -> SurveyList:
 def _plan(bag: Bag, path: Path | None) -> Plan | None:
     """The plan of a file, or of the file that the surface node of the recording had."""
     from mwd_surface.commands import terminal
-    from mwd_surface.surveys.plan_file import read_plan
     from mwd_surface.surveys.recorded_settings import SURFACE
+    from mwd_surface.trajectory.plan_file import read_plan
 
     if path is not None:
         return read_plan(path)
@@ -158,8 +158,8 @@ def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[tuple[Bag, Sur
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_surface.bags.bag_reader import Bag as Opened
     from mwd_surface.commands import terminal
-    from mwd_surface.runs import process
-    from mwd_surface.runs.run_output import MERGED, OutputSettings
+    from mwd_surface.processing import process
+    from mwd_surface.processing.run_output import MERGED, OutputSettings
     from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
     recorded = recorded_settings(bag)

@@ -8,8 +8,8 @@ import io
 import math
 from collections.abc import Sequence
 
+from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.exports.survey_table import fixed
-from mwd_surface.surveys.clearance import Clearance
 
 COLUMNS = (
     "offset_well",

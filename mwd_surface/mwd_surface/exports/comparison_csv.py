@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 
-from mwd_surface.surveys.list_comparison import PathDifference
 from mwd_surface.surveys.station_csv import number, text
+from mwd_surface.trajectory.list_comparison import PathDifference
 
 COLUMNS = (
     "md_m",

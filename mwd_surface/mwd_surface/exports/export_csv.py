@@ -16,7 +16,8 @@ from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Verdict
+from mwd_surface.trajectory.north import North
 
 _DEG = 180.0 / math.pi
 _AXES = ("x", "y", "z")

@@ -9,7 +9,7 @@ import math
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.survey_table import fixed
-from mwd_surface.surveys.forecast import Forecast
+from mwd_surface.uncertainty.forecast import Forecast
 
 COLUMNS = (
     "md_m",

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from mwd_surface.exports.survey_table import SurveyTable
-from mwd_surface.surveys.position_covariance import ellipse
+from mwd_surface.uncertainty.position_covariance import ellipse
 
 COLUMNS = (
     "md_m",

@@ -7,15 +7,15 @@ import math
 
 import numpy as np
 
+from mwd_surface.clearance.clearance import Clearance, Level
+from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, planned_rows, well_clearance
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import fixed
 from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
-from mwd_surface.surveys.clearance import Clearance, Level
-from mwd_surface.surveys.error_terms import CovarianceUnavailableError
-from mwd_surface.surveys.plan import Plan
-from mwd_surface.surveys.position_covariance import ellipse
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.well_clearance import WellClearance, offset_wells_of, planned_rows, well_clearance
+from mwd_surface.trajectory.plan import Plan
+from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
+from mwd_surface.uncertainty.position_covariance import ellipse
 
 _TINTS = {Level.CLEAR: GOOD, Level.WARNING: DOUBTFUL, Level.STOP: REJECT}
 _COLUMNS = (

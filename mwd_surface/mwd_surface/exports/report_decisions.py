@@ -8,8 +8,8 @@ import math
 from mwd_surface.exports.report_quality import numbered, row_mark, verdict_cells
 from mwd_surface.exports.report_section import Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
-from mwd_surface.surveys.slide_sheet import ROTATE, SLIDE, Stretch, yields
 from mwd_surface.surveys.survey_record import Judgement, Verdict
+from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch, yields
 
 _DEG = 180.0 / math.pi
 _VERDICT_TITLES = ("Survey", "MD", "Inc", "Azi", "Toolface", "What to do", "May be disturbed by", "Details")

@@ -10,9 +10,9 @@ import numpy as np
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.survey_table import SurveyTable
-from mwd_surface.surveys.plan import interpolated
-from mwd_surface.surveys.position_covariance import ellipse, in_section
 from mwd_surface.surveys.station_quality import totals
+from mwd_surface.trajectory.plan import interpolated
+from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

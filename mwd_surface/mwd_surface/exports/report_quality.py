@@ -13,7 +13,8 @@ from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, TINTS, Dr
 from mwd_surface.exports.survey_table import SurveyTable, fixed, utc
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import Total, totals
-from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord, Verdict
+from mwd_surface.trajectory.north import North
 
 _DEG = 180.0 / math.pi
 # Of total gravity, total field and dip: title, unit of people, factor from SI, decimals.

@@ -8,7 +8,7 @@ import numpy as np
 from mwd_surface.exports.report_section import Section, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable, fixed
 from mwd_surface.exports.trajectory_files import summary
-from mwd_surface.surveys.dense_trajectory import STATION, dense_trajectory
+from mwd_surface.trajectory.dense_trajectory import STATION, dense_trajectory
 
 _COLUMNS = (
     ("MD", "m"),

@@ -18,13 +18,13 @@ import numpy as np
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Section
-from mwd_surface.surveys.plan import Plan, offset_from
-from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord
 from mwd_surface.surveys.well import Well
-from mwd_surface.surveys.well_path import Definitive
 from mwd_surface.surveys.well_position import uncertain
+from mwd_surface.trajectory.plan import Plan, offset_from
+from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.well_path import Definitive
 
 _DEG = 180.0 / math.pi
 _DEG_30 = 30.0 * _DEG

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from mwd_surface.surveys.dense_trajectory import ARC, CONTINUOUS, SLIDES, STATION, DenseTrajectory
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.dense_trajectory import ARC, CONTINUOUS, SLIDES, STATION, DenseTrajectory
 
 # Name in the CSV, mnemonic and unit in the LAS file, decimals.
 _COLUMNS = (

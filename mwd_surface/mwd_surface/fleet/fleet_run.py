@@ -23,7 +23,7 @@ import distributed
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_surface.fleet import fleet_dataset
 from mwd_surface.fleet.fleet_task import Outcome, Work, carry_out, changes_text, config_text, failed
-from mwd_surface.runs.bag_input import InputSettings
+from mwd_surface.processing.bag_input import InputSettings
 
 SCHEDULERS = ("local", "processes", "threads")
 _ENDINGS = (".mcap", ".db3")

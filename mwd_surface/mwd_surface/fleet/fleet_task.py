@@ -24,9 +24,9 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.fleet import fleet_dataset
 from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
-from mwd_surface.runs import bag_input, process
-from mwd_surface.runs.bag_input import InputSettings
-from mwd_surface.runs.run_summary import Summary
+from mwd_surface.processing import bag_input, process
+from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.processing.run_summary import Summary
 from mwd_surface.surveys import station_csv
 from mwd_surface.surveys.recorded_settings import Recorded, recorded_settings, with_a_model
 

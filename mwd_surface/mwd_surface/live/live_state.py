@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
+from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
@@ -22,13 +23,12 @@ from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress, WellState
-from mwd_surface.surveys.advice import Advice, AdviceMode
-from mwd_surface.surveys.clearance import Clearance
-from mwd_surface.surveys.plan import Offset, Plan
-from mwd_surface.surveys.slide_sheet import Stretch, Yield
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well import Well
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.trajectory.advice import Advice, AdviceMode
+from mwd_surface.trajectory.plan import Offset, Plan
+from mwd_surface.trajectory.slide_sheet import Stretch, Yield
+from mwd_surface.trajectory.well_path import Definitive
 
 
 class LiveState(LiveStreams):

@@ -33,7 +33,7 @@ from mwd_surface.live.well_state import (
     RigState,
     ToolfaceState,
 )
-from mwd_surface.surveys.survey_record import North
+from mwd_surface.trajectory.north import North
 
 QUANTITIES = {
     "inclination": Quantity("rad", "estimator"),

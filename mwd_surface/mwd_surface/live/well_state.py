@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
 from mwd_surface.bags.recorder.status import RecorderStatus
+from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
@@ -23,13 +24,13 @@ from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.strip_history import Row
 from mwd_surface.live.toolface import GRAVITY
-from mwd_surface.surveys.advice import Advice
-from mwd_surface.surveys.clearance import Clearance
-from mwd_surface.surveys.plan import Offset, Plan
-from mwd_surface.surveys.slide_sheet import Stretch, Yield
-from mwd_surface.surveys.survey_record import North, Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import Survey, SurveyRecord
 from mwd_surface.surveys.well import Well
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.trajectory.advice import Advice
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.plan import Offset, Plan
+from mwd_surface.trajectory.slide_sheet import Stretch, Yield
+from mwd_surface.trajectory.well_path import Definitive
 
 NO_STATUS = Status(0)
 # Far below what drills and far above what a sensor reads of standing mud.

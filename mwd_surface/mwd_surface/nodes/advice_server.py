@@ -12,10 +12,10 @@ from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.live.toolface import MAGNETIC
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.topics import TOPICS
-from mwd_surface.surveys.advice import Advice, AdvisorySettings, Known, advise
-from mwd_surface.surveys.plan import Plan
-from mwd_surface.surveys.slide_sheet import Stretch, yields
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.trajectory.advice import Advice, AdvisorySettings, Known, advise
+from mwd_surface.trajectory.plan import Plan
+from mwd_surface.trajectory.slide_sheet import Stretch, yields
 
 
 class AdviceServer:

@@ -6,14 +6,14 @@ from __future__ import annotations
 import concurrent.futures
 import time
 
+from mwd_surface.clearance.clearance import Level
+from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.plan_server import PlanServer
 from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.surveys.clearance import Level
-from mwd_surface.surveys.error_terms import CovarianceUnavailableError
-from mwd_surface.surveys.plan import Plan
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.well_clearance import WellClearance, offset_wells_of, well_clearance
+from mwd_surface.trajectory.plan import Plan
+from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
 
 _BIT_STEP = 5.0  # m; movement of the bit after which wells are compared again
 _SEPARATION, _FILE = "clearance.separation", "clearance.wells"

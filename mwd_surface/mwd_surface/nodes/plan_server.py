@@ -6,14 +6,14 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from mwd_surface.list_files.list_columns import ListFileError
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.nodes.settings import PlanSettings
 from mwd_surface.ros.alarm_log import AlarmLog
-from mwd_surface.surveys.list_columns import ListFileError
-from mwd_surface.surveys.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
-from mwd_surface.surveys.plan_file import read_plan
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
+from mwd_surface.trajectory.plan_file import read_plan
+from mwd_surface.trajectory.well_path import Definitive
 
 
 class PlanServer:

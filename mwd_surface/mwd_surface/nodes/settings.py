@@ -17,12 +17,12 @@ from mwd_surface.page.foxglove_server import FoxgloveSettings
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.rig.port import RigSettings
 from mwd_surface.ros.topics import TOPICS
-from mwd_surface.surveys.advice import AdvisorySettings
 from mwd_surface.surveys.depth import DepthRules
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.slide_sheet import SlideRules
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.advice import AdvisorySettings
+from mwd_surface.trajectory.slide_sheet import SlideRules
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,9 +14,9 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.live.alarms import Severity
 from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.surveys.slide_file import NAME, append_stretch, read_stretches
-from mwd_surface.surveys.slide_sheet import SlideRules, SlideSheet, Stretch, yields
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.trajectory.slide_file import NAME, append_stretch, read_stretches
+from mwd_surface.trajectory.slide_sheet import SlideRules, SlideSheet, Stretch, yields
 
 _ON_BOTTOM = 0.5  # m; a bit closer to the end of the hole is drilling
 _ROTATING_SPEED = 10.0  # rad/s; stands for a rotary speed of which only is known that it is not zero

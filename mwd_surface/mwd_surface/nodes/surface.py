@@ -57,9 +57,9 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.ros.parameter_tables import ParameterTables
 from mwd_surface.ros.topics import OF_TOOL, OVER_LINK
 from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
-from mwd_surface.surveys.plan import with_section
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_store import StoreError
+from mwd_surface.surveys.well import with_section
 
 _LIVE_PERIOD = 0.05  # s between updates of page and toolface
 _LINK_PERIOD = 2.0  # s between attitudes over a link at most

@@ -31,13 +31,13 @@ from mwd_surface.surveys.depth import DepthTrack
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import survey_of
-from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.station_checks import revision_flags
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.well_path import Definitive
 
 _BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
 

@@ -8,7 +8,7 @@ from typing import Any
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.status import ControlState, ControlStatus
 from mwd_surface.page.plain import number
-from mwd_surface.surveys.advice import Advice
+from mwd_surface.trajectory.advice import Advice
 
 _ASKED = {
     Mode.HOLD: "hold the string",

@@ -18,6 +18,7 @@ import numpy as np
 from mwd_estimation.core.status import words
 from mwd_sensors.core import settings as settings_tables
 from mwd_surface.bags.recorder.status import RecorderState
+from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.live.alarms import Alarm, Event, Severity
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.settings import LiveSettings
@@ -28,9 +29,8 @@ from mwd_surface.page.input_table import input_table
 from mwd_surface.page.link_table import link_table
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.page.survey_panel import NORTH_WORDS, path_table, quality_lights, survey_row
-from mwd_surface.surveys.clearance import Clearance
-from mwd_surface.surveys.plan import Plan
-from mwd_surface.surveys.survey_record import North
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.plan import Plan
 
 _RECORDER_WORDS = {
     RecorderState.STOPPED: "stopped",

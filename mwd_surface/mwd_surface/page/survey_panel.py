@@ -14,10 +14,11 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.surveys.azimuth_source import azimuth_source
-from mwd_surface.surveys.position_covariance import ellipse, in_section
 from mwd_surface.surveys.station_quality import QualityLimits, totals
-from mwd_surface.surveys.survey_record import ROTARY, Judgement, North, Survey, SurveyRecord, Verdict
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.surveys.survey_record import ROTARY, Judgement, Survey, SurveyRecord, Verdict
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.well_path import Definitive
+from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 
 NORTH_WORDS = ("", "magnetic", "true", "grid")
 _PLACED = (

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
+from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.plots.drawing import finish_axes
-from mwd_surface.surveys.clearance import Clearance, ClearanceRule
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

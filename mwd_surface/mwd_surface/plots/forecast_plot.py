@@ -10,7 +10,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.plots.drawing import DEGREES, finish_axes
-from mwd_surface.surveys.forecast import Forecast
+from mwd_surface.uncertainty.forecast import Forecast
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mwd_surface.plots.drawing import DEGREES, finish_axes, png
-from mwd_surface.surveys.list_comparison import PathDifference
+from mwd_surface.trajectory.list_comparison import PathDifference
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from mwd_surface.plots.drawing import DEGREES, finish_axes, png
-from mwd_surface.surveys.dense_trajectory import STATION, DenseTrajectory
+from mwd_surface.trajectory.dense_trajectory import STATION, DenseTrajectory
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73")
 

@@ -27,7 +27,8 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.telemetry import meanings
 from mwd_surface.receiver.words import LinkValue
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Nine, North, Survey, Verdict
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Nine, Survey, Verdict
+from mwd_surface.trajectory.north import North
 
 _VERDICTS = {"accept": Verdict.ACCEPT, "doubtful": Verdict.DOUBTFUL, "reject": Verdict.REJECT}
 # Where nothing was received of it: an ordinary field, for the size of errors only.

@@ -13,7 +13,7 @@ from mwd_surface.live.inputs import HAND, SONDE, InputState, InputTable, Role
 from mwd_surface.live.well_state import WellState
 from mwd_surface.rig.signals import FROM_ADVICE, FROM_PLAN
 from mwd_surface.rig.value import Condition, RigValue
-from mwd_surface.surveys.advice import AdviceMode
+from mwd_surface.trajectory.advice import AdviceMode
 
 
 def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:

@@ -15,8 +15,9 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core.constants import CELSIUS_ZERO
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, North, Survey, SurveyRecord, Three, Verdict
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Three, Verdict
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.well_path import Definitive
 
 LAST = 32
 _UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED

@@ -25,8 +25,8 @@ from mwd_surface.rig.derived_values import advice_values, control_values, input_
 from mwd_surface.rig.signals import BY_NAME, FROM_TOOL, OF_SURVEY
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.value import Condition, RigValue
-from mwd_surface.surveys.advice import Advice
 from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.trajectory.advice import Advice
 
 # Status bits of the estimator that make a quantity doubtful, and the reason to give.
 _DOUBTS: tuple[tuple[Status, tuple[str, ...], str], ...] = (

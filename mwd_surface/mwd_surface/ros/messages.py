@@ -16,7 +16,7 @@ from mwd_surface.live.alarms import Alarm
 from mwd_surface.surveys.message_conversion import fill_list, fill_record, fill_trajectory
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.trajectory.well_path import Definitive
 
 
 def record_message(record: SurveyRecord) -> msg.SurveyRecord:

@@ -21,8 +21,8 @@ from mwd_surface.live.alarms import Alarm
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_state import WellState
 from mwd_surface.surveys.message_conversion import advice_of, stamp_of
-from mwd_surface.surveys.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
 
 # Time before the moment that is looked for that is played first, for the charts and for latched values, s.
 CHARTS_S = 300.0

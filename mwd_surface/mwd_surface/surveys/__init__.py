@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The survey list of a well: stations, decisions, depths, the path and the plan, and how well they are known."""
+"""The survey list of a well: stations and their checks, decisions, depths, legs, its file, the well it belongs to."""

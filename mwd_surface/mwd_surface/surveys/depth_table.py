@@ -15,10 +15,10 @@ import math
 from pathlib import Path
 
 from mwd_sensors.core import utc
-from mwd_surface.surveys import list_columns
+from mwd_surface.list_files import list_columns
+from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.station_file import read_table
 from mwd_surface.surveys.depth import DepthReading
-from mwd_surface.surveys.list_columns import ListFileError
-from mwd_surface.surveys.station_file import read_table
 
 _TIMES = ("time", "time_utc", "dtim", "dtim_utc", "stamp_ns", "timestamp", "utc", "date_time")
 _NUMBERS = ("survey", "sequence", "no", "station", "number")

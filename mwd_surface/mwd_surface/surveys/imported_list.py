@@ -17,11 +17,12 @@ import numpy as np
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core import utc
+from mwd_surface.list_files.list_file import StationList
 from mwd_surface.surveys.leg import Leg, TieOn
-from mwd_surface.surveys.list_file import StationList
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Nine, North, Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import Nine, Survey, SurveyRecord, Verdict
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.north import North
 
 # Words of WITSML 1.4.1.1 (types of stations and of survey tools), and the tool code of each.
 TOOL_CODES: Mapping[str, str] = {
@@ -109,7 +110,7 @@ def reference_in(surveys: SurveyList) -> Reference | None:
 
 def tool_code(stations: StationList) -> str:
     """The tool code that a list names, by itself or in words; empty where it names none or several."""
-    from mwd_surface.surveys.error_terms import tool_codes
+    from mwd_surface.uncertainty.error_terms import tool_codes
 
     named = {word.strip() for word in stations.tool} - {"", _TIE_IN}
     known = set(tool_codes())

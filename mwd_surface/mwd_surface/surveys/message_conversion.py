@@ -13,10 +13,10 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from mwd_surface.surveys.advice import Advice, AdviceMode
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Decision, Judgement, Survey, SurveyRecord
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.trajectory.advice import Advice, AdviceMode
+from mwd_surface.trajectory.well_path import Definitive
 
 _SECOND = 10**9
 # On the message these are part of the header, or messages of their own.

@@ -18,7 +18,8 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.surveys.message_conversion import survey_of
-from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
+from mwd_surface.trajectory.north import North
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"
 _NEAREST = 0.6  # s; a truth further away than that says nothing about a survey

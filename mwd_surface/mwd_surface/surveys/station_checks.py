@@ -16,8 +16,9 @@ import numpy as np
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.surveys.leg import Leg
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.survey_record import Judgement, North, SurveyRecord, Verdict
-from mwd_surface.surveys.well_path import Definitive, path_of, projected
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Verdict
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.well_path import Definitive, path_of, projected
 
 if TYPE_CHECKING:
     from mwd_surface.surveys.survey_list import SurveyList

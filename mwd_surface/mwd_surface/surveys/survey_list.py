@@ -29,9 +29,10 @@ from mwd_surface.surveys.station_checks import (
     obstacles,
     placed,
 )
-from mwd_surface.surveys.survey_record import Decision, Judgement, North, Survey, SurveyRecord, Verdict, checked_survey
+from mwd_surface.surveys.survey_record import Decision, Judgement, Survey, SurveyRecord, Verdict, checked_survey
 from mwd_surface.surveys.well import Well
-from mwd_surface.surveys.well_path import Definitive
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.well_path import Definitive
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,6 +14,7 @@ import math
 
 from mwd_estimation.core.reason_text import HYPOTHESES
 from mwd_sensors.core import settings
+from mwd_surface.trajectory.north import North
 
 Three = tuple[float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -21,15 +22,6 @@ ZERO_3: Three = (0.0, 0.0, 0.0)
 ZERO_9: Nine = (0.0,) * 9
 # Kinds of a survey, by the numbers of its message.
 STATIC, ROTARY = 0, 1
-
-
-class North(enum.IntEnum):
-    """Which north an azimuth is from; the numbers of the Attitude message."""
-
-    UNKNOWN = 0
-    MAGNETIC = 1
-    TRUE = 2
-    GRID = 3
 
 
 class Verdict(enum.IntEnum):

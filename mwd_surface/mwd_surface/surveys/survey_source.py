@@ -11,17 +11,17 @@ import dataclasses
 from pathlib import Path
 
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.list_files.list_file import is_list, read_list
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, TieOn
-from mwd_surface.surveys.list_file import is_list, read_list
 from mwd_surface.surveys.message_conversion import record_of, stamp_of
 from mwd_surface.surveys.recorded_settings import recorded_settings
-from mwd_surface.surveys.slide_file import NAME, read_stretches
-from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North
 from mwd_surface.surveys.survey_store import decoded
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.slide_file import NAME, read_stretches
+from mwd_surface.trajectory.slide_sheet import Stretch
 
 LIST_TYPE, PATH_TYPE = "mwd_msgs/msg/SurveyList", "mwd_msgs/msg/Trajectory"
 _NO_WELL = (

@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from mwd_sensors.core.settings import setting
+from mwd_surface.trajectory.plan import Plan
 
 NORTHS = ("magnetic", "true", "grid")
 
@@ -64,3 +66,10 @@ class Well:
     def wellbore_name(self) -> str:
         """Name of the wellbore, or of the well where the wellbore has none."""
         return self.wellbore or self.name
+
+
+def with_section(well: Well, plan: Plan | None) -> Well:
+    """Set the vertical section of a well along the plan, where no other is configured."""
+    if plan is None or well.section_azimuth_deg >= 0.0:
+        return well
+    return dataclasses.replace(well, section_azimuth_deg=math.degrees(plan.section_azimuth))

@@ -20,14 +20,15 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.surveys.azimuth_source import azimuth_source
-from mwd_surface.surveys.error_terms import CovarianceUnavailableError, ErrorReference
-from mwd_surface.surveys.plan import Plan, interpolated, nearest
-from mwd_surface.surveys.programme import Programme, ProgrammeStations, read_programme
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North, Survey, SurveyRecord
-from mwd_surface.surveys.uncertain_well import UncertainWell
+from mwd_surface.surveys.survey_record import Survey, SurveyRecord
 from mwd_surface.surveys.well import Well
-from mwd_surface.surveys.well_path import Definitive, path_of
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.plan import Plan, interpolated, nearest
+from mwd_surface.trajectory.well_path import Definitive, path_of
+from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError, ErrorReference
+from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
+from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 AHEAD = "planned"
 

@@ -8,7 +8,7 @@ from mwd_sensors.core import burst, wire
 from mwd_surface.bags.bag_metadata import qos_profile
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.runs.bag_input import InputSettings, find_topics
+from mwd_surface.processing.bag_input import InputSettings, find_topics
 
 START = 1_772_344_800_000_000_000
 STREAM = [qos_profile(reliability="best_effort", depth=200)]

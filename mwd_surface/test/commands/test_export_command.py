@@ -12,8 +12,8 @@ from test_cli import mwd, refused
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.export_csv import definitive_csv
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.survey_store import SurveyStore
+from mwd_surface.trajectory.plan import plan_of
 
 
 @pytest.fixture(scope="module")

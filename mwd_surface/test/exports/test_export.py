@@ -16,8 +16,8 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.export import FORMATS, ExportError, export
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.page.survey_panel import path_table, quality_lights, survey_row
-from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.station_quality import QualityLimits
+from mwd_surface.trajectory.plan import plan_of
 
 W = "{http://www.witsml.org/schemas/1series}"
 DEG = 180.0 / math.pi

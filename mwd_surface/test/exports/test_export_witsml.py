@@ -13,8 +13,8 @@ from lxml import etree
 
 from mwd_surface.exports.export_witsml import NAMESPACE, witsml
 from mwd_surface.exports.survey_table import survey_table, table_of
+from mwd_surface.list_files.list_file import list_from_witsml
 from mwd_surface.surveys.leg import TieOn
-from mwd_surface.surveys.list_file import list_from_witsml
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import ROTARY

@@ -6,14 +6,14 @@ import dataclasses
 import example_surveys as example
 import pytest
 
+from mwd_surface.clearance.clearance import Level
+from mwd_surface.clearance.offset_wells import read_offset_wells
+from mwd_surface.clearance.well_clearance import well_clearance
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.exports.report_clearance import clearance_sections
 from mwd_surface.exports.report_section import GOOD, REJECT
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.surveys.clearance import Level
-from mwd_surface.surveys.offset_wells import read_offset_wells
-from mwd_surface.surveys.plan_file import read_plan
-from mwd_surface.surveys.well_clearance import well_clearance
+from mwd_surface.trajectory.plan_file import read_plan
 
 WELLS = """
 wells:

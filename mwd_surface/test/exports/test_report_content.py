@@ -10,8 +10,8 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_section import Section
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.surveys.slide_sheet import Stretch
 from mwd_surface.surveys.station_quality import totals
+from mwd_surface.trajectory.slide_sheet import Stretch
 
 
 def sheet(table, beginning):

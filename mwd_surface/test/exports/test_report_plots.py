@@ -9,9 +9,9 @@ from mwd_surface.exports import report_plots
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.plots.drawing import png, svg
-from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.trajectory.plan import plan_of
 
 PLAN = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 1.0], [0.0, 1.3, 1.3])
 

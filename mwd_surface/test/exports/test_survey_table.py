@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_surface.exports import survey_table as tables
-from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.trajectory.plan import plan_of
 
 
 def head(table):

@@ -15,7 +15,7 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.fleet import fleet_dataset, fleet_task
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.fleet.fleet_task import Work
-from mwd_surface.runs.bag_input import InputSettings
+from mwd_surface.processing.bag_input import InputSettings
 
 START = 1_772_344_800_000_000_000
 CONFIG = fleet_task.config_text(settings.changed(EstimatorSettings(), {"gravity.method": "raw"}))

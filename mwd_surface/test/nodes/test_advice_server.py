@@ -5,8 +5,8 @@ import pytest
 
 pytest.importorskip("mwd_msgs", reason="the messages are not built")
 from mwd_surface.nodes.advice_server import advice_message
-from mwd_surface.surveys.advice import Advice, AdviceMode
 from mwd_surface.surveys.message_conversion import advice_of
+from mwd_surface.trajectory.advice import Advice, AdviceMode
 
 SLIDE = Advice(AdviceMode.SLIDE, 1.0, True, 0.2, 0.1, 0.9, 1480.0, 1486.0, 1498.0, 0.002, 0.003, 7, 0, "plan", "to it")
 

@@ -17,7 +17,8 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.page.survey_panel import survey_row
 from mwd_surface.surveys.message_conversion import fill_survey
-from mwd_surface.surveys.survey_record import North, Verdict
+from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.trajectory.north import North
 
 
 class Log:

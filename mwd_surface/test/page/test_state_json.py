@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import wire
+from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress
 from mwd_surface.page.state_json import plain_alarms, plain_events
-from mwd_surface.surveys.clearance import Clearance, ClearanceRule
-from mwd_surface.surveys.plan import Offset, plan_of
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.plan import Offset, plan_of
 
 
 def sections(state, now=0.0):

@@ -10,7 +10,8 @@ from example_stations import DIP, B, G, listed, survey
 
 from mwd_surface.page.survey_panel import QualityLimits, path_table, quality_lights, survey_row
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North, Verdict
+from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.trajectory.north import North
 
 
 def test_survey_rows_say_who_accepted_and_leave_the_path_empty_where_a_station_is_out():

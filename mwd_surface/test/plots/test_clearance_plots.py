@@ -3,9 +3,9 @@
 
 import numpy as np
 
+from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
 from mwd_surface.plots.drawing import png
-from mwd_surface.surveys.clearance import Clearance, ClearanceRule
 
 MD = np.arange(0.0, 900.0, 30.0)
 

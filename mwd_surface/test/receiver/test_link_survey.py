@@ -17,7 +17,8 @@ from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.words import COMMON
 from mwd_surface.receiver.link_survey import SurveyTime, survey
 from mwd_surface.receiver.words import BELIEVED, ERASED, LinkValue, ReceivedWord, believed
-from mwd_surface.surveys.survey_record import North, Verdict, checked_survey
+from mwd_surface.surveys.survey_record import Verdict, checked_survey
+from mwd_surface.trajectory.north import North
 
 REFERENCE = Reference(50e-6, math.radians(70.0), math.radians(2.0), math.radians(0.5), 9.82, "test")
 AT = SurveyTime(1_700_000_000_000_000_000, 30.0)

@@ -17,12 +17,13 @@ from mwd_sensors.simulator.scenario import parse, read
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.cli import app
 from mwd_surface.page.state_json import StateJson
-from mwd_surface.runs import process, simulate
+from mwd_surface.processing import process
+from mwd_surface.processing.run_output import OutputSettings
+from mwd_surface.runs import simulate
 from mwd_surface.runs.player import Player, namespace_of
-from mwd_surface.runs.run_output import OutputSettings
-from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.plan import plan_of
 from running_graph import until
 
 pytestmark = pytest.mark.slow

@@ -16,7 +16,7 @@ from mwd_surface.rig.values import nothing_yet, survey_values
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North
+from mwd_surface.trajectory.north import North
 
 
 def rig_words(survey):

@@ -9,12 +9,12 @@ import pytest
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.list_files.list_file import list_from_table, read_list
 from mwd_surface.surveys.imported_list import reference_in, survey_list
 from mwd_surface.surveys.leg import TieOn
-from mwd_surface.surveys.list_file import list_from_table, read_list
-from mwd_surface.surveys.survey_record import North
 from mwd_surface.surveys.survey_source import surveys_of
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.north import North
 from project import REFERENCE_DATA
 
 F4 = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"

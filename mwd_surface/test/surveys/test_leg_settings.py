@@ -7,7 +7,8 @@ import pytest
 
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import North, Survey
+from mwd_surface.surveys.survey_record import Survey
+from mwd_surface.trajectory.north import North
 
 
 def shot(k, inc_deg):

@@ -15,7 +15,8 @@ from mwd_surface.bags.definitions import installed
 from mwd_surface.surveys import score as module
 from mwd_surface.surveys.message_conversion import fill_survey
 from mwd_surface.surveys.score import score
-from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, Verdict
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
+from mwd_surface.trajectory.north import North
 
 START = 1_772_344_800_000_000_000
 DECLINATION, CONVERGENCE = math.radians(5.0), math.radians(-1.0)

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import settings
-from mwd_surface.surveys.survey_record import AzimuthEstimate, North, Survey, SurveyRecord, Verdict, checked_survey
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord, Verdict, checked_survey
+from mwd_surface.trajectory.north import North
 
 COVARIANCE = (1e-6, 0.0, 0.0, 0.0, 4e-4, 0.0, 0.0, 0.0, 1e-6)
 

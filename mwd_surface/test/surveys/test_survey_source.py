@@ -13,10 +13,10 @@ from mwd_surface.exports.export_csv import definitive_csv
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
-from mwd_surface.surveys.slide_file import NAME, append_stretch
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_source import stretches_of, surveys_of
 from mwd_surface.surveys.survey_store import SurveyStore, encoded
+from mwd_surface.trajectory.slide_file import NAME, append_stretch
 
 
 def without_well(surveys):

@@ -5,8 +5,8 @@ import example_surveys as example
 import numpy as np
 import pytest
 
-from mwd_surface.surveys.plan import plan_of
 from mwd_surface.surveys.well_position import AHEAD, continued, uncertain
+from mwd_surface.trajectory.plan import plan_of
 
 MD = np.arange(0.0, 1501.0, 30.0)
 PLAN = plan_of(MD, np.clip(np.radians((MD - 300.0) / 7.5), 0.0, np.radians(60.0)), np.full(MD.size, np.radians(78.0)))

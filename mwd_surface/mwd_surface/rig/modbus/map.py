@@ -22,8 +22,8 @@ from mwd_surface.rig.derived_values import rig_input
 from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.values import RigValues
-from mwd_surface.surveys.advice import AdviceMode
 from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.trajectory.advice import AdviceMode
 
 VERSION = 3
 COUNT = 80

@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clearance of the well of a survey list: along its path, at the bit and ahead along the plan."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, nearest_first
+from mwd_surface.clearance.offset_wells import OffsetWells, clearances, read_offset_wells
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.well_position import continued, uncertain_well
+from mwd_surface.trajectory.plan import Plan
+from mwd_surface.uncertainty.uncertain_well import UncertainWell
+
+
+@dataclasses.dataclass(frozen=True)
+class WellClearance:
+    """
+    What is near a well.
+
+    Attributes
+    ----------
+    well : UncertainWell
+        The path that was compared, with its projection and what lies ahead.
+    surveyed, bit : float
+        Measured depths of the last survey and of the bit, m; beyond the bit the path is planned.
+    found : tuple of Clearance
+        The nearest by the rule first.
+    remarks : tuple of str
+        Which offset wells could not be compared, and what else people must know.
+    rule : ClearanceRule
+    """
+
+    well: UncertainWell
+    surveyed: float
+    bit: float
+    found: tuple[Clearance, ...]
+    remarks: tuple[str, ...]
+    rule: ClearanceRule
+
+    def ahead(self) -> tuple[Clearance, ...]:
+        """Return the clearances from the last survey on, the nearest by the rule first."""
+        parts = (one.between(self.surveyed, float(self.well.md[-1])) for one in self.found)
+        return tuple(nearest_first([part for part in parts if part is not None]))
+
+    @property
+    def level(self) -> Level:
+        """Level from the last survey on."""
+        ahead = self.ahead()
+        return ahead[0].level if ahead else Level.CLEAR
+
+
+def well_clearance(
+    surveys: SurveyList,
+    offsets: OffsetWells,
+    plan: Plan | None = None,
+    bit_depth: float | None = None,
+    leg: str | None = None,
+) -> WellClearance:
+    """
+    Compare the well of a list with its offset wells.
+
+    Parameters
+    ----------
+    surveys : SurveyList
+    offsets : OffsetWells
+    plan : Plan, optional
+        The path is continued along it, as far as the offset wells' file says.
+    bit_depth : float, optional
+        m; left out, `sensor_to_bit` below the last survey.
+    leg : str, optional
+        Other than the current one.
+
+    Raises
+    ------
+    ValueError
+        No such leg, or the position of the well has no covariance.
+    CovarianceUnavailableError
+        `welleng` is not installed.
+    """
+    path = surveys.definitive(leg)
+    surveyed = float(path.md[-1])
+    if bit_depth is None and surveys.well.sensor_to_bit > 0.0 and path.kind[-1] == "survey":
+        bit_depth = surveyed + surveys.well.sensor_to_bit
+    path = surveys.definitive(leg, bit_depth)
+    bit = float(path.md[-1])
+    path = continued(path, plan, offsets.ahead_m)
+    records = [surveys.find(number) if number else None for number in path.sequence]
+    try:
+        well = uncertain_well(surveys, path, records, 0.5 * offsets.hole_diameter_m)
+        found, remarks = clearances(well, offsets)
+    except ValueError as error:
+        raise ValueError(f"no clearance: {error}") from error
+    return WellClearance(well, surveyed, bit, tuple(found), remarks, offsets.rule)
+
+
+def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:
+    """
+    Return the offset wells that the well of a list names; None where it names none.
+
+    Raises
+    ------
+    OffsetWellError
+        Their file cannot be used.
+    """
+    name = surveys.well.offset_wells
+    return read_offset_wells(Path(name).expanduser()) if name else None
+
+
+def planned_rows(clearance: WellClearance) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return the stations of the path from the last survey on: itself, the bit, and what is planned."""
+    return np.flatnonzero(clearance.well.md >= clearance.surveyed - 1e-6)

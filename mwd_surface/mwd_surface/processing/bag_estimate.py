@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The estimator over a recording, in constant memory and in stages.
+
+A thread reads blocks ahead of the estimator and another one writes behind it. The pipeline is that of the live node.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.core.sensor_fault import FaultCode
+from mwd_estimation.gravity.bounded.filter import Params
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.fault_history import FaultHistory
+from mwd_sensors.calibration.compensation import Compensation
+from mwd_sensors.core import input_covariance, wire
+from mwd_sensors.core.arrays import Samples
+from mwd_surface.bags.bag_reader import Bag, Block, Originals
+from mwd_surface.processing.bag_input import (
+    FIELDS,
+    InputSettings,
+    Topics,
+    check_units,
+    find_topics,
+    guesses,
+    in_si,
+    mount_of,
+    refuse_wrong_unit,
+    tool_frame,
+    unstamped,
+)
+from mwd_surface.processing.imu_queue import ImuQueue
+from mwd_surface.processing.list_builder import ListBuilder
+from mwd_surface.processing.merger import Merger
+from mwd_surface.processing.overlap import ahead, behind
+from mwd_surface.processing.run_summary import Summary, pipeline_warnings
+from mwd_surface.surveys.recorded_settings import Recorded
+
+BlockSamples = dict[str | None, Samples]
+
+
+@dataclasses.dataclass(frozen=True)
+class _Result:
+    """
+    Result of one stage, for the writer.
+
+    Attributes
+    ----------
+    output, log_ns : Output and ndarray of int64
+        Of some IMU samples, and when these were logged; or None.
+    originals : list of Originals
+        Messages of the bag.
+    until_ns : int
+        No message logged up to then is still to come.
+    """
+
+    output: Output | None
+    log_ns: NDArray[np.int64] | None = None
+    originals: list[Originals] = dataclasses.field(default_factory=list)
+    until_ns: int | None = None
+
+
+class BagEstimate:
+    """
+    One run of the estimator over a bag.
+
+    Parameters
+    ----------
+    bag : Bag
+    estimator, given : settings
+        Of the estimator and of the input.
+    compensation : Compensation, optional
+        Calibration of the AHRS, applied to its samples first.
+    smooth : bool
+        Use the samples after each one for its gravity too.
+    merger : Merger, optional
+        Receives the results, and all messages of the bag.
+    recorded : Recorded, optional
+        The settings in the recording, for its survey list.
+
+    Raises
+    ------
+    BagError
+        The bag has no topic of an IMU.
+    """
+
+    def __init__(
+        self,
+        bag: Bag,
+        estimator: EstimatorSettings,
+        given: InputSettings,
+        *,
+        compensation: Compensation | None = None,
+        smooth: bool = False,
+        merger: Merger | None = None,
+        recorded: Recorded | None = None,
+    ) -> None:
+        self.topics = find_topics(bag, given)
+        self._bag, self._estimator, self._given = bag, estimator, given
+        self._compensation, self._merger = compensation, merger
+        # A recording waits for nobody's clock: a date outside the model ends the run before it begins.
+        derivation.reference(estimator, bag.start_ns)
+        mount = mount_of(bag, self.topics, estimator.tool.mount)
+        self._pipeline = Pipeline(estimator, mount=mount)
+        frame = tool_frame(bag, self.topics, estimator.tool.mount, mount)
+        self._list = ListBuilder(bag, self.topics, estimator, given, recorded or Recorded(), frame)
+        if merger is not None:
+            merger.frame = frame
+        self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
+        self._start_ns = bag.start_ns + round(given.start_s * 1e9)
+        self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
+        self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
+        self._without_time = unstamped(bag, self.topics)
+        self._unchecked = {self.topics.imu, self.topics.mag}
+        self._use_mag = self.topics.mag is not None
+        self._noise = input_covariance.NoiseWatch()
+        self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
+
+    def run(self, sink: Callable[[Output], None], progress: Callable[[float], None]) -> Summary:
+        """
+        Run the estimator and return the summary.
+
+        sink: gets the output of each block, in order of time, in a thread of its own; an exception of it ends the run.
+        progress: gets the share done, 0 to 1.
+        """
+        self._warn_of_input()
+
+        def write(result: _Result) -> None:
+            if self._merger is not None:
+                self._merger.take(result.output, result.log_ns, result.originals, result.until_ns)
+            if result.output is not None:
+                sink(result.output)
+                self._summary.count(result.output)
+
+        with behind(write) as give:
+            for result in self._results(progress):
+                if result.output is not None:
+                    self._summary.surveys += [(survey, self._list.add(survey)) for survey in result.output.surveys]
+                    self._summary.faults += result.output.health
+                give(result)
+        progress(1.0)
+        self._close()
+        return self._summary
+
+    def _warn_of_input(self) -> None:
+        if self._without_time:
+            names = ", ".join(sorted(self._without_time))
+            self._summary.warnings.append(f"{names}: no time in the headers; the times of recording are used")
+        unusable = self._pipeline.mount.unusable
+        self._use_mag = self._use_mag and "mag" not in unusable
+        units = {"mag": self.topics.mag, "precision": self.topics.precision}
+        self._summary.warnings += [f"{units[unit]} is not used: {why}" for unit, why in unusable.items()]
+        assumed = self._pipeline.mount.assumed
+        taken = "is taken in the axes of the IMU"
+        self._summary.warnings += [f"{units[unit]} {taken}: {why}" for unit, why in assumed.items()]
+
+    def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
+        """Read the bag, with its messages as they are where a merger wants them."""
+        if self._merger is not None:
+            yield from self._bag.blocks_and_originals(self.topics.all, self._start_ns, self._end_ns, fields=FIELDS)
+            return
+        for block in self._bag.blocks(self.topics.all, self._start_ns, self._end_ns, fields=FIELDS):
+            yield block, []
+
+    def _results(self, progress: Callable[[float], None]) -> Iterator[_Result]:
+        with ahead(self._blocks()) as ready:
+            for block, originals in ready:
+                samples = in_si(block, self.topics, self._given, self._without_time)
+                self._check_units(samples)
+                self._judge_covariances(samples)
+                if self._compensation is not None:
+                    _compensate(self._compensation, samples, self.topics)
+                # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
+                self._push_companions(samples, block)
+                logged = _last_log(block, originals)
+                for imu in self._queue.done(logged):
+                    yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
+                if self.topics.imu in samples:
+                    self._queue.add(samples[self.topics.imu], block[self.topics.imu][0])
+                if self._merger is not None:
+                    until_ns = self._queue.first_log_ns - 1 if self._queue.waiting else logged
+                    yield _Result(None, None, originals, until_ns)
+                progress(min(max((logged - self._start_ns) / max(self._last_ns - self._start_ns, 1), 0.0), 1.0))
+        for imu in self._queue.finish():
+            yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
+        yield _Result(self._pipeline.finish())
+
+    def _check_units(self, samples: BlockSamples) -> None:
+        """Check the units of the first samples of IMU and magnetometer; one that is none in any unit is not used."""
+        new = {name: samples[name] for name in self._unchecked & samples.keys()}
+        self._unchecked -= new.keys()
+        warnings = check_units(self.topics, new)
+        self._summary.warnings += warnings
+        self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
+
+    def _judge_covariances(self, samples: BlockSamples) -> None:
+        """Take out what covariances declare absent, and reckon with larger noise, as the live estimator does."""
+        topics, known = self.topics, len(self._noise.noise)
+        for topic, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG), (topics.precision, wire.IMU)):
+            if topic is None or topic not in samples:
+                continue
+            if topic != topics.precision:
+                self._noise.take(samples[topic], layout.type_name)
+            samples[topic], notes = input_covariance.judge(samples[topic], layout.type_name)
+            said = [input_covariance.sentence(topic, vector, note) for vector, note in notes.items()]
+            self._summary.warnings += [text for text in said if text not in self._summary.warnings]
+        if len(self._noise.noise) != known:
+            self._pipeline.set_noise(self._noise.noise)
+
+    def _push_companions(self, samples: BlockSamples, block: Block) -> None:
+        """Push all samples but those of the IMU; block: the same with the times of their messages."""
+        topics = self.topics
+        if self._use_mag and topics.mag in samples:
+            self._pipeline.push_mag(samples[topics.mag])
+        if topics.precision in samples:
+            self._pipeline.push_precision(samples[topics.precision])
+        if topics.temperature in samples:
+            self._pipeline.push_temperature(samples[topics.temperature])
+        if topics.rig is not None and topics.rig in samples:
+            imu = (block[topics.imu][0], samples[topics.imu]) if topics.imu in samples else None
+            self._list.take_rig((block[topics.rig][0], samples[topics.rig]), imu)
+
+    def _close(self) -> None:
+        """Complete the summary after the last sample."""
+        summary, pipeline, compensation = self._summary, self._pipeline, self._compensation
+        if self._merger is not None:
+            summary.warnings += self._merger.remarks
+        summary.north = pipeline.north
+        summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
+        if compensation is not None and compensation.without_temperature:
+            summary.warnings.append(
+                f"{compensation.without_temperature} samples were calibrated before any temperature was known"
+            )
+        refuse_wrong_unit(self.topics, summary.faults)
+        self._reject_wrong_mount()
+        revised = pipeline.revisions()
+        summary.revisions = [
+            (dataclasses.replace(survey, station=revised[survey.sequence]), depth)
+            for survey, depth in summary.surveys
+            if survey.sequence in revised
+        ]
+        summary.mag_used = self._use_mag
+        summary.listed, summary.live = self._list.finish()
+        summary.depths = self._list.depth_source
+        summary.warnings += self._list.warnings
+        summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)
+
+    def _reject_wrong_mount(self) -> None:
+        """Reject what was surveyed before the turning string showed the unit's mount, which does not change."""
+        summary, history = self._summary, FaultHistory()
+        wrong = [fault for fault in summary.faults if fault.code == FaultCode.MOUNT and not fault.cleared_ns]
+        if not wrong:
+            return
+        history.note(wrong[0])
+        for k, (survey, depth) in enumerate(summary.surveys):
+            if survey.stamp_ns < wrong[0].since_ns:
+                summary.surveys[k] = history.judge(survey), depth
+                self._list.replace(summary.surveys[k][0])
+
+
+def _last_log(block: Block, originals: list[Originals]) -> int:
+    """Return the log time of the last message of a block, ns."""
+    logged = [int(part[0][-1]) for part in block.values()]
+    return max(logged + [int(one.log_ns[-1]) for one in originals if len(one.log_ns)], default=0)
+
+
+def _smoothing(estimator: EstimatorSettings, start_ns: int) -> Params:
+    """Return the parameters of the smoother: those of the bounded filter, with the local gravity."""
+    reference = derivation.reference(estimator, start_ns)
+    found: Params = derivation.gravity_params(estimator, reference.gravity if reference is not None else None)
+    return found
+
+
+def _compensate(compensation: Compensation, samples: BlockSamples, topics: Topics) -> None:
+    """Apply the calibration to the AHRS samples of a block, in place."""
+    if topics.temperature in samples:
+        compensation.push_temperature(samples[topics.temperature])
+    if topics.imu in samples:
+        samples[topics.imu] = compensation.imu(samples[topics.imu])
+    if topics.mag in samples:
+        samples[topics.mag] = compensation.mag(samples[topics.mag])

@@ -1,0 +1,329 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Two runs of the estimator beside each other: station by station, and the statistics of their attitudes.
+
+What is compared are the numbers people get (the files of `mwd process`), so that runs of two versions, two methods, two
+machines, or a run and a golden one, can be compared. Constant memory: the attitudes are walked side by side.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.input_files import read_yaml
+from mwd_surface.processing import run_folder
+from mwd_surface.processing.run_folder import ANGLES, Rows
+
+# Largest differences allowed, by name; a name that is not given allows none beyond the printed digits.
+LIMITS = {
+    "survey_inclination_deg": "of a station's inclination, deg",
+    "survey_azimuth_deg": "of a station's azimuth, deg",
+    "survey_toolface_deg": "of a station's toolface, deg",
+    "survey_sigma_share": "of a station's sigmas, as a share of the expected one",
+    "survey_stamp_s": "between the times of a station in the two runs, s",
+    "attitude_inclination_deg": "of the inclination at any one sample, deg",
+    "attitude_azimuth_deg": "of the azimuth at any one sample, deg",
+    "attitude_toolface_deg": "of the toolface at any one sample, deg",
+    "attitude_gravity_deg": "of the direction of gravity at any one sample, deg",
+    "attitude_status_share": "share of the samples whose status words differ",
+}
+_STATION_ANGLES = (("inclination_deg", False), ("azimuth_deg", True), ("toolface_deg", True))
+_SIGMAS = ("sigma_inclination_deg", "sigma_azimuth_deg", "sigma_toolface_deg")
+_PAIRED_WITHIN_NS = 2_000_000_000  # stations further apart are not the same one
+_ROUNDING = 1.0 + 1e-9
+
+
+@dataclasses.dataclass(frozen=True)
+class StationDifference:
+    """
+    One station of the expected run and its counterpart.
+
+    differences: by column, ours less expected, deg (shares for sigmas); nan where only one of the two knows it.
+    words: what differs in words; empty where nothing does.
+    """
+
+    sequence: str
+    measured_depth: str
+    stamp_difference_s: float
+    differences: dict[str, float]
+    words: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Statistics:
+    """Differences of one quantity over the samples that both runs have and know: deg."""
+
+    name: str
+    count: int
+    mean: float
+    rms: float
+    largest: float
+    known_in_one: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Comparison:
+    """
+    What differs between a run and what is expected.
+
+    Attributes
+    ----------
+    stations : tuple of StationDifference
+    missing, extra : tuple of str
+        Stations only the expected run has, or only ours, as "number at depth".
+    statistics : tuple of Statistics
+    rows, rows_missing, rows_extra : int
+        Samples both have; only the expected run; only ours.
+    status_differs : int
+        Samples with other status words.
+    failures : tuple of str
+        Every limit that is exceeded, in words; empty where the runs agree.
+    """
+
+    stations: tuple[StationDifference, ...]
+    missing: tuple[str, ...]
+    extra: tuple[str, ...]
+    statistics: tuple[Statistics, ...]
+    rows: int
+    rows_missing: int
+    rows_extra: int
+    status_differs: int
+    failures: tuple[str, ...]
+
+    @property
+    def agree(self) -> bool:
+        """Whether every difference is within its limit."""
+        return not self.failures
+
+
+def read_limits(path: Path) -> dict[str, float]:
+    """
+    Limits of a YAML file: name -> {limit, reason}. A limit without its reason is refused.
+
+    Raises
+    ------
+    ValueError
+        It is no YAML, not such a table, a name is unknown, or a reason lacks.
+    OSError
+        It cannot be read.
+    """
+    table = read_yaml(path)
+    if not isinstance(table, dict):
+        raise ValueError(f"{path}: expected a table of limits")  # noqa: TRY004
+    limits = {}
+    for name, entry in table.items():
+        if not isinstance(entry, dict) or set(entry) != {"limit", "reason"} or not str(entry["reason"]).strip():
+            raise ValueError(f"{path}: {name}: expected `limit` and `reason`, got {entry!r}")
+        limits[str(name)] = entry["limit"]
+    return checked_limits(limits)
+
+
+def checked_limits(limits: dict[str, float]) -> dict[str, float]:
+    """
+    The limits, every one known and a number from 0 on.
+
+    Raises
+    ------
+    ValueError
+        One is not.
+    """
+    for name, value in limits.items():
+        if name not in LIMITS:
+            raise ValueError(f"limit {name}: unknown; known are {', '.join(LIMITS)}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
+            raise ValueError(f"limit {name}: must be a number from 0 on, got {value!r}")
+    return limits
+
+
+def compare(ours: Path, expected: Path, limits: dict[str, float] | None = None) -> Comparison:
+    """
+    Compare the run in folder `ours` with the one in `expected`.
+
+    Every station and every sample of the expected run must be in ours; what ours has beyond is reported and allowed for
+    samples (an expected run may keep one row a second), not for stations.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        A folder does not hold a run, or a limit is unknown.
+    """
+    limits = checked_limits(dict(limits or {}))
+    stations, missing, extra = _stations(run_folder.surveys(ours), run_folder.surveys(expected))
+    walk = _Walk()
+    for pair in _side_by_side(run_folder.attitude(ours), run_folder.attitude(expected), walk):
+        walk.add(*pair)
+    statistics = walk.statistics()
+    failures = [f"station {name} is missing" for name in missing] + [f"station {name} is new" for name in extra]
+    failures += _station_failures(stations, limits)
+    if walk.rows_missing:
+        failures.append(f"{walk.rows_missing} samples of the expected run are missing")
+    if not walk.rows:
+        failures.append("the attitudes have no sample in common")
+    for one in statistics:
+        limit = limits.get(f"attitude_{one.name}_deg", 0.0)
+        if one.largest > limit * _ROUNDING:
+            failures.append(f"{one.name} differs by up to {one.largest:.4f} deg, limit {limit:g}")
+        if one.known_in_one:
+            failures.append(f"{one.name} is known in only one of the runs at {one.known_in_one} samples")
+    share = walk.status_differs / max(walk.rows, 1)
+    if share > limits.get("attitude_status_share", 0.0) * _ROUNDING:
+        failures.append(f"status differs at {walk.status_differs} of {walk.rows} samples")
+    return Comparison(
+        tuple(stations),
+        tuple(missing),
+        tuple(extra),
+        statistics,
+        walk.rows,
+        walk.rows_missing,
+        walk.rows_extra,
+        walk.status_differs,
+        tuple(failures),
+    )
+
+
+def _name(line: dict[str, str]) -> str:
+    return f"{line['sequence']} at {line['md_m'] or 'unknown depth'}{' m' if line['md_m'] else ''}"
+
+
+def _stations(
+    ours: list[dict[str, str]], expected: list[dict[str, str]]
+) -> tuple[list[StationDifference], list[str], list[str]]:
+    """Pairs by nearest time, each station in one pair at most; what stays alone."""
+    left = list(ours)
+    pairs, missing = [], []
+    for line in expected:
+        stamp = int(line["stamp_ns"])
+        near = min(left, key=lambda one: abs(int(one["stamp_ns"]) - stamp), default=None)
+        if near is None or abs(int(near["stamp_ns"]) - stamp) > _PAIRED_WITHIN_NS:
+            missing.append(_name(line))
+            continue
+        left.remove(near)
+        pairs.append(_beside(near, line))
+    return pairs, missing, [_name(line) for line in left]
+
+
+def _beside(ours: dict[str, str], expected: dict[str, str]) -> StationDifference:
+    differences: dict[str, float] = {}
+    for name, around in _STATION_ANGLES:
+        difference = _number(ours[name]) - _number(expected[name])
+        both_unknown = not ours[name] and not expected[name]
+        differences[name] = 0.0 if both_unknown else _short_way(difference) if around else difference
+    for name in _SIGMAS:
+        a, b = _number(ours[name]), _number(expected[name])
+        both_unknown = not ours[name] and not expected[name]
+        differences[name] = 0.0 if both_unknown or a == b else (a - b) / b if b else math.inf
+    words = tuple(
+        f"{name.replace('_', ' ')}: {ours[name] or 'none'}, expected {expected[name] or 'none'}"
+        for name in ("verdict", "azimuth_method", "azimuth_reference")
+        if ours[name] != expected[name]
+    )
+    stamp_s = (int(ours["stamp_ns"]) - int(expected["stamp_ns"])) * 1e-9
+    return StationDifference(expected["sequence"], expected["md_m"], stamp_s, differences, words)
+
+
+def _station_failures(stations: list[StationDifference], limits: dict[str, float]) -> Iterator[str]:
+    for one in stations:
+        yield from (f"station {one.sequence}: {words}" for words in one.words)
+        if abs(one.stamp_difference_s) > limits.get("survey_stamp_s", 0.0) * _ROUNDING:
+            yield f"station {one.sequence}: taken {one.stamp_difference_s:+.3f} s from the expected time"
+        for name, value in one.differences.items():
+            key = "survey_sigma_share" if name in _SIGMAS else f"survey_{name}"
+            limit = limits.get(key, 0.0)
+            # Not "greater": a nan, known in one of the runs only, fails as well.
+            if not abs(value) <= limit * _ROUNDING + 1e-9:
+                yield f"station {one.sequence}: {name} differs by {value:+.4g}, limit {limit:g}"
+
+
+def _number(text: str) -> float:
+    return float(text) if text else math.nan
+
+
+def _short_way(degrees: float) -> float:
+    return (degrees + 180.0) % 360.0 - 180.0
+
+
+class _Walk:
+    """Sums over the samples of both runs."""
+
+    def __init__(self) -> None:
+        names = [name.removesuffix("_deg") for name in ANGLES] + ["gravity"]
+        self._sums = {name: np.zeros(3) for name in names}
+        self._largest = dict.fromkeys(names, 0.0)
+        self._alone = dict.fromkeys(names, 0)
+        self.rows = self.rows_missing = self.rows_extra = self.status_differs = 0
+
+    def add(self, ours: Rows, expected: Rows) -> None:
+        """Take rows of the same stamps."""
+        self.rows += len(ours["stamp_ns"])
+        self.status_differs += int(np.count_nonzero(ours["status"] != expected["status"]))
+        for column in ANGLES:
+            difference = ours[column] - expected[column]
+            if column != "inclination_deg":
+                difference = (difference + 180.0) % 360.0 - 180.0
+            self._sum(column.removesuffix("_deg"), difference, ours[column], expected[column])
+        a, b = ours["gravity"], expected["gravity"]
+        # Half-angle by the chord: exact zero for equal vectors, which arccos is not.
+        chord = np.linalg.norm(a - b, axis=1)
+        angle = np.degrees(2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)))
+        self._sum("gravity", angle, a[:, 0], b[:, 0])
+
+    def _sum(
+        self, name: str, difference: NDArray[np.float64], ours: NDArray[np.float64], expected: NDArray[np.float64]
+    ) -> None:
+        self._alone[name] += int(np.count_nonzero(np.isnan(ours) != np.isnan(expected)))
+        known = difference[np.isfinite(difference)]
+        self._sums[name] += len(known), known.sum(), np.square(known).sum()
+        self._largest[name] = max(self._largest[name], float(np.abs(known).max(initial=0.0)))
+
+    def statistics(self) -> tuple[Statistics, ...]:
+        """Of each quantity."""
+        found = []
+        for name, (count, total, squares) in self._sums.items():
+            mean = total / count if count else math.nan
+            rms = math.sqrt(squares / count) if count else math.nan
+            found.append(Statistics(name, int(count), mean, rms, self._largest[name], self._alone[name]))
+        return tuple(found)
+
+
+def _side_by_side(ours: Iterator[Rows], expected: Iterator[Rows], walk: _Walk) -> Iterator[tuple[Rows, Rows]]:
+    """Rows of equal stamps, as far as both runs have come; of repeated stamps the first row counts."""
+    ours, expected = (map(_in_order, run) for run in (ours, expected))
+    a, b = next(ours, None), next(expected, None)
+    while a is not None and b is not None:
+        if not len(a["stamp_ns"]) or not len(b["stamp_ns"]):
+            a = next(ours, None) if not len(a["stamp_ns"]) else a
+            b = next(expected, None) if b is not None and not len(b["stamp_ns"]) else b
+            continue
+        until = min(int(a["stamp_ns"][-1]), int(b["stamp_ns"][-1]))
+        head_a, a = _cut(a, until)
+        head_b, b = _cut(b, until)
+        _, in_a, in_b = np.intersect1d(head_a["stamp_ns"], head_b["stamp_ns"], return_indices=True)
+        walk.rows_extra += len(head_a["stamp_ns"]) - len(in_a)
+        walk.rows_missing += len(head_b["stamp_ns"]) - len(in_b)
+        yield _rows(head_a, in_a), _rows(head_b, in_b)
+    walk.rows_extra += _left(a, ours)
+    walk.rows_missing += _left(b, expected)
+
+
+def _in_order(rows: Rows) -> Rows:
+    return _rows(rows, np.unique(rows["stamp_ns"], return_index=True)[1])
+
+
+def _cut(rows: Rows, until_ns: int) -> tuple[Rows, Rows]:
+    split = int(np.searchsorted(rows["stamp_ns"], until_ns, side="right"))
+    head = {name: values[:split] for name, values in rows.items()}
+    return head, {name: values[split:] for name, values in rows.items()}
+
+
+def _rows(rows: Rows, index: NDArray[np.intp]) -> Rows:
+    return {name: values[index] for name, values in rows.items()}
+
+
+def _left(rows: Rows | None, more: Iterator[Rows]) -> int:
+    return (len(rows["stamp_ns"]) if rows is not None else 0) + sum(len(block["stamp_ns"]) for block in more)

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Continuous inclination and azimuth over depth: the attitude of a processed run, paired with the rig's depths."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Array, Stamps
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.processing import run_folder
+from mwd_surface.trajectory.dense_trajectory import Continuous
+
+# The bit is on bottom within so many metres of the deepest it was.
+_ON_BOTTOM = 0.3
+# A string that begins or ends to move accelerates the tool along the hole, which tilts its inclination, s.
+_SETTLES = 10.0
+# Longest silence of the rig that is bridged, s.
+_LONGEST_GAP = 60.0
+
+
+def continuous_log(folder: Path, bag: Bag, sensor_to_bit: float) -> Continuous:
+    """
+    Continuous measurements while new hole was made.
+
+    Parameters
+    ----------
+    folder : Path
+        What `mwd process` wrote.
+    bag : Bag
+        The recording it was made of, with the rig's state.
+    sensor_to_bit : float
+        m.
+
+    Raises
+    ------
+    BagError
+        The recording has no depths of the rig.
+    OSError, ValueError
+        As `run_folder.attitude`.
+    """
+    stamps, bit = _bit_depths(bag)
+    parts: list[tuple[Array, Array, Array]] = []
+    for block in run_folder.attitude(folder):
+        depth = drilled_depth(stamps, bit, block["stamp_ns"])
+        used = np.isfinite(depth)
+        angles = np.radians(block["inclination_deg"][used]), np.radians(block["azimuth_deg"][used])
+        parts.append((depth[used] - sensor_to_bit, *angles))
+    md, inclination, azimuth = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Continuous(md, inclination, azimuth)
+
+
+def drilled_depth(stamps_ns: Stamps, bit_depth: Array, at_ns: Stamps) -> Array:
+    """
+    Bit depth at times while new hole is made steadily.
+
+    Parameters
+    ----------
+    stamps_ns, bit_depth : ndarray, shape (n,), n >= 2
+        What the rig reported, in order of time; m.
+    at_ns : ndarray, shape (m,)
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        m; nan off bottom, at rest, in a gap of the rig's data and in the first and last seconds of a movement.
+    """
+    after = np.clip(np.searchsorted(stamps_ns, at_ns), 1, len(stamps_ns) - 1)
+    depth = np.interp(at_ns, stamps_ns, bit_depth)
+    deepest = np.maximum.accumulate(bit_depth)
+    advances = np.diff(bit_depth) > 0.0
+    # Stamps at which the movement of each interval began and ended.
+    began = np.where(advances & ~np.concatenate([[False], advances[:-1]]), stamps_ns[:-1], stamps_ns[0])
+    began = np.maximum.accumulate(began)
+    ended = np.where(advances & ~np.concatenate([advances[1:], [False]]), stamps_ns[1:], stamps_ns[-1])
+    ended = np.minimum.accumulate(ended[::-1])[::-1]
+    used = advances[after - 1] & (at_ns >= stamps_ns[0]) & (at_ns <= stamps_ns[-1])
+    used &= (stamps_ns[after] - stamps_ns[after - 1]) * 1e-9 <= _LONGEST_GAP
+    used &= depth >= deepest[after - 1] - _ON_BOTTOM
+    used &= np.minimum(at_ns - began[after - 1], ended[after - 1] - at_ns) * 1e-9 >= _SETTLES
+    return np.where(used, depth, np.nan)
+
+
+def _bit_depths(bag: Bag) -> tuple[Stamps, Array]:
+    """Stamps, ns, and bit depth, m, where the rig knew it."""
+    topic = bag.find_topic(wire.RIG_STATE.type_name, "rig/state")
+    rows = [block[topic][1] for block in bag.blocks([topic]) if topic in block]
+    if rows:
+        rig = np.concatenate(rows)
+        known = rig["valid"] & wire.RIG_VALID["bit_depth"] != 0
+        rig = rig[known & np.isfinite(rig["bit_depth"]) & (rig["bit_depth"] >= 0.0)]
+        rig = rig[np.argsort(rig["stamp_ns"], kind="stable")]
+        if len(rig) > 1:
+            return np.asarray(rig["stamp_ns"]), np.asarray(rig["bit_depth"])
+    raise BagError(f"{bag.path} has no depths of the rig", "give the continuous data as a table with --continuous")

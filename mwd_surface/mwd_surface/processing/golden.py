@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Golden recordings: a short bag beside the answers it once gave, and how far today's answers may be from them.
+
+A golden folder holds what is given, `bag/`, `config.yaml` (settings of the estimator that are not the default) and
+`limits.yaml` (name -> limit and its reason, see `compare.LIMITS`), and the answers, `surveys.csv` and `attitude.csv`
+(one row a second, which keeps it small).
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import settings
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.processing import compare, process, run_config, run_folder
+from mwd_surface.surveys.recorded_settings import recorded_settings
+
+_KEPT_EVERY_NS = 1_000_000_000
+
+
+def is_golden(folder: Path) -> bool:
+    """Whether this is a golden folder."""
+    return (folder / "bag").is_dir() and (folder / "limits.yaml").is_file()
+
+
+def is_recording(path: Path) -> bool:
+    """Whether this is a recording rather than the results of one."""
+    if path.is_file():
+        return path.suffix in (".mcap", ".db3")
+    return (path / "metadata.yaml").is_file() or any(path.glob("*.mcap"))
+
+
+def limits_of(folder: Path) -> dict[str, float]:
+    """
+    The limits an expected run comes with; none for an ordinary run.
+
+    Raises
+    ------
+    ValueError
+        limits.yaml is not as it should be.
+    """
+    file = folder / "limits.yaml"
+    return compare.read_limits(file) if file.is_file() else {}
+
+
+@contextmanager
+def processed(path: Path, like: Path) -> Iterator[Path]:
+    """
+    The folder of a run: `path` itself, or, where `path` is a recording, what comes of it with the settings of `like`.
+
+    Raises
+    ------
+    BagError, ValueError, OSError
+        The recording cannot be processed.
+    """
+    if not is_recording(path):
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="mwd_compare_") as folder:
+        run = Path(folder) / "run"
+        _process(path, like, run)
+        yield run
+
+
+def accept(golden: Path) -> None:
+    """
+    Make today's answers the golden ones.
+
+    Raises
+    ------
+    ValueError
+        `golden` lacks its bag or its limits.
+    BagError, OSError
+        The bag cannot be processed, or the answers not be written.
+    """
+    if not is_golden(golden):
+        raise ValueError(f"{golden} is no golden folder: bag/ and limits.yaml make one")
+    limits_of(golden)
+    with tempfile.TemporaryDirectory(prefix="mwd_golden_") as folder:
+        run = Path(folder) / "run"
+        _process(golden / "bag", golden, run)
+        _keep_some(run / "attitude.csv", golden / "attitude.csv")
+        shutil.copyfile(run / "surveys.csv", golden / "surveys.csv")
+
+
+def _process(path: Path, like: Path, run: Path) -> None:
+    config = like / "config.yaml"
+    table = run_config.read_config(config) if config.is_file() else {}
+    with Bag(path) as bag:
+        process.process(bag, run, settings.from_mapping(EstimatorSettings, table), recorded=recorded_settings(bag))
+    if not run_folder.is_run(run):
+        raise ValueError(f"{path} gave no run to compare")
+
+
+def _keep_some(source: Path, target: Path) -> None:
+    """The first row of every second: text for text, so that nothing is rounded twice."""
+    last = -1
+    with source.open(encoding="utf-8") as rows, target.open("w", encoding="utf-8") as kept:
+        kept.write(next(rows))
+        for row in rows:
+            second = int(row.split(",", 1)[0]) // _KEPT_EVERY_NS
+            if second != last:
+                kept.write(row)
+                last = second

@@ -1,0 +1,349 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a recording holds and what it lacks, and how `mwd process` is to be told to read it.
+
+The samples pass the checks of the sensors again and again, each time with what the checks found so far (unit, sign,
+mount), until nothing new is found. What was found becomes the options of `mwd process`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+import math
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mwd_estimation.core.fault_messages import describe, unit_words
+from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
+from mwd_estimation.health import monitor
+from mwd_estimation.health.motion_window import TURNING
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import mount as mounts
+from mwd_sensors.core import settings, units, wire
+from mwd_sensors.core.arrays import Array, Samples
+from mwd_sensors.core.mount import Mount
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.processing.bag_input import (
+    FIELDS,
+    QUANTITIES,
+    InputSettings,
+    Topics,
+    find_topics,
+    frame_names,
+    guesses,
+    in_si,
+    mount_of,
+    unstamped,
+)
+from mwd_surface.processing.mag_mount import mag_mounts, reference_of
+from mwd_surface.processing.rests import Rests
+from mwd_surface.processing.stream_times import StreamTimes
+
+_UNIT_OPTIONS = {"accel_unit": "--accel-unit", "gyro_unit": "--gyro-unit", "mag_unit": "--mag-unit"}
+# Least days since 1970 of a clock that was set.
+_CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
+_PASSES = 6
+_ASKEW = (
+    "the unit is mounted askew: its mount follows from the axis that the string turns about, which does not show the "
+    "scribe line; correct the toolface with --set tool.toolface_offset_deg, or give the whole mount"
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Inspection:
+    """
+    What was found.
+
+    Attributes
+    ----------
+    topics : Topics
+    times : dict of str to StreamTimes
+        Of each topic used.
+    frames : dict of str to str
+        Frame that the messages of each topic name.
+    units : dict of str to str
+        What the readings are in: the names of the options to their units.
+    mount : str
+        How the units are mounted, in words.
+    turns_about : str
+        Axis of the unit that the string was seen to turn about, and which way it points; empty: it never turned.
+    rests : int
+        Intervals at rest that are long enough for a survey.
+    rest_s : float
+        Longest of them, s.
+    faults : list of SensorFault
+        Of the sensors, that stood at the end, read as found.
+    remarks : list of str
+        What is unusual.
+    missing : list of (result, what it needs)
+    command : str
+        That processes it.
+    """
+
+    topics: Topics
+    times: dict[str, StreamTimes]
+    frames: dict[str, str]
+    units: dict[str, str]
+    mount: str
+    turns_about: str
+    rests: int
+    rest_s: float
+    faults: list[SensorFault]
+    remarks: list[str]
+    missing: list[tuple[str, str]]
+    command: str
+
+
+@dataclasses.dataclass
+class _Reading:
+    """One pass: how the samples were read, and what they showed; turned: turn of the string in axes of the IMU, rad."""
+
+    given: InputSettings
+    estimator: EstimatorSettings
+    times: dict[str, StreamTimes]
+    rests: Rests
+    turn: list[str] = dataclasses.field(default_factory=list)
+    turned: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    faults: list[SensorFault] = dataclasses.field(default_factory=list)
+
+
+def inspect(
+    bag: Bag,
+    given: InputSettings,
+    estimator: EstimatorSettings,
+    output: Path,
+    progress: Callable[[float], None] = lambda _share: None,
+) -> Inspection:
+    """
+    Look through a bag.
+
+    Parameters
+    ----------
+    bag : Bag
+    given, estimator : settings
+        What is known of it beforehand: topics, units, place, mount.
+    output : Path
+        Folder that the command is to name.
+    progress : callable
+        Called with the share of a pass that is done, 0 to 1.
+
+    Raises
+    ------
+    BagError
+        There is no IMU, or several; as `bag_input.find_topics`.
+    """
+    topics = find_topics(bag, given)
+    start = given, estimator
+    given = _with_units(bag, topics, given)
+    reading = _read(bag, topics, given, estimator, progress)
+    for _ in range(_PASSES):
+        found = _corrected(reading)
+        if found is None:
+            break
+        reading = _read(bag, topics, *found, progress)
+    doubted = any(fault.code == FaultCode.AXES and fault.mappings[2] for fault in reading.faults)
+    apart = "mag" in mount_of(bag, topics, reading.estimator.tool.mount).unusable and bool(reading.turn)
+    if doubted or apart:
+        turned = mag_mounts(bag, topics, reading.given, reading.estimator)
+        if len(turned) == 1:
+            named = settings.changed(reading.estimator, {"tool.mount.mag": turned[0]})
+            reading = _read(bag, topics, reading.given, named, progress)
+    mount = mount_of(bag, topics, reading.estimator.tool.mount)
+    return Inspection(
+        topics,
+        reading.times,
+        frame_names(bag, topics.all),
+        {name: getattr(reading.given, name) for name in _UNIT_OPTIONS},
+        _mount_words(mount, topics),
+        max(set(reading.turn), key=reading.turn.count) if reading.turn else "",
+        reading.rests.count,
+        reading.rests.longest_s,
+        reading.faults,
+        _remarks(bag, topics, reading, start[1]),
+        _missing(topics, reading, mount),
+        _command(bag, topics, reading, start, output),
+    )
+
+
+def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:
+    """The settings with the units that the first readings are plausible in."""
+    first = next(bag.blocks([name for name in (topics.imu, topics.mag) if name], fields=FIELDS), {})
+    changes: dict[str, Any] = {}
+    for (name, field, quantity, _), option in zip(QUANTITIES, _UNIT_OPTIONS, strict=True):
+        part = first.get(getattr(topics, name) or "")
+        if part is None or getattr(given, option) != getattr(InputSettings(), option):
+            continue
+        found = units.doubt(quantity, part[1][field])
+        if found is not None and found[1]:
+            changes[option] = found[1]
+    return dataclasses.replace(given, **changes)
+
+
+def _read(
+    bag: Bag, topics: Topics, given: InputSettings, estimator: EstimatorSettings, progress: Callable[[float], None]
+) -> _Reading:
+    """Pass all samples through the checks of the sensors."""
+    mount = mount_of(bag, topics, estimator.tool.mount)
+    params = derivation.health_params(estimator)
+    state = monitor.initial(params)
+    reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, Rests())
+    without_time = unstamped(bag, topics)
+    first = True
+    for block in bag.blocks(topics.all, fields=FIELDS):
+        samples = in_si(block, topics, given, without_time)
+        for name, (log_ns, _) in block.items():
+            reading.times[name].take(samples[name]["stamp_ns"], log_ns)
+        if topics.mag in samples and "mag" not in mount.unusable:
+            mag = mount.mag_in_tool(samples[topics.mag])
+            monitor.push_mag(state, mag["stamp_ns"], mag["magnetic_field"])
+        if topics.imu in samples:
+            raw = samples[topics.imu]
+            if first:
+                _expect(state, estimator, int(raw["stamp_ns"][0]))
+                first = False
+            _note_turns(reading, raw)
+            imu = mount.imu_in_tool(raw)
+            reading.rests.take(imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+            monitor.run(params, state, imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+        if block:
+            done = max(int(log_ns[-1]) for log_ns, _ in block.values())
+            progress((done - bag.start_ns) / max(bag.end_ns - bag.start_ns, 1))
+    reading.faults = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
+    return reading
+
+
+def _expect(state: monitor.State, estimator: EstimatorSettings, first_ns: int) -> None:
+    """Judge by the field of the place."""
+    reference = reference_of(estimator, first_ns)
+    if reference is not None:
+        monitor.set_reference(state, reference.gravity, reference.total, reference.dip)
+
+
+def _note_turns(reading: _Reading, imu: Samples) -> None:
+    """Note the axis of the unit that points down-hole, by each three seconds in which the string turned."""
+    stamps, gyro = imu["stamp_ns"], np.nan_to_num(imu["angular_velocity"])
+    dt = np.clip(np.diff(stamps, prepend=stamps[:1]) * 1e-9, 0.0, 0.25)
+    part = (stamps - stamps[0]) // (3 * wire.NANOSECONDS)
+    for k in np.unique(part):
+        turns = (gyro * dt[:, None])[part == k]
+        net, path = turns.sum(axis=0), float(np.linalg.norm(turns, axis=1).sum())
+        if np.linalg.norm(net) > 3.0 * TURNING:
+            off = math.degrees(math.acos(min(abs(float(net[0])) / float(np.linalg.norm(net)), 1.0)))
+            along = float(np.abs(net).max()) > mounts.ALONG * float(np.linalg.norm(net))
+            reading.turn.append((along and mounts.axis_down(net, path)) or f"{off:.0f} deg off x")
+            reading.turned += net
+
+
+def _corrected(reading: _Reading) -> tuple[InputSettings, EstimatorSettings] | None:
+    """How to read the samples instead, by the first fault that says so; None where none does."""
+    before, given = reading.estimator.tool.mount, reading.given
+    for fault in sorted(reading.faults, key=lambda one: one.since_ns):
+        if fault.code == FaultCode.UNIT:
+            option = ("gyro_unit", "accel_unit", "mag_unit")[fault.place // 3]
+            changed_unit: dict[str, Any] = {option: unit_words(fault)}
+            return dataclasses.replace(given, **changed_unit), reading.estimator
+        changes: dict[str, str] = {}
+        if fault.code in (FaultCode.SIGN, FaultCode.POINTS_UP) and fault.sensors == (1,):
+            changes = {"accelerometer": "down" if before.accelerometer == "up" else "up"}
+        elif fault.code == FaultCode.MOUNT and reading.turned.any():
+            # By all of the recording, in axes of the unit: whatever mount it was read with.
+            changes = {"imu": mounts.words(mounts.by_turning(reading.turned))}
+        changes = {unit: value for unit, value in changes.items() if value != getattr(before, unit)}
+        if changes:
+            named = {f"tool.mount.{name}": value for name, value in changes.items()}
+            return given, settings.changed(reading.estimator, named)
+    return None
+
+
+def _mount_words(mount: Mount, topics: Topics) -> str:
+    words = f"IMU {mounts.words(mount.imu)}"
+    if topics.mag is not None:
+        same = np.array_equal(mount.mag, mount.imu)
+        known = "as the IMU" if same else mounts.words(mount.mag)
+        words += ", magnetometer " + ("not known" if "mag" in mount.unusable else known)
+    return words + (", accelerometer reads gravity (down)" if mount.reversed_accelerometer else "")
+
+
+def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettings) -> list[str]:
+    """What is unusual about topics, times and sensors."""
+    remarks = guesses(bag, topics, reading.given)
+    if reading.estimator.tool.mount.imu not in (start.tool.mount.imu, *mounts.PRESETS):
+        remarks.append(_ASKEW)
+    for name in unstamped(bag, topics):
+        remarks.append(f"{name}: no time in the headers; the times of recording are used")
+    for name, times in reading.times.items():
+        remarks += [f"{name}: {text}" for text in times.remarks(name != topics.rig)]
+    remarks += [f"{text.message}; {text.remedy}" for text in map(describe, reading.faults)]
+    return remarks
+
+
+def _missing(topics: Topics, reading: _Reading, mount: Mount) -> list[tuple[str, str]]:
+    """What each result needs that the recording does not have."""
+    place, missing = reading.estimator.place, []
+    if reading.rests.count == 0:
+        settle, average = reading.estimator.survey.settle_s, reading.estimator.survey.duration_s
+        missing.append(("surveys", f"the tool at rest for {settle + average:.0f} s: it never was for so long"))
+    if topics.mag is None:
+        missing.append(("magnetic azimuth", f"a magnetometer: {wire.MAG.type_name}"))
+    elif "mag" in mount.unusable:
+        missing.append(("magnetic azimuth", f"the mount of the magnetometer: {mount.unusable['mag']}"))
+    if place.field == "none":
+        missing.append(("true north, checks of the field", "the place: --lat and --lon, or --field"))
+    elif place.field == "model":
+        first = reading.times[topics.imu].first_ns
+        if not place.date and first < _CLOCK_SET_NS:
+            missing.append(("the field of the model", "the day: --date YYYY-MM-DD, for the clock was not set"))
+    if topics.precision is None:
+        missing.append(("gyro azimuth", "a high-precision unit: --gyro-topic"))
+    elif place.lat_deg is None:
+        missing.append(("gyro azimuth", "the latitude: --lat"))
+    if topics.rig is None and not reading.given.depths:
+        missing.append(("depths, path, exports", "the rig's depth (mwd_msgs/msg/RigState), or --depths TABLE.csv"))
+    return missing
+
+
+def _command(
+    bag: Bag, topics: Topics, reading: _Reading, start: tuple[InputSettings, EstimatorSettings], output: Path
+) -> str:
+    """The command that processes the bag as it was read."""
+    words = ["mwd", "process", str(bag.path), "-o", str(output)]
+    given = reading.given
+    for name, option in (("imu", "imu_topic"), ("mag", "mag_topic"), ("precision", "gyro_topic"), ("rig", "rig_topic")):
+        if getattr(start[0], option):
+            words += [f"--{option.replace('_', '-')}", str(getattr(topics, name))]
+    for name, option in _UNIT_OPTIONS.items():
+        if getattr(given, name) != getattr(InputSettings(), name):
+            words += [option, getattr(given, name)]
+    mount, usual = reading.estimator.tool.mount, mounts.MountSettings()
+    for unit in ("imu", "mag", "precision"):
+        if getattr(mount, unit) != getattr(usual, unit):
+            words += ["--mount", f"{unit}={getattr(mount, unit).replace(', ', ',')}"]
+    if mount.accelerometer != usual.accelerometer:
+        words += ["--accelerometer", mount.accelerometer]
+    place = reading.estimator.place
+    if place.field == "model":
+        words += ["--lat", f"{place.lat_deg:g}", "--lon", f"{place.lon_deg:g}"]
+        first = reading.times[topics.imu].first_ns
+        if place.date or first >= _CLOCK_SET_NS:
+            day = place.date or f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
+            words += ["--date", day]
+    elif place.field == "fixed":
+        words += ["--field", f"{place.total_nt:g},{place.dip_deg:g},{place.declination_deg:g}"]
+    if not bag.complete:
+        words.append("--partial")
+    return shlex.join(words)
+
+
+def figures(times: StreamTimes) -> str:
+    """Rate, length and count of a topic, in words."""
+    rate = f"{times.rate:.4g} Hz" if math.isfinite(times.rate) else "one message"
+    return f"{times.count} samples, {rate}"
+
+
+__all__ = ["BagError", "Inspection", "figures", "inspect"]

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The survey list of a recording that is processed: as the surface node kept it, where the recording is one of our own.
+
+Depths come from a table that is given, else from the live list (for the same surveys), else from the rig's data.
+Decisions of people are taken over where the settings are those of the recording.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.survey_message import survey_fields
+from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.wire import RIG_VALID
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.processing.bag_input import IMU, IMU_BURST, InputSettings, Topics
+from mwd_surface.surveys.depth import DepthReading, DepthTrack
+from mwd_surface.surveys.depth_table import read_depths
+from mwd_surface.surveys.leg_settings import arranged
+from mwd_surface.surveys.message_conversion import survey_of_fields
+from mwd_surface.surveys.recorded_list import RecordedList, recorded_list
+from mwd_surface.surveys.recorded_settings import Recorded, SurfacePart
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.well import Well
+
+Arrived = tuple[Stamps, Samples]
+"""Times of messages in a recording, ns, and their samples."""
+
+
+class ListBuilder:
+    """
+    Survey list and depths of one run over a recording.
+
+    Parameters
+    ----------
+    bag : Bag
+    topics : Topics
+        Of the well.
+    estimator, given : settings
+        In force.
+    recorded : Recorded
+        Settings in the recording.
+    frame : str
+        Of the tool, which each survey names.
+
+    Attributes
+    ----------
+    depth : DepthTrack
+        Bit depth of the rig; updated by the caller.
+    surveys : SurveyList
+    warnings : list of str
+    """
+
+    def __init__(
+        self,
+        bag: Bag,
+        topics: Topics,
+        estimator: EstimatorSettings,
+        given: InputSettings,
+        recorded: Recorded,
+        frame: str,
+    ) -> None:
+        self._bag, self._estimator, self._recorded, self._frame = bag, estimator, recorded, frame
+        namespace = topics.imu.removesuffix(IMU).removesuffix(IMU_BURST)
+        self._surface = recorded.surface or SurfacePart()
+        # A topic of another name says nothing of the well.
+        well = namespace.strip("/") if namespace != topics.imu else ""
+        self._well = recorded.well(Well(name=well or Well().name))
+        known = self._well.sensor_to_bit
+        self.sensor_to_bit = given.sensor_to_bit_m if given.sensor_to_bit_m >= 0.0 else known
+        self._table = read_depths(Path(given.depths)) if given.depths else None
+        self._live = recorded_list(bag, namespace) if recorded.surface is not None else RecordedList()
+        # The live depth of a survey holds where nothing else is said of depths.
+        self._live_depths = not given.depths and not given.rig_topic and self.sensor_to_bit == known
+        self.depth = DepthTrack(self._surface.depth)
+        self._given_depths = given.depths
+        self._rig_topic = topics.rig
+        self._live_used = 0
+        self.surveys = SurveyList()
+        self.warnings: list[str] = list(recorded.remarks)
+        self._begun = False
+
+    @property
+    def uses_rig(self) -> bool:
+        """Whether the depths of the rig count."""
+        return self._table is None
+
+    @property
+    def depth_source(self) -> str:
+        """Where the depths come from, in words."""
+        if self._table is not None:
+            return f"of the table {self._given_depths}"
+        if self._live_used:
+            return "of the live list"
+        if self._rig_topic is None:
+            return "none: the recording has no depths of the rig; give a table of depths with --depths"
+        return f"of the rig ({self._rig_topic})"
+
+    def take_rig(self, rig: Arrived, imu: Arrived | None) -> None:
+        """
+        Take depths of the rig, `wire.RIG_STATE`, and the samples of the IMU of the same part of the recording.
+
+        Each comes with the times of its messages in the recording, which tell what arrived before what.
+        """
+        if not self.uses_rig:
+            return
+        log_ns, samples = rig
+        before = np.full(len(log_ns), -1) if imu is None else np.searchsorted(imu[0], log_ns, side="right") - 1
+        for row, at in zip(samples, before, strict=True):
+            if imu is not None and at >= 0:
+                self.depth.note_sonde(int(imu[1]["stamp_ns"][at]))
+            known = bool(row["valid"] & RIG_VALID["bit_depth"])
+            self.depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), known)
+
+    def add(self, survey: Survey) -> float:
+        """Add a survey of the estimator to the list; returns the measured depth of the sensor, m, nan if unknown."""
+        if not self._begun:
+            self._begin(survey)
+        reading = self._depth_of(survey)
+        live = self._live.records.get(survey.uuid)
+        fields = survey_fields(survey, survey.status)
+        listed = dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
+        legs = {leg.name for leg in self.surveys.legs}
+        leg = live.leg if live is not None and live.leg in legs else None
+        tool = live.tool if live is not None else None
+        md = reading.measured_depth
+        try:
+            self.surveys = self.surveys.add(listed, md, reading.depth_age, comment=reading.reason, leg=leg, tool=tool)
+        except ValueError as error:
+            self.warnings.append(f"survey {survey.sequence} is not in the survey list: {error}")
+        return md if md >= 0.0 else math.nan
+
+    def replace(self, survey: Survey) -> None:
+        """Put a survey judged anew in the place of the same survey in the list."""
+        fields = survey_fields(survey, survey.status)
+        listed = dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
+        old = next((record for record in self.surveys.records if record.survey.uuid == listed.uuid), None)
+        if old is None:
+            return
+        rest = tuple(record for record in self.surveys.records if record is not old)
+        table = dataclasses.replace(self.surveys, records=rest)
+        listed = dataclasses.replace(listed, sequence=old.survey.sequence)
+        self.surveys = table.add(
+            listed, old.measured_depth, old.depth_age, comment=old.comment, leg=old.leg, tool=old.tool
+        )
+
+    def finish(self) -> tuple[SurveyList, str]:
+        """Return the list with the decisions of people, and in words how it compares with the live one."""
+        if not self._live.records:
+            return self.surveys, ""
+        if self._estimator == self._recorded.estimator:
+            self.surveys, failed = self._live.decided(self.surveys, depths=self._live_depths)
+            self.warnings += failed
+        elif any(r.judgement for r in self._live.records.values()):
+            self.warnings.append("decisions of people in the live list are not taken over: other settings are in force")
+        # A message has the last decision about a survey only.
+        ours = {r.survey.uuid: dataclasses.replace(r, decisions=r.decisions[-1:]) for r in self.surveys.records}
+        # The vertical section may have been that of a plan, which the recording does not hold.
+        same = sum(
+            uuid in ours and dataclasses.replace(ours[uuid], vertical_section=record.vertical_section) == record
+            for uuid, record in self._live.records.items()
+        )
+        missing = sum(uuid not in ours for uuid in self._live.records)
+        text = f"{same} of {len(self._live.records)} surveys equal those of the live list"
+        return self.surveys, text + (f", {missing} of it are not found again" if missing else "")
+
+    def _begin(self, first: Survey) -> None:
+        """Begin the list where the live one began."""
+        self._begun = True
+        well = self._well
+        place, recorded = self._estimator.place, self._recorded.estimator
+        if self._recorded.surface is None or recorded is None or self._estimator.survey.north != recorded.survey.north:
+            well = dataclasses.replace(well, north_reference=first.station.north)
+        if recorded is None or place != recorded.place:
+            well = dataclasses.replace(well, latitude_deg=place.lat_deg, longitude_deg=place.lon_deg)
+        well = dataclasses.replace(well, sensor_to_bit=self.sensor_to_bit)
+        self.surveys = SurveyList(well=well, rules=self._surface.rules)
+        try:
+            self.surveys = arranged(self.surveys, self._surface.leg)
+        except ValueError as error:
+            self.warnings.append(f"the leg of the recording is not taken over: {error}")
+        earlier = self._live.before(self._bag.start_ns if self._clock_is_the_recorder_s(first) else first.stamp_ns)
+        if earlier:
+            legs = {leg.name for leg in self.surveys.legs}
+            kept = tuple(r for r in earlier if r.leg in legs)
+            table = dataclasses.replace(self.surveys, records=kept).to_mapping()
+            self.surveys = SurveyList.from_mapping(table, self._surface.rules)
+            self.warnings.append(f"{len(kept)} surveys of earlier recordings are taken over from the live list")
+
+    def _clock_is_the_recorder_s(self, first: Survey) -> bool:
+        return self._bag.start_ns <= first.stamp_ns <= self._bag.end_ns
+
+    def _depth_of(self, survey: Survey) -> DepthReading:
+        if self._table is not None:
+            return self._table.sensor_depth(survey.sequence, survey.stamp_ns, self.sensor_to_bit)
+        live = self._live.first.get(survey.uuid)
+        if live is not None and self._live_depths:
+            self._live_used += 1
+            return DepthReading(live.measured_depth, live.depth_age, reason=live.comment)
+        return self.depth.sensor_depth(survey.stamp_ns, self.sensor_to_bit)

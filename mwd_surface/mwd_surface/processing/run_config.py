@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""config.yaml and input.yaml of a run: settings in force, and what was read how, to be read back and used again."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import settings as settings_of
+from mwd_sensors.core.input_files import read_yaml
+from mwd_surface.processing.bag_input import InputSettings, Topics
+from mwd_surface.processing.run_output import CONFIG, INPUT, OutputSettings
+
+
+def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
+    """config.yaml: every setting in force, ready for --config; what was read and how stands in comments."""
+    head = ["# Settings in force; use them again with: mwd process BAG --config config.yaml"]
+    head += [f"# {name}: {value}" for name, value in dataclasses.asdict(topics).items() if value]
+    for used, default in ((given, InputSettings()), (wanted, OutputSettings())):
+        head += [
+            f"# {field.name}: {getattr(used, field.name)}"
+            for field in dataclasses.fields(used)
+            if not field.name.endswith("_topic") and getattr(used, field.name) != getattr(default, field.name)
+        ]
+    body: str = yaml.safe_dump(settings_of.to_mapping(estimator), sort_keys=False)
+    return "\n".join(head) + "\n" + body
+
+
+def input_text(bag: Path, given: InputSettings, *, calibrated: bool) -> str:
+    """input.yaml: the recording, how it was read, and whether a calibration was applied to it."""
+    usual = settings_of.to_mapping(InputSettings())
+    changed = {name: value for name, value in settings_of.to_mapping(given).items() if value != usual[name]}
+    if given.depths:
+        changed["depths"] = str(Path(given.depths).resolve())
+    table = {"recording": str(bag.resolve()), "calibrated": calibrated, "input": changed}
+    text: str = yaml.safe_dump(table, sort_keys=False)
+    return text
+
+
+@dataclasses.dataclass(frozen=True)
+class _InputFile:
+    """The table of input.yaml."""
+
+    recording: str = settings_of.setting(doc="recording that was read")
+    calibrated: bool = settings_of.setting(doc="whether a calibration was applied to it")
+    input: InputSettings = settings_of.setting(InputSettings)
+
+
+@dataclasses.dataclass(frozen=True)
+class ProcessedInput:
+    """What `mwd process` read for the results in a folder, and with which settings."""
+
+    recording: Path
+    calibrated: bool
+    given: InputSettings
+    estimator: EstimatorSettings
+
+
+def processed_input(folder: Path) -> ProcessedInput | None:
+    """
+    What was read for the results in a folder; None where it holds none.
+
+    Raises
+    ------
+    SettingsError
+        A file of settings in it is not as it was written.
+    OSError
+        It cannot be read.
+    """
+    if not (folder / INPUT).is_file():
+        return None
+    table = settings_of.from_mapping(_InputFile, read_yaml(folder / INPUT), str(folder / INPUT))
+    estimator = settings_of.from_mapping(EstimatorSettings, read_config(folder / CONFIG))
+    return ProcessedInput(Path(table.recording), table.calibrated, table.input, estimator)
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """
+    Settings of a YAML file: as config.yaml has them, or as a ROS parameter file gives them to the estimator node.
+
+    Raises
+    ------
+    SettingsError
+        It is not YAML, or not a table.
+    OSError
+        It cannot be read.
+    """
+    table = read_yaml(path)
+    if table is None:
+        return {}
+    if isinstance(table, dict):
+        for node in table.values():
+            if isinstance(node, dict) and isinstance(node.get("ros__parameters"), dict):
+                return _nested(node["ros__parameters"])
+        return _nested(table)
+    raise settings_of.SettingsError(f"{path}: expected a table of settings, got {table!r}")
+
+
+def _nested(table: dict[str, Any]) -> dict[str, Any]:
+    """Dotted names, as ROS writes them, as tables in tables."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        *parents, leaf = str(key).split(".")
+        place = out
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[leaf] = _nested(value) if isinstance(value, dict) else value
+    return out

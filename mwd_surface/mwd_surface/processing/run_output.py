@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run writes: attitude in the format asked for, surveys, faults of sensors; complete, or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from mwd_estimation.core.fault_messages import describe
+from mwd_estimation.core.sensor_fault import SensorFault
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.survey.survey import Survey
+from mwd_sensors.core.settings import setting
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.exports import attitude_csv
+from mwd_surface.exports.thinner import Thinner
+from mwd_surface.processing.bag_input import InputSettings, find_topics
+from mwd_surface.processing.merger import Merger
+from mwd_surface.surveys import station_csv
+
+FORMATS = ("csv", "parquet", "mcap")
+MERGED = "merged"
+# Written where later surveys change what earlier ones say.
+REVISIONS = "revisions.csv"
+_SURVEYS = ("surveys.csv", "surveys.json", REVISIONS)
+CONFIG, INPUT = "config.yaml", "input.yaml"
+_RESULTS = ("attitude.csv", "attitude.parquet", MERGED, *_SURVEYS, "faults.csv", CONFIG, INPUT)
+SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
+FAULT_COLUMNS = ("since_ns", "cleared_ns", "severity", "sensor", "axis", "kind", "confidence", "message", "remedy")
+
+
+@dataclasses.dataclass(frozen=True)
+class OutputSettings:
+    """What to write."""
+
+    format: str = setting("csv", "File of the attitude", choices=FORMATS)
+    rate_hz: float = setting(0.0, "At most so many rows a second; 0: one for every IMU message", unit="Hz", low=0.0)
+    smooth: bool = setting(False, "Gravity of each sample from what came after it too; method bounded only")
+
+
+def results_in(folder: Path) -> list[Path]:
+    """Results of a run that lie in a folder."""
+    return [folder / name for name in _RESULTS if (folder / name).is_symlink() or (folder / name).exists()]
+
+
+@contextlib.contextmanager
+def drafts(folder: Path) -> Iterator[Path]:
+    """
+    A folder beside `folder` to write results into; they move to `folder` when the block ends well, else vanish.
+
+    Results of an earlier run in `folder` go, whatever their format, so that it never holds those of two; other files in
+    it stay.
+
+    Raises
+    ------
+    OSError
+        `folder` is a file, or it cannot be made or written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(20, "it is a file, not a folder", str(folder))
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".unfinished", dir=folder.parent))
+    try:
+        yield draft
+        if folder.exists():
+            for old in results_in(folder):
+                if old.is_dir() and not old.is_symlink():
+                    shutil.rmtree(old)
+                else:
+                    old.unlink()
+            for file in sorted(draft.iterdir()):
+                file.replace(folder / file.name)
+        else:
+            draft.chmod(0o777 & ~_umask())
+            draft.rename(folder)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def destination(
+    folder: Path, bag: Bag, wanted: OutputSettings, given: InputSettings
+) -> Iterator[tuple[Callable[[Output], None], Merger | None]]:
+    """What writes the attitude of each block."""
+    thinner = Thinner(wanted.rate_hz)
+    if wanted.format == "mcap":
+        with Merger(folder / MERGED, bag, find_topics(bag, given).imu, thinner) as merger:
+            yield lambda _output: None, merger
+        return
+    if wanted.format == "parquet":
+        # Not for everyone: it takes longer to load than a short recording to process.
+        from mwd_surface.exports import attitude_parquet
+
+        with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
+
+            def write_table(output: Output) -> None:
+                picked = thinner(output.attitude["stamp_ns"])
+                writer.write(output.attitude[picked], output.gravity[picked])
+
+            yield write_table, None
+        return
+    with (folder / "attitude.csv").open("wb") as file:
+        file.write(attitude_csv.HEADER.encode() + b"\n")
+        lines = attitude_csv.Lines()
+
+        def write_lines(output: Output) -> None:
+            picked = thinner(output.attitude["stamp_ns"])
+            file.write(lines(output.attitude[picked], output.gravity[picked]))
+
+        yield write_lines, None
+
+
+def survey_text(surveys: list[tuple[Survey, float]]) -> str:
+    """surveys.csv; of revised surveys revisions.csv."""
+    return station_csv.text(
+        SURVEY_COLUMNS,
+        (
+            {
+                "sequence": survey.sequence,
+                "stamp_ns": survey.stamp_ns,
+                "duration_s": station_csv.number(survey.duration, 1),
+                "samples": survey.samples,
+                "requested": "yes" if survey.requested else "no",
+                **station_csv.cells(survey.station, depth),
+                "uuid": survey.uuid,
+            }
+            for survey, depth in surveys
+        ),
+    )
+
+
+def fault_text(faults: list[SensorFault]) -> str:
+    """faults.csv: one line for every fault that was found, narrowed down or cleared, in that order."""
+    return station_csv.text(
+        FAULT_COLUMNS,
+        (
+            dataclasses.asdict(text)
+            | {"since_ns": fault.since_ns, "cleared_ns": fault.cleared_ns or ""}
+            | {"confidence": station_csv.number(text.confidence, 2)}
+            for fault, text in ((fault, describe(fault)) for fault in faults)
+        ),
+    )
+
+
+def _umask() -> int:
+    now = os.umask(0)
+    os.umask(now)
+    return now

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Result of an offline run: counts, surveys, faults, and the warnings that follow from them."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.core.sensor_fault import SensorFault
+from mwd_estimation.core.status import Status
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.survey import Survey
+from mwd_surface.processing.bag_input import Topics
+from mwd_surface.surveys.survey_list import SurveyList
+
+_MANY_REFUSED = 0.1  # share of the samples that is worth a warning
+_MANY_DISTURBED = 0.05
+_MANY_GAPS = 0.5
+
+
+@dataclasses.dataclass
+class Summary:
+    """
+    Result of a bag.
+
+    Attributes
+    ----------
+    rows : int
+        IMU messages.
+    start_ns, end_ns : int
+        Stamps of the first and the last of them.
+    rejected, gaps, without_gravity, without_azimuth : int
+        Rows with that flag or lack.
+    disturbed : int
+        Rows without an azimuth because the magnetic field was off its reference.
+    total_off, dip_off : float
+        Largest deviation of total field and dip from the reference near those rows, T, rad.
+    lowest, highest : float
+        Range of the inclination, rad; nan where there is none.
+    north, reference : str
+        North of the azimuth, and where the field comes from.
+    surveys : list of (Survey, measured depth in m or nan)
+    listed : SurveyList
+        The same as the surface node keeps them: accepted ones in the path, the rest waiting for a decision.
+    depths : str
+        Where the depths of the surveys come from, in words.
+    live : str
+        How this list compares with the live one of the recording; empty where it has none.
+    revisions : list of (Survey, measured depth in m or nan)
+        Surveys of which the later ones say something else, as they would be now; `surveys` has the first values.
+    faults : list of SensorFault
+        Faults of sensors, as they were found, narrowed down or cleared.
+    warnings : list of str
+    files : list of str
+        Names of what was written.
+    mag_used : bool
+        Whether the magnetometer was used.
+    """
+
+    topics: Topics
+    rows: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
+    rejected: int = 0
+    gaps: int = 0
+    without_gravity: int = 0
+    without_azimuth: int = 0
+    disturbed: int = 0
+    total_off: float = 0.0
+    dip_off: float = 0.0
+    lowest: float = math.nan
+    highest: float = math.nan
+    north: str = "magnetic"
+    reference: str = "none"
+    surveys: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
+    listed: SurveyList = dataclasses.field(default_factory=SurveyList)
+    depths: str = ""
+    live: str = ""
+    revisions: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
+    faults: list[SensorFault] = dataclasses.field(default_factory=list)
+    warnings: list[str] = dataclasses.field(default_factory=list)
+    files: list[str] = dataclasses.field(default_factory=list)
+    mag_used: bool = True
+
+    @property
+    def seconds(self) -> float:
+        """Time covered, s."""
+        return (self.end_ns - self.start_ns) * 1e-9
+
+    def count(self, output: Output) -> None:
+        """Add the rows of an output."""
+        attitude = output.attitude
+        if self.rows == 0 and len(attitude):
+            self.start_ns = int(attitude["stamp_ns"][0])
+        self.rows += len(attitude)
+        if len(attitude):
+            self.end_ns = int(attitude["stamp_ns"][-1])
+        status = np.ascontiguousarray(attitude["status"])
+        self.rejected += int(np.count_nonzero(status & int(Status.REJECTED)))
+        self.gaps += int(np.count_nonzero(status & int(Status.GAP)))
+        known = attitude["sigma_inclination"] >= 0.0
+        self.without_gravity += int(len(attitude) - np.count_nonzero(known))
+        unknown = attitude["sigma_azimuth"] < 0.0
+        self.without_azimuth += int(np.count_nonzero(unknown))
+        withheld = int(np.count_nonzero(unknown & (status & int(Status.MAG_DISTURBED) != 0)))
+        if withheld and len(output.interference):
+            total, dip = output.interference["total_residual"], output.interference["dip_residual"]
+            self.total_off = max(float(total.min()), float(total.max()), self.total_off, key=abs)
+            self.dip_off = max(float(dip.min()), float(dip.max()), self.dip_off, key=abs)
+        self.disturbed += withheld
+        inclination = attitude["inclination"][known]
+        if len(inclination):
+            self.lowest = float(np.fmin(self.lowest, inclination.min()))
+            self.highest = float(np.fmax(self.highest, inclination.max()))
+
+
+def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: EstimatorSettings) -> list[str]:
+    """Return what is worth a warning once the whole recording has passed the pipeline."""
+    warnings = []
+    if summary.rejected > _MANY_REFUSED * summary.rows:
+        warnings.append(
+            f"{summary.rejected} of {summary.rows} IMU samples were refused: times that do not advance, or values that "
+            "are not finite or beyond reason"
+        )
+    # Where the time went back to its begin or before it, there is no rate.
+    if summary.gaps > _MANY_GAPS * summary.rows and summary.seconds > 0.0:
+        rate_hz = (summary.rows - 1) / summary.seconds
+        warnings.append(
+            f"the IMU gives {rate_hz:.2g} samples/s, and most of them follow a gap: no survey can be averaged, and the "
+            "attitude is that of single samples; record it at the rate of the sensor"
+        )
+    if summary.disturbed > _MANY_DISTURBED * summary.rows:
+        warnings.append(
+            f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field is not the "
+            f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
+            "dip off): external interference, or a string magnetised beyond tool.possible_axial_nt "
+            f"({estimator.tool.possible_axial_nt:,.0f} nT), which the first survey that is accepted tells"
+        )
+    if pipeline.went_back:
+        often, (left_ns, begun_ns) = len(pipeline.went_back), pipeline.went_back[0]
+        times = "once," if often == 1 else f"{often} times, the first"
+        by_s, at_s = (left_ns - begun_ns) * 1e-9, (left_ns - summary.start_ns) * 1e-9
+        warnings.append(f"time went back {times} by {by_s:.1f} s, {at_s:.1f} s after the start: the estimate restarted")
+    warnings += pipeline.noise_notes
+    if pipeline.temperature.outside is not None:
+        low, high = pipeline.temperature.outside
+        warnings.append(
+            f"the tool was at {low:.0f} to {high:.0f} degC, outside of its calibration: sigma of surveys there is "
+            "widened by tool.accelerometer.bias_ug_per_c and tool.magnetometer.bias_nt_per_c"
+        )
+    if pipeline.clock_note:
+        warnings.append(f"{pipeline.clock_note} from then on; stamp both sensors when they measure")
+    if pipeline.counters.spikes:
+        warnings.append(f"{pipeline.counters.spikes} magnetic samples were spikes: not used")
+    if pipeline.counters.late_mag:
+        warnings.append(
+            f"{pipeline.counters.late_mag} magnetic samples came later than tool.magnetometer.delay_s allows: raise it"
+        )
+    return warnings

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Advice on the next interval, slide or rotate, at what toolface, how far; from plan, projected path and slide sheet.
+
+The well is brought back to the plan by the one arc from the bit to the point of the plan that lies `look_ahead_m`
+further on. Its dogleg severity over what the motor yields per metre slid is the share of the interval to slide, as a
+directional driller reckons it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+import statistics
+from collections.abc import Sequence
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.settings import setting
+from mwd_surface.trajectory.plan import Plan, nearest, steering_to
+from mwd_surface.trajectory.slide_sheet import Yield
+from mwd_surface.trajectory.well_path import Definitive
+
+_PER_30_M = math.radians(1.0) / 30.0  # rad/m of one degree in 30 m
+_YIELDS = 3  # intervals whose motor yield counts: it changes with formation and wear
+_LEAST_AHEAD = 1.0  # m; a plan that ends so soon gives no direction
+
+
+class AdviceMode(enum.IntEnum):
+    """As in mwd_msgs/SteeringAdvice."""
+
+    NONE = 0
+    ROTATE = 1
+    SLIDE = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class AdvisorySettings:
+    """The advice on steering."""
+
+    toolface_deg: float = setting(
+        -1.0,
+        "Toolface to hold by the word of the directional driller, in place of one computed from the plan; below 0: "
+        "compute it",
+        unit="deg",
+        low=-1.0,
+        high=360.0,
+    )
+    limit_deg: float = setting(
+        15.0,
+        "Largest deviation from the wanted toolface that the page shows as good; a larger limit hides larger errors",
+        unit="deg",
+        low=1.0,
+        high=180.0,
+    )
+    interval_m: float = setting(
+        28.0,
+        "Length of an interval: what is drilled between two decisions, usually a stand",
+        unit="m",
+        low=1.0,
+        high=500.0,
+    )
+    look_ahead_m: float = setting(
+        60.0,
+        "Distance along the plan at which the well is to be back on it; a shorter one steers harder and makes a more "
+        "tortuous hole",
+        unit="m",
+        low=5.0,
+        high=2000.0,
+    )
+    least_slide_m: float = setting(
+        2.0, "Shortest slide worth its set-up time; less than that is rotated", unit="m", low=0.0, high=100.0
+    )
+    motor_yield_deg_30m: float = setting(
+        8.0,
+        "Dogleg of a slide until the slide sheet has measured it: as the motor's bend is specified",
+        unit="deg/30 m",
+        low=0.1,
+        high=60.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Advice:
+    """
+    How to drill the next interval; the fields are those of mwd_msgs/SteeringAdvice.
+
+    Attributes
+    ----------
+    mode : AdviceMode
+    toolface : float or None
+        rad, of SLIDE; from the high side, where `magnetic` from north.
+    limit : float
+        Deviation allowed, rad.
+    sigma, confidence : float or None
+        Of the toolface, rad; probability that the direction needed lies within the limit of it.
+    from_depth, slide_to_depth, to_depth : float or None
+        Measured depths of the bit, m.
+    dogleg_severity, motor_yield : float or None
+        Needed, and per metre slid, rad/m.
+    survey, stamp_ns
+        Number and stamp of the survey it follows from, or 0.
+    """
+
+    mode: AdviceMode = AdviceMode.NONE
+    toolface: float | None = None
+    magnetic: bool = False
+    limit: float = 0.0
+    sigma: float | None = None
+    confidence: float | None = None
+    from_depth: float | None = None
+    slide_to_depth: float | None = None
+    to_depth: float | None = None
+    dogleg_severity: float | None = None
+    motor_yield: float | None = None
+    survey: int = 0
+    stamp_ns: int = 0
+    source: str = ""
+    reason: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Known:
+    """What it follows from: survey number and stamp, its sigmas, rad or None; magnetic: the toolface's kind."""
+
+    survey: int = 0
+    stamp_ns: int = 0
+    sigma_inclination: float | None = None
+    sigma_azimuth: float | None = None
+    magnetic: bool = False
+
+
+def motor_yield(yields: Sequence[Yield]) -> float | None:
+    """Median dogleg per metre slid of the last intervals, rad/m; None before any was slid."""
+    measured = [value for value in (one.motor for one in yields) if value is not None and value > 0.0]
+    return statistics.median(measured[-_YIELDS:]) if measured else None
+
+
+def advise(
+    settings: AdvisorySettings, plan: Plan | None, path: Definitive, yields: Sequence[Yield], known: Known
+) -> Advice:
+    """
+    Return the advice for the next interval.
+
+    path: to the bit where that is known. yields: of the slide sheet, deepest last.
+    """
+    limit = math.radians(settings.limit_deg)
+    base = Advice(limit=limit, magnetic=known.magnetic, survey=known.survey, stamp_ns=known.stamp_ns, source="plan")
+    if settings.toolface_deg >= 0.0:
+        wanted = math.radians(settings.toolface_deg) % math.tau
+        said = "set by hand"
+        return dataclasses.replace(
+            base, mode=AdviceMode.SLIDE, toolface=wanted, source="directional driller", reason=said
+        )
+    if plan is None:
+        return dataclasses.replace(base, source="", reason="no plan: set plan.file, or advisory.toolface_deg")
+    if len(path.md) < 2:
+        return dataclasses.replace(base, reason="no survey is accepted yet")
+    return _to_plan(settings, plan, path, yields, known, base)
+
+
+def _to_plan(
+    settings: AdvisorySettings,
+    plan: Plan,
+    path: Definitive,
+    yields: Sequence[Yield],
+    known: Known,
+    base: Advice,
+) -> Advice:
+    depth, inclination, azimuth = (float(row[-1]) for row in (path.md, path.inclination, path.azimuth))
+    here = nearest(plan, path.positions[-1])
+    ahead = min(here + settings.look_ahead_m, float(plan.md[-1]))
+    if ahead - here < _LEAST_AHEAD:
+        return dataclasses.replace(base, reason="the plan ends here")
+    _, _, target = mc.interpolate(plan.md, plan.inclination, plan.azimuth, plan.positions, ahead)
+    try:
+        arc = steering_to(path.positions[-1], inclination, azimuth, target)
+    except ValueError:
+        return dataclasses.replace(base, reason="the well has passed the plan: no arc leads back to it from here")
+    measured = motor_yield(yields)
+    gives = settings.motor_yield_deg_30m * _PER_30_M if measured is None else measured
+    interval = settings.interval_m
+    slide = interval * arc.dogleg_severity / gives
+    advice = dataclasses.replace(
+        base, from_depth=depth, to_depth=depth + interval, dogleg_severity=arc.dogleg_severity, motor_yield=gives
+    )
+    needs = f"{arc.dogleg_severity / _PER_30_M:.1f} deg/30 m needed to be on plan in {ahead - here:.0f} m"
+    if slide < settings.least_slide_m:
+        return dataclasses.replace(advice, mode=AdviceMode.ROTATE, reason=f"{needs}: less than a slide is worth")
+    words = "motor as specified" if measured is None else "motor as measured"
+    if slide > interval:
+        words += f", which gives {gives / _PER_30_M:.1f} at most: the well falls behind the plan"
+    sigma = _toolface_sigma(arc.toolface, inclination, 0.5 * arc.dogleg_severity * arc.length, known)
+    return dataclasses.replace(
+        advice,
+        mode=AdviceMode.SLIDE,
+        # Near vertical the high side turns with the azimuth; from north the two add up.
+        toolface=(arc.toolface + (azimuth if known.magnetic else 0.0)) % math.tau,
+        sigma=sigma,
+        confidence=None if sigma is None else math.erf(base.limit / (math.sqrt(2.0) * max(sigma, 1e-12))),
+        slide_to_depth=depth + min(slide, interval),
+        reason=f"{needs}; {words}",
+    )
+
+
+def _toolface_sigma(toolface: float, inclination: float, turn: float, known: Known) -> float | None:
+    """
+    1 sigma of the direction of steering, rad, from that of the surveyed direction; None where that is not known.
+
+    turn: angle from the hole to the point aimed at, rad. What the survey errs across the steering plane turns that
+    plane by as much over the turn.
+    """
+    if known.sigma_inclination is None or known.sigma_azimuth is None:
+        return None
+    along_high = math.sin(toolface) * known.sigma_inclination
+    along_right = math.cos(toolface) * known.sigma_azimuth * math.sin(inclination)
+    return min(math.hypot(along_high, along_right) / max(turn, 1e-12), math.pi)

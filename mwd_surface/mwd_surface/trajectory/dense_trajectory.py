@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+High-density trajectory: the hole between survey stations, by continuous measurements or the slide sheet.
+
+Minimum curvature spreads the dogleg of an interval evenly. A motor makes it where it slides, and over many stands of
+the same pattern the vertical depth drifts away from the hole (E. Stockhausen, W. Lesso, "Continuous direction and
+inclination measurements lead to an improvement in wellbore positioning", SPE/IADC 79917, 2003). Stations stay as they
+are: what lies between them is anchored at both ends. Depths are m along the hole, angles rad.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.core.frames import wrap_pi, wrap_tau
+from mwd_surface.trajectory.slide_sheet import SLIDE, Stretch
+from mwd_surface.trajectory.well_path import Definitive
+
+STATION, CONTINUOUS, SLIDES, ARC = "station", "continuous", "slide sheet", "arc"
+# A longer part of an interval without continuous data leaves its shape open, m.
+_LONGEST_GAP = 10.0
+# Continuous data so near to a station are anchored at it; without them nothing is known of their offset, m.
+_AT_STATION = 3.0
+# Length of hole whose samples are one value, their median, m.
+_BIN = 0.5
+# Continuous inclination that differs more from a station is not that of this hole, rad.
+_MOST_APART = math.radians(1.0)
+# Nearer to vertical the continuous azimuth says nothing.
+_LEAST_INCLINATION = math.radians(5.0)
+# The slide sheet must know so much of an interval, and so many metres of it slid.
+_KNOWN_SHARE, _LEAST_SLID = 0.9, 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Continuous:
+    """Continuous measurements: depth of the sensor, m, inclination and azimuth, rad (nan: unknown), shape (n,)."""
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+
+
+@dataclasses.dataclass(frozen=True)
+class DenseTrajectory:
+    """
+    The trajectory, station by station with points between.
+
+    Attributes
+    ----------
+    md, inclination, azimuth : ndarray, shape (n,)
+        m and rad, in the north of the definitive path.
+    positions : ndarray, shape (n, 3)
+        North, east, down, m.
+    differences : ndarray, shape (n, 3)
+        Of the position from that by minimum curvature between the stations, m.
+    source : tuple of str
+        What each point rests on: STATION, or CONTINUOUS, SLIDES or ARC for those between.
+    remarks : tuple of str
+        Intervals whose continuous data were not used, and why.
+    """
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    positions: Array
+    differences: Array
+    source: tuple[str, ...]
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def has_detail(self) -> bool:
+        """Whether anything but arcs lies between the stations."""
+        return CONTINUOUS in self.source or SLIDES in self.source
+
+
+def dense_trajectory(
+    path: Definitive, continuous: Continuous | None = None, stretches: Sequence[Stretch] = (), step: float = 1.0
+) -> DenseTrajectory:
+    """
+    Join the stations of a path by what is known of the hole between them.
+
+    Parameters
+    ----------
+    path : Definitive
+        A projection to the bit is left out.
+    continuous : Continuous, optional
+        Comes first where it covers an interval. Its azimuth may count from any north and its angles may be off by what
+        stays the same from one station to the next.
+    stretches : sequence of Stretch
+        The slide sheet: the dogleg of an interval is put where the string slid. An interval that was not slid, or of
+        which too little is known, stays an arc.
+    step : float
+        Distance of the points, m.
+
+    Raises
+    ------
+    ValueError
+        A step that is not above 0.
+    """
+    if not step > 0.0:
+        raise ValueError(f"step: must be above 0 m, got {step:g}")
+    stations = [k for k in range(len(path.md)) if path.kind[k] != "projected"]
+    md, inclinations, azimuths = path.md[stations], path.inclination[stations], path.azimuth[stations]
+    depth, inc, azi = [md[:1]], [inclinations[:1]], [wrap_tau(azimuths[:1])]
+    source, remarks = [STATION], []
+    for k in range(len(md) - 1):
+        piece = _Interval(md[k : k + 2], inclinations[k : k + 2], azimuths[k : k + 2], step)
+        try:
+            found = piece.by_continuous(continuous) if continuous is not None else None
+        except ValueError as error:
+            remarks.append(str(error))
+            found = None
+        kind = CONTINUOUS
+        if found is None:
+            found, kind = piece.by_slides(stretches), SLIDES
+        if found is None:
+            found, kind = piece.arc(piece.share(piece.at)), ARC
+        depth += [piece.at, md[k + 1 : k + 2]]
+        inc += [found[0], inclinations[k + 1 : k + 2]]
+        azi += [found[1], wrap_tau(azimuths[k + 1 : k + 2])]
+        source += [kind] * len(piece.at) + [STATION]
+    whole = np.concatenate(depth), np.concatenate(inc), np.concatenate(azi)
+    positions = mc.path(*whole, start=path.positions[0])
+    usual = mc.interpolate(md, inclinations, azimuths, path.positions[stations], whole[0])[2]
+    return DenseTrajectory(*whole, positions, positions - usual, tuple(source), tuple(remarks))
+
+
+class _Interval:
+    """One interval between two stations, and points in it."""
+
+    def __init__(self, md: Array, inclination: Array, azimuth: Array, step: float) -> None:
+        self._inclination, self._azimuth = inclination, azimuth
+        self._low, self._high = float(md[0]), float(md[1])
+        count = max(math.ceil((self._high - self._low) / step - 1e-9), 1)
+        self.at = np.linspace(self._low, self._high, count + 1)[1:-1]
+
+    def share(self, depth: Array) -> Array:
+        """Share of the interval above each depth."""
+        return np.asarray((depth - self._low) / (self._high - self._low))
+
+    def arc(self, share: Array) -> tuple[Array, Array]:
+        """Inclination and azimuth after a share of the arc between the stations, rad."""
+        ends = np.array([0.0, 1.0])
+        inclination, azimuth, _ = mc.interpolate(
+            ends, self._inclination, self._azimuth, np.zeros((2, 3)), np.clip(share, 0.0, 1.0)
+        )
+        return inclination, azimuth
+
+    def by_continuous(self, given: Continuous) -> tuple[Array, Array] | None:
+        """By continuous measurements; None where they do not cover it. ValueError where they are of another hole."""
+        inside = (given.md >= self._low) & (given.md <= self._high) & np.isfinite(given.inclination)
+        md, arc = given.md[inside], self.arc(self.share(given.md[inside]))
+        place = np.floor((md - self._low) / _BIN).astype(np.int64)
+        centres, tilts = _binned(place, md, given.inclination[inside] - arc[0])
+        if not self._covered(centres):
+            return None
+        ends = _at_ends(centres, tilts, self._low, self._high)
+        if np.abs(ends).max() > _MOST_APART:
+            raise ValueError(
+                f"{self._low:.1f} to {self._high:.1f} m: continuous inclination is "
+                f"{math.degrees(max(ends, key=abs)):+.1f} deg off the station: not used, check its depth"
+            )
+        inclination, azimuth = self.arc(self.share(self.at))
+        inclination = inclination + self._anchored(centres, tilts)
+        if self._inclination.min() >= _LEAST_INCLINATION:
+            known = np.isfinite(given.azimuth[inside])
+            turns = wrap_pi(given.azimuth[inside][known] - arc[1][known])
+            # About their mean direction, so that a half turn between two norths does not cut them.
+            middle = math.atan2(np.sin(turns).sum(), np.cos(turns).sum()) if known.any() else 0.0
+            places, turned = _binned(place[known], md[known], wrap_pi(turns - middle))
+            if self._covered(places):
+                azimuth = wrap_tau(azimuth + self._anchored(places, turned))
+        return np.clip(inclination, 0.0, math.pi), azimuth
+
+    def by_slides(self, stretches: Sequence[Stretch]) -> tuple[Array, Array] | None:
+        """With the dogleg where the string slid; None where the sheet does not say or nothing was slid."""
+        overlaps = [
+            (max(s.from_depth, self._low), min(s.to_depth, self._high), s.mode)
+            for s in stretches
+            if s.to_depth > self._low and s.from_depth < self._high
+        ]
+        known = sum(to - begin for begin, to, _ in overlaps)
+        slid = [(begin, to) for begin, to, mode in overlaps if mode == SLIDE]
+        total = sum(to - begin for begin, to in slid)
+        if known < _KNOWN_SHARE * (self._high - self._low) or total < _LEAST_SLID:
+            return None
+        # Slides begin and end between the points: they are points of their own.
+        marks = [depth for pair in slid for depth in pair if self._low + 1e-6 < depth < self._high - 1e-6]
+        self.at = np.unique(np.round(np.concatenate([self.at, marks]), 6))
+        done = sum(np.clip(self.at - begin, 0.0, to - begin) for begin, to in slid)
+        return self.arc(np.asarray(done) / total)
+
+    def _covered(self, centres: Array) -> bool:
+        """Whether data at these depths, m, in order, show the interval and its ends."""
+        return (
+            len(centres) >= 3
+            and float(np.diff(centres).max()) <= _LONGEST_GAP
+            and max(float(centres[0]) - self._low, self._high - float(centres[-1])) <= _AT_STATION
+        )
+
+    def _anchored(self, centres: Array, apart: Array) -> Array:
+        """Differences from the arc at the points, less the line between those at the stations."""
+        first, last = _at_ends(centres, apart, self._low, self._high)
+        at = np.concatenate([[self._low], centres, [self._high]])
+        line = first + (last - first) * self.share(at)
+        left = np.concatenate([[first], apart, [last]]) - line
+        return np.asarray(np.interp(self.at, at, left))
+
+
+def _binned(place: Indices, md: Array, values: Array) -> tuple[Array, Array]:
+    """Mean depth and median value of each bin that has any, in order of depth."""
+    order = np.argsort(place, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(place[order])) + 1) if len(order) else []
+    centres = np.array([float(md[group].mean()) for group in groups])
+    return centres, np.array([float(np.median(values[group])) for group in groups])
+
+
+def _at_ends(centres: Array, values: Array, low: float, high: float) -> tuple[float, float]:
+    """Value at the upper and at the lower station, by a line through those next to it."""
+    return _at_end(centres, values, low), _at_end(centres[::-1], values[::-1], high)
+
+
+def _at_end(centres: Array, values: Array, end: float) -> float:
+    """Value at an end; centres: the nearest first."""
+    near = np.abs(centres - end) <= _AT_STATION
+    if np.count_nonzero(near) < 3:
+        return float(values[near].mean())
+    # Next to a station the hole may bend otherwise than its arc: a mean would be off by that.
+    return float(np.polynomial.Polynomial.fit(centres[near], values[near], 1)(end))

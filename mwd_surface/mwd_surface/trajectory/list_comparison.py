@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Two surveys of one hole beside each other, station by station: a gyro survey and that of the MWD, as a rule.
+
+The second path is taken on its arcs at the measured depths of the first one's stations, so that no station is moved.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_pi
+from mwd_surface.trajectory.well_path import Definitive
+
+
+@dataclasses.dataclass(frozen=True)
+class PathDifference:
+    """
+    The first path less the second one, at the first one's stations within the depths of both.
+
+    Attributes
+    ----------
+    md : ndarray, shape (n,)
+        m.
+    inclination, azimuth : ndarray, shape (n, 2)
+        Of the first and the second path, rad.
+    turn : ndarray, shape (n, 2)
+        Difference of inclination, and of azimuth the short way round, rad.
+    position : ndarray, shape (n, 3)
+        Difference north, east, down, m.
+    sigma : ndarray, shape (n, 3)
+        1 sigma of that difference, m; nan where one of the paths has no uncertainty.
+    sigmas : ndarray, shape (n,)
+        Distance in sigmas of the difference (Mahalanobis: its square has 3 degrees of freedom); nan where not known.
+    """
+
+    md: Array
+    inclination: Array
+    azimuth: Array
+    turn: Array
+    position: Array
+    sigma: Array
+    sigmas: Array
+
+    @property
+    def distance(self) -> Array:
+        """Between the two at one measured depth, m, shape (n,)."""
+        return np.asarray(np.linalg.norm(self.position, axis=1))
+
+
+def difference(
+    first: Definitive, second: Definitive, covariances: tuple[Array | None, Array | None] = (None, None)
+) -> PathDifference:
+    """
+    Compare two paths from the same north.
+
+    Parameters
+    ----------
+    first, second : Definitive
+    covariances : tuple of two ndarray of shape (m, 3, 3) or None
+        Of their stations' positions, m^2. The two surveys are taken as independent of each other.
+
+    Raises
+    ------
+    ValueError
+        They are from different norths, or have no depth in common.
+    """
+    if first.north != second.north:
+        raise ValueError(
+            f"the first list is from {first.north.name.lower()} north, the second from {second.north.name.lower()}"
+        )
+    common = (first.md >= second.md[0]) & (first.md <= second.md[-1])
+    if not common.any():
+        raise ValueError(
+            f"no depth in common: {first.md[0]:.1f} to {first.md[-1]:.1f} m and {second.md[0]:.1f} to"
+            f" {second.md[-1]:.1f} m"
+        )
+    md = first.md[common]
+    at = [second.at(float(depth)) for depth in md]
+    inclination = np.column_stack([first.inclination[common], [a[0] for a in at]])
+    azimuth = np.column_stack([first.azimuth[common], [a[1] for a in at]])
+    position = first.positions[common] - np.array([a[2] for a in at])
+    turn = np.column_stack([inclination[:, 0] - inclination[:, 1], wrap_pi(azimuth[:, 0] - azimuth[:, 1])])
+    covariance = np.full((md.size, 3, 3), np.nan)
+    if covariances[0] is not None and covariances[1] is not None:
+        covariance = covariances[0][common] + _between(second.md, covariances[1], md)
+    sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+    return PathDifference(md, inclination, azimuth, turn, position, sigma, _sigmas(position, covariance))
+
+
+def _between(md: Array, covariance: Array, at: Array) -> Array:
+    """Covariance at depths between stations: on the straight line, which is a covariance again."""
+    flat = covariance.reshape(len(md), 9)
+    return np.column_stack([np.interp(at, md, flat[:, k]) for k in range(9)]).reshape(-1, 3, 3)
+
+
+def _sigmas(position: Array, covariance: Array) -> Array:
+    out = np.full(len(position), np.nan)
+    for k, (step, cov) in enumerate(zip(position, covariance, strict=True)):
+        # At the tie-on neither has an uncertainty.
+        if np.all(np.isfinite(cov)) and np.linalg.eigvalsh(cov)[0] > 0.0:
+            out[k] = float(np.sqrt(step @ np.linalg.solve(cov, step)))
+    return out

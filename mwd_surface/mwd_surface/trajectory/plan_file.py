@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading a planned well path from a file, by the rules of every list of stations (`list_file`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.list_file import StationList, read_list
+from mwd_surface.trajectory.plan import Plan, plan_of
+
+
+def read_plan(path: str | Path, north: str = "") -> Plan:
+    """
+    The plan of a file: a table, LAS or WITSML.
+
+    north: "magnetic", "true" or "grid", which its azimuths must be from; empty: any.
+
+    Raises
+    ------
+    ListFileError
+        The file is missing, unreadable, too large, not a plan, or from another north; the message gives file, line and
+        rule.
+    """
+    plan = plan_from_list(read_list(path))
+    if north and plan.north not in ("", north):
+        raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
+    return plan
+
+
+def plan_from_list(stations: StationList) -> Plan:
+    """
+    The plan through a list of stations. Where the list has vertical depths it starts at its own first position.
+
+    Raises
+    ------
+    ListFileError
+        Fewer than two stations, or one without azimuth.
+    """
+    if stations.md.size < 2:
+        raise ListFileError(f"{stations.name}: a plan needs at least two stations, got {stations.md.size}")
+    without = np.isnan(stations.azimuth)
+    if without.any():
+        raise ListFileError(f"{stations.name}: no azimuth at {stations.md[without][0]:g} m; a plan needs each")
+    north, east, down = (float(v) for v in stations.positions[0])
+    start = None if np.isnan(down) else (np.nan_to_num(north), np.nan_to_num(east), down)
+    angles = stations.inclination, stations.azimuth
+    return plan_of(stations.md, *angles, start, stations.north, stations.name)

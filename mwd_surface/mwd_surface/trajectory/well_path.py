@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The path of a well by minimum curvature: stations, positions, curvature, section, and the projection to the bit.
+
+Units are SI and rad; azimuths and map axes refer to the north that the path names.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.arrays import Array
+from mwd_surface.trajectory.north import North
+
+
+@dataclasses.dataclass(frozen=True)
+class Definitive:
+    """
+    The path of one leg from the wellhead down, by minimum curvature.
+
+    md, inclination, azimuth, vertical_section: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m.
+    dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above. kind: "tie-on", "survey" or
+    "projected". sequence: of the survey, 0 for the other kinds. north: what azimuth and positions refer to.
+    section_azimuth: of the vertical section, rad.
+    """
+
+    leg: str
+    north: North
+    section_azimuth: float
+    md: Array
+    inclination: Array
+    azimuth: Array
+    positions: Array
+    dogleg_severity: Array
+    build_rate: Array
+    turn_rate: Array
+    vertical_section: Array
+    kind: tuple[str, ...]
+    sequence: tuple[int, ...]
+
+    def at(self, md: float) -> tuple[float, float, Array]:
+        """
+        Inclination and azimuth, rad, and position, shape (3,), m, at any measured depth of the path.
+
+        Raises
+        ------
+        ValueError
+            The depth is outside the path.
+        """
+        inc, azi, position = mc.interpolate(self.md, self.inclination, self.azimuth, self.positions, md)
+        return float(inc), float(azi), position
+
+
+def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
+    """
+    The path with one more station at the bit, marked "projected".
+
+    Parameters
+    ----------
+    path : Definitive
+        At least the tie-on.
+    bit_depth : float
+        m. Not below the last station: the path is returned as it is.
+    how : str
+        "straight" keeps the last direction, "curve" the plane and curvature of the last interval.
+
+    Raises
+    ------
+    ValueError
+        bit_depth is not finite.
+    """
+    if not math.isfinite(bit_depth):
+        raise ValueError(f"bit_depth: must be finite, got {bit_depth}")
+    ahead = bit_depth - float(path.md[-1])
+    if ahead <= 0.0:
+        return path
+    inc, azi = float(path.inclination[-1]), float(path.azimuth[-1])
+    bend = float(path.dogleg_severity[-1]) * ahead
+    # A longer reach than a quarter turn says nothing about the hole.
+    if how == "curve" and 1e-9 < bend < math.pi / 2:
+        t_1, t_2 = mc.tangent(path.inclination[-2:], path.azimuth[-2:])
+        full = float(path.dogleg_severity[-1]) * float(path.md[-1] - path.md[-2])
+        # The direction in which the arc turns at its end, in the plane of its two tangents.
+        inward = (math.cos(full) * t_2 - t_1) / math.sin(full)
+        t = math.cos(bend) * t_2 + math.sin(bend) * inward
+        inc, azi = math.atan2(math.hypot(t[0], t[1]), t[2]), math.atan2(t[1], t[0]) % math.tau
+    md, incs, azis = np.append(path.md, bit_depth), np.append(path.inclination, inc), np.append(path.azimuth, azi)
+    bit = mc.path(md[-2:], incs[-2:], azis[-2:], path.positions[-1])[-1]
+    kind, sequence = (*path.kind, "projected"), (*path.sequence, 0)
+    return path_of(
+        path.leg, path.north, path.section_azimuth, (md, incs, azis), np.vstack([path.positions, bit]), kind, sequence
+    )
+
+
+def path_of(
+    leg: str,
+    north: North,
+    section_azimuth: float,
+    stations: tuple[Array, Array, Array],
+    positions: Array,
+    kind: tuple[str, ...],
+    sequence: tuple[int, ...],
+) -> Definitive:
+    """
+    Return the path through stations whose positions are known, with everything that follows from them.
+
+    stations: measured depth, m, inclination and azimuth, rad, each of shape (n,). The other arguments are the fields of
+    the same names.
+    """
+    md, inclination, azimuth = stations
+    return Definitive(
+        leg=leg,
+        north=north,
+        section_azimuth=section_azimuth,
+        md=md,
+        inclination=inclination,
+        azimuth=azimuth,
+        positions=positions,
+        dogleg_severity=mc.dogleg_severity(*stations, per=1.0),
+        build_rate=mc.build_rate(*stations, per=1.0),
+        turn_rate=mc.turn_rate(*stations, per=1.0),
+        vertical_section=mc.vertical_section(positions, section_azimuth),
+        kind=kind,
+        sequence=sequence,
+    )

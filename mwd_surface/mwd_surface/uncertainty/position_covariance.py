@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+How well the position of each station is known: the error terms of its survey tools summed up, and the ellipses.
+
+Errors of one run are the same at all its stations, those of the well and of the Earth's field in all runs; random ones
+are new at each station (ISCWSA error model definition 5.13; Williamson, SPE 67616, equations A-12 to A-15).
+Covariances are m^2 at 1 sigma.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.frames import wrap_tau
+from mwd_surface.trajectory.north import North
+from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTerm, Mask, Tool, error_terms
+
+
+@dataclasses.dataclass(frozen=True)
+class Ellipse:
+    """Semi-axes, m, largest first, and the angle of the larger one from the first axis towards the second, rad."""
+
+    major: float
+    minor: float
+    angle: float
+
+    def outline(self, points: int = 73) -> Array:
+        """Points round the ellipse about zero, shape (points, 2), m, in the two axes it was cut from."""
+        t = np.linspace(0.0, math.tau, points)
+        c, s = math.cos(self.angle), math.sin(self.angle)
+        x, y = self.major * np.cos(t), self.minor * np.sin(t)
+        return np.stack([c * x - s * y, s * x + c * y], axis=-1)
+
+
+@dataclasses.dataclass(frozen=True)
+class StationErrors:
+    """
+    What is known of the errors of a well's stations.
+
+    Attributes
+    ----------
+    tools : sequence of Tool or None, length n
+        What measured each station; None where it is taken as given, like a tie-on.
+    sigmas : ndarray, shape (n, 2), optional
+        1 sigma of inclination and azimuth of each station by itself, rad; it replaces the angles' errors of the tool
+        code and counts as the same error in a whole run, which is the cautious reading. nan: the code's.
+    tie_on : ndarray, shape (3, 3), optional
+        Covariance of the first station, in the axes of the result, m^2.
+    """
+
+    tools: Sequence[Tool | None]
+    sigmas: Array | None = None
+    tie_on: Array | None = None
+
+
+def position_covariance(
+    md: ArrayLike,
+    inclination: ArrayLike,
+    azimuth: ArrayLike,
+    north: North,
+    errors: StationErrors | str,
+    reference: ErrorReference,
+    first_tvd: float = 0.0,
+) -> Array:
+    """
+    Covariance of the stations' positions.
+
+    Parameters
+    ----------
+    md, inclination, azimuth : array_like, shape (n,)
+        Stations from the wellhead down (the first one is the surface root where its depth is 0), m and rad.
+    north : North
+        What azimuth, and the first two axes of the result, refer to.
+    errors : StationErrors or str
+        Tools of the stations; or the tool code of all of them, for example "MWD+SRGM", "MWD+IFR2+SAG+MS", "GYRO-NS"
+        or "ISCWSA MWD Rev5.11".
+    reference : ErrorReference
+        Local field.
+    first_tvd : float
+        Vertical depth of the first station, m.
+
+    Returns
+    -------
+    ndarray, shape (n, 3, 3)
+        North, east, down, m^2.
+
+    Raises
+    ------
+    ValueError
+        Stations as for `minimum_curvature.path`, what `well_terms` refuses, or a tie-on covariance that is none.
+    CovarianceUnavailableError
+        `welleng` is not installed.
+    """
+    depth, inc, azi = mc.checked_stations(md, inclination, azimuth)
+    given = StationErrors([Tool(errors)] * depth.size) if isinstance(errors, str) else errors
+    terms = well_terms((depth, inc, azi), north, given, reference, first_tvd)
+    covariance = covariance_of(terms, depth.size)
+    if given.tie_on is None:
+        return covariance
+    tie = np.asarray(given.tie_on, dtype=float)
+    if tie.shape != (3, 3) or not np.allclose(tie, tie.T) or not np.all(np.linalg.eigvalsh(tie) >= -1e-9):
+        raise ValueError(f"tie_on: a covariance is symmetric, 3 x 3 and not negative, got {tie.tolist()}")
+    return np.asarray(covariance + tie)
+
+
+def well_terms(
+    stations: tuple[Array, Array, Array],
+    north: North,
+    errors: StationErrors,
+    reference: ErrorReference,
+    first_tvd: float = 0.0,
+) -> list[ErrorTerm]:
+    """
+    Error terms of all stations, in the axes of the well's own north; see `position_covariance`.
+
+    Raises
+    ------
+    ValueError
+        What `error_terms` refuses, an unknown north, or a reference that is not finite and positive where it must be.
+    """
+    depth, inc, azi = stations
+    fields = {k: v for k, v in dataclasses.asdict(reference).items() if k != "latitude"}
+    if not all(map(math.isfinite, fields.values())) or reference.b_total <= 0.0 or reference.g_total <= 0.0:
+        raise ValueError(f"reference: totals must be positive and all values finite, got {fields}")
+    to_true = {North.TRUE: 0.0, North.MAGNETIC: reference.declination, North.GRID: reference.convergence}
+    if north not in to_true:
+        raise ValueError("north: azimuths from an unknown north have no error model")
+    if depth.size == 1:
+        return []
+    turn = to_true[north]
+    true = (depth, inc, wrap_tau(azi + turn))
+    own = np.full((depth.size, 2), np.nan) if errors.sigmas is None else np.asarray(errors.sigmas, dtype=float)
+    bare = np.all(np.isfinite(own), axis=1)
+    terms = error_terms(true, errors.tools, reference, first_tvd=first_tvd, without_angles=bare)
+    terms += _own_terms(true, errors.tools, own, bare)
+    c, s = math.cos(turn), math.sin(turn)
+    # Rows: the well's north and east in true axes.
+    mat = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return [dataclasses.replace(t, error=t.error @ mat.T, own=t.own @ mat.T) for t in terms]
+
+
+def covariance_of(terms: Sequence[ErrorTerm], n: int) -> Array:
+    """Covariance of n positions, shape (n, 3, 3), m^2, of error terms: one sum per error that stations share."""
+    covariance = np.zeros((n, 3, 3))
+    for term in terms:
+        if term.shared == RANDOM:
+            each = np.einsum("ki,kj->kij", term.error, term.error)
+            covariance += np.einsum("ki,kj->kij", term.own, term.own)
+            covariance[1:] += np.cumsum(each, axis=0)[:-1]
+    for shift in shared_shifts(terms).values():
+        covariance += np.einsum("ki,kj->kij", shift, shift)
+    return covariance
+
+
+def shared_shifts(terms: Sequence[ErrorTerm]) -> dict[tuple[str, str], Array]:
+    """Shift of each position, shape (n, 3), m, by 1 sigma of each error that stations share; by name and reach."""
+    shifts: dict[tuple[str, str], Array] = {}
+    for term in terms:
+        if term.shared != RANDOM:
+            above = np.vstack([np.zeros(3), np.cumsum(term.error, axis=0)[:-1]])
+            key = (term.name, term.shared)
+            shifts[key] = shifts.get(key, 0.0) + term.own + above
+    return shifts
+
+
+def _own_terms(
+    stations: tuple[Array, Array, Array], tools: Sequence[Tool | None], sigmas: Array, bare: Mask
+) -> list[ErrorTerm]:
+    """Terms of the stations' own sigmas, one of inclination and one of azimuth for each run; balanced tangents."""
+    md, inc, azi = stations
+    half = 0.5 * np.diff(md)
+    above, below = np.append(0.0, half), np.append(half, 0.0)
+    weights = (
+        np.stack([np.cos(inc) * np.cos(azi), np.cos(inc) * np.sin(azi), -np.sin(inc)], axis=-1),
+        np.stack([-np.sin(inc) * np.sin(azi), np.sin(inc) * np.cos(azi), np.zeros(md.size)], axis=-1),
+    )
+    terms = []
+    for run in dict.fromkeys(t.run for t, b in zip(tools, bare, strict=True) if t is not None and b):
+        rows = bare & np.array([t is not None and t.run == run for t in tools])
+        for k, (name, weight) in enumerate(zip(("inclination", "azimuth"), weights, strict=True)):
+            sigma = np.where(rows, np.nan_to_num(sigmas[:, k]), 0.0)
+            shift = weight * sigma[:, None]
+            measured = np.zeros((md.size, 3))
+            measured[:, k + 1] = sigma
+            terms.append(
+                ErrorTerm(
+                    f"own sigma of {name}",
+                    f"run {run}",
+                    shift * (above + below)[:, None],
+                    shift * above[:, None],
+                    measured,
+                )
+            )
+    return terms
+
+
+def ellipse(covariance: ArrayLike, sigmas: float = 2.0) -> Ellipse:
+    """
+    Ellipse of a 2 x 2 covariance, m^2, at so many sigmas.
+
+    Raises
+    ------
+    ValueError
+        The covariance is not 2 x 2 and finite, or sigmas is not positive.
+    """
+    cov = np.asarray(covariance, dtype=float)
+    if cov.shape != (2, 2) or not np.all(np.isfinite(cov)) or not sigmas > 0.0:
+        raise ValueError(
+            f"covariance, sigmas: expected a finite 2 x 2 matrix and a positive number, got {cov}, {sigmas}"
+        )
+    values, vectors = np.linalg.eigh(0.5 * (cov + cov.T))
+    small, large = np.sqrt(np.maximum(values, 0.0)) * sigmas
+    angle = math.atan2(vectors[1, 1], vectors[0, 1]) % math.pi
+    return Ellipse(float(large), float(small), angle)
+
+
+def in_section(covariance: ArrayLike, section_azimuth: float) -> Array:
+    """
+    Covariance along the vertical section and down.
+
+    covariance, shape (..., 3, 3): north, east, down, m^2. section_azimuth: rad. Returns shape (..., 2, 2), m^2.
+    """
+    along = np.array([[math.cos(section_azimuth), math.sin(section_azimuth), 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(along @ np.asarray(covariance, dtype=float) @ along.T)

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The survey programme of a well: the tool code of each interval, and how well the first station is known.
+
+A programme is a YAML file: `intervals`, each from a measured depth to another with a tool code and the run it belongs
+to, and `tie_on` with the sigmas or the covariance of the first station. Depths m, covariances m^2.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mwd_sensors.core import settings
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.input_files import read_yaml
+from mwd_sensors.core.settings import setting
+from mwd_surface.uncertainty.error_terms import Tool, check_tool_code
+from mwd_surface.uncertainty.position_covariance import StationErrors
+
+CODE, STATION = "code", "station"
+_LARGEST = 1_000_000
+
+
+class ProgrammeError(ValueError):
+    """A survey programme that cannot be used; the message says where and why."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Interval:
+    """
+    One row of the programme.
+
+    A station at depth d belongs to the interval with from_m < d <= to_m; the first row that fits counts. methods gives
+    tool codes to stations by the method of their azimuth, {gyro: GYRO-MWD}; such a code replaces the row's.
+    """
+
+    code: str = setting("MWD+SRGM", "tool code of OWSG set A or B, or of a gyro")
+    from_m: float = setting(0.0, "measured depth of the start", unit="m", low=0.0)
+    to_m: float | None = setting(None, "measured depth of the end; left out: the rest of the well", unit="m", low=0.0)
+    run: str = setting(
+        "", "run of the tool; rows with the same run share its systematic errors. Left out: a run of its own"
+    )
+    leg: str = setting("", "leg of the survey list the row is for; left out: every leg")
+    angles: str = setting(
+        CODE,
+        "where the sigmas of inclination and azimuth come from: the code, or each station's own (the code then gives "
+        "the errors of depth and course)",
+        choices=(CODE, STATION),
+    )
+    methods: dict[str, str] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class TieOnErrors:
+    """
+    How well the first station is known; all zero: it is where the positions are counted from.
+
+    covariance_m2 is the whole 3 x 3 covariance of north, east, down, m^2; it replaces the sigmas.
+    """
+
+    sigma_north_m: float = setting(0.0, "1 sigma to the north", unit="m", low=0.0)
+    sigma_east_m: float = setting(0.0, "1 sigma to the east", unit="m", low=0.0)
+    sigma_tvd_m: float = setting(0.0, "1 sigma of vertical depth", unit="m", low=0.0)
+    covariance_m2: list[list[float]] = dataclasses.field(default_factory=list)
+
+    def covariance(self) -> Array | None:
+        """Covariance of the first station, shape (3, 3), m^2; None where it is exact."""
+        if self.covariance_m2:
+            return np.array(self.covariance_m2)
+        sigmas = np.array([self.sigma_north_m, self.sigma_east_m, self.sigma_tvd_m])
+        return np.diag(sigmas**2) if np.any(sigmas) else None
+
+
+@dataclasses.dataclass(frozen=True)
+class Programme:
+    """The whole programme; name: of the file, for people."""
+
+    intervals: tuple[Interval, ...]
+    tie_on: TieOnErrors = dataclasses.field(default_factory=TieOnErrors)
+    name: str = ""
+
+    @classmethod
+    def of_code(cls, code: str) -> Programme:
+        """Return the programme of a well that one tool surveys from top to bottom."""
+        return cls((Interval(code, run="all"),), name=code)
+
+    def errors(self, stations: ProgrammeStations) -> StationErrors:
+        """
+        Tools of the stations of a well.
+
+        Raises
+        ------
+        ProgrammeError
+            A station that no interval covers, or one without the sigmas of its own that its interval asks for.
+        """
+        tools: list[Tool | None] = []
+        sigmas = np.full((stations.md.size, 2), np.nan)
+        for k, md in enumerate(stations.md):
+            if k == 0 and md > 0.0:
+                # A list that starts deeper starts with a tie-on.
+                tools.append(None)
+                continue
+            number, row = self._interval(float(md), stations.legs[k], first=k == 0)
+            code = row.methods.get(stations.methods[k], row.code)
+            run = row.run or f"interval {number + 1}"
+            tools.append(Tool(code, f"{run}, {stations.tools[k]}" if stations.tools[k] else run))
+            if row.angles == STATION and k > 0 and stations.measured[k]:
+                if not np.all(np.isfinite(stations.sigmas[k])):
+                    raise ProgrammeError(
+                        f"{self.name}: the station at {md:.1f} m has no sigma of its own; take its errors from the code"
+                        " (angles: code)"
+                    )
+                sigmas[k] = stations.sigmas[k]
+        return StationErrors(tools, sigmas, self.tie_on.covariance())
+
+    def _interval(self, md: float, leg: str, first: bool) -> tuple[int, Interval]:
+        for number, row in enumerate(self.intervals):
+            starts = row.from_m < md or (first and row.from_m <= md)
+            if row.leg in ("", leg) and starts and (row.to_m is None or md <= row.to_m):
+                return number, row
+        raise ProgrammeError(
+            f"{self.name}: no interval covers the station at {md:.1f} m"
+            + (f" of leg {leg}" if leg else "")
+            + "; add one, or leave out to_m of the last"
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class ProgrammeStations:
+    """
+    What the programme looks at, one entry per station.
+
+    md, shape (n,): m. sigmas, shape (n, 2): own 1 sigma of inclination and azimuth, rad, nan where there is none.
+    measured: True for stations, False for what is projected or planned. legs, tools (serial numbers), methods (of the
+    azimuth): empty where not known.
+    """
+
+    md: Array
+    sigmas: Array
+    measured: Sequence[bool]
+    legs: Sequence[str]
+    tools: Sequence[str]
+    methods: Sequence[str]
+
+    @classmethod
+    def plain(cls, md: Array) -> ProgrammeStations:
+        """Return stations of which only the depth is known."""
+        n = md.size
+        empty = [""] * n
+        return cls(md, np.full((n, 2), np.nan), [True] * n, empty, empty, empty)
+
+
+def read_programme(path: Path) -> Programme:
+    """
+    Read a survey programme.
+
+    Raises
+    ------
+    ProgrammeError
+        A file that cannot be read, is no YAML table, has unknown keys or codes, or intervals that end above their
+        start.
+    """
+    try:
+        table = read_yaml(path, _LARGEST)
+    except OSError as error:
+        raise ProgrammeError(f"{path}: {error.strerror}") from error
+    except settings.SettingsError as error:
+        raise ProgrammeError(str(error)) from error
+    if not isinstance(table, dict) or not table.get("intervals"):
+        raise ProgrammeError(f"{path.name}: expected a table with intervals, each with to_m and code")
+    try:
+        programme = settings.from_mapping(Programme, {"name": path.name, **table})
+        for row in programme.intervals:
+            for code in (row.code, *row.methods.values()):
+                check_tool_code(code)
+    except ValueError as error:
+        raise ProgrammeError(f"{path.name}: {error}") from error
+    for number, row in enumerate(programme.intervals, start=1):
+        if row.to_m is not None and not row.to_m > row.from_m:
+            raise ProgrammeError(
+                f"{path.name}: interval {number} ends at {row.to_m:g} m, not below its start at {row.from_m:g} m"
+            )
+    matrix = programme.tie_on.covariance()
+    if matrix is not None and (matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T)):
+        raise ProgrammeError(f"{path.name}: tie_on.covariance_m2 must be a symmetric table of 3 x 3")
+    return programme
+
+
+def span(row: Interval) -> str:
+    """Depths of an interval in words."""
+    return f"{row.from_m:g} m to " + ("the end" if row.to_m is None or math.isinf(row.to_m) else f"{row.to_m:g} m")

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of offset wells: what they name, the norths they are turned from, what cannot be used."""
+
+import math
+
+import example_surveys as example
+import numpy as np
+import pytest
+
+from mwd_surface.clearance.clearance import Level
+from mwd_surface.clearance.offset_wells import OffsetWell, OffsetWellError, clearances, offset_well, read_offset_wells
+from mwd_surface.surveys.well_position import uncertain_well
+from mwd_surface.trajectory.north import North
+from mwd_surface.uncertainty.error_terms import ErrorReference
+
+REFERENCE = ErrorReference(math.radians(60), 50e-6, math.radians(72), math.radians(2.0), math.radians(-1.0))
+
+
+def drilled():
+    whole = example.surveys()
+    path = whole.definitive(bit_depth=642.5)
+    return uncertain_well(whole, path, [whole.find(s) if s else None for s in path.sequence], 0.155)
+
+
+def listed(tmp_path, north="grid"):
+    """A vertical well and one that runs beside the example's, 20 m to the south."""
+    (tmp_path / "straight.csv").write_text(f"md_m,inc_deg,azi_{north}_deg\n0,0,0\n300,0,0\n900,0,0\n")
+    rows = "\n".join(f"{30 * k},{max(0.0, 4.0 * (k - 11))},79" for k in range(25))
+    (tmp_path / "beside.csv").write_text(f"md_m,inc_deg,azi_{north}_deg\n{rows}\n")
+
+
+def written(tmp_path, text):
+    listed(tmp_path)
+    path = tmp_path / "wells.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_the_nearest_by_the_rule_comes_first_and_what_cannot_be_used_is_named(tmp_path):
+    path = written(
+        tmp_path,
+        """
+wells:
+  - {name: A-2, file: straight.csv, north_m: 60.0, east_m: 300.0, code: GYRO-NS}
+  - {name: A-3, file: beside.csv, north_m: -20.0, wellhead_sigma_m: 0.5}
+  - {name: A-4, file: lost.csv, north_m: 9.0}
+  - {name: A-5, file: straight.csv}
+""",
+    )
+    found, refused = clearances(drilled(), read_offset_wells(path))
+    assert [c.name for c in found] == ["A-3", "A-2"]
+    assert found[0].factor[found[0].least] < found[1].factor[found[1].least]
+    assert any("A-4" in text and "lost.csv" in text for text in refused)
+    assert any("A-5 lies in the same place as Ω-1 ST0" in text for text in refused)
+    assert any("A-2 has stations 600 m apart" in text for text in refused)
+
+
+def test_a_plan_counts_as_surveyed_at_the_usual_spacing(tmp_path):
+    allowed = []
+    for planned in ("true", "false"):
+        path = written(
+            tmp_path, f"wells: [{{name: A-2, file: straight.csv, north_m: 60.0, east_m: 300.0, planned: {planned}}}]"
+        )
+        found, remarks = clearances(drilled(), read_offset_wells(path))
+        allowed.append(found[0].allowed[found[0].least])
+        assert bool(remarks) is (planned == "false")
+    assert allowed[0] < 0.5 * allowed[1]
+    assert found[0].level == Level.CLEAR
+
+
+@pytest.mark.parametrize(("north", "turn"), [("grid", 0.0), ("true", 1.0), ("magnetic", 3.0)])
+def test_lists_from_another_north_are_turned_to_that_of_the_well(tmp_path, north, turn):
+    listed(tmp_path, north)
+    got = offset_well(OffsetWell("A-3", "beside.csv", 5.0, 7.0, 2.0), tmp_path, North.GRID, REFERENCE)
+    # Grid north lies 1 deg west of true north, magnetic north 2 deg east.
+    assert math.degrees(got.azimuth[-1]) == pytest.approx(79.0 + turn)
+    np.testing.assert_allclose(got.positions[0], [5.0, 7.0, 2.0])
+    away = got.positions[-1, :2] - got.positions[0, :2]
+    assert math.degrees(math.atan2(away[1], away[0])) == pytest.approx(79.0 + turn)
+
+
+def test_a_better_wellhead_and_a_better_tool_give_a_larger_factor(tmp_path):
+    listed(tmp_path)
+    factors = []
+    for extra in ("wellhead_sigma_m: 3.0", "code: UNKNOWN", "code: MWD+IFR2+SAG+MS"):
+        path = tmp_path / "one.yaml"
+        path.write_text(f"wells:\n  - {{name: A-3, file: beside.csv, north_m: -20.0, {extra}}}\n")
+        found, _ = clearances(drilled(), read_offset_wells(path))
+        factors.append(found[0].factor[found[0].least])
+    assert factors[2] > max(factors[:2])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("well: []", "expected a table with wells"),
+        ("wells: [{name: A, file: straight.csv}]\nrule: {k: 0.5}", "below the lowest allowed"),
+        ("wells: [{name: A}]", "file"),
+        ("wells: [{name: A, file: straight.csv, easting_m: 3.0}]", "easting_m"),
+        ("wells: [{name: A, file: straight.csv}, {name: A, file: beside.csv}]", "two wells are named A"),
+        ("{", "not YAML"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_told_in_a_sentence(tmp_path, text, words):
+    with pytest.raises(OffsetWellError, match=words):
+        read_offset_wells(written(tmp_path, text))
+    with pytest.raises(OffsetWellError, match="No such file"):
+        read_offset_wells(tmp_path / "none.yaml")

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lists of stations as engineers send them, and the line number of what is wrong with the others."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_surface.list_files import list_file
+from mwd_surface.list_files.list_columns import Given, ListFileError
+from mwd_surface.list_files.list_file import list_from_las, list_from_table, list_from_witsml, read_list
+from mwd_surface.trajectory.plan_file import plan_from_list, read_plan
+from project import REFERENCE_DATA
+
+GOOD = "md_m,inclination_deg,azimuth_deg\n0,0,0\n500,0,45\n1000,30,45\n"
+
+
+def table(text):
+    return plan_from_list(list_from_table(text.encode(), "plan.csv"))
+
+
+def test_a_plain_table_is_read():
+    got = table(GOOD)
+    assert got.md.tolist() == [0.0, 500.0, 1000.0]
+    assert math.degrees(got.inclination[-1]) == pytest.approx(30.0)
+    assert got.positions[-1][0] == pytest.approx(got.positions[-1][1])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# Plan 3\n# grid\nMD [m];Inc (deg);Azi Grid (deg)\n0,0;0,0;0,0\n500,0;0,0;45,0\n1000,0;30,0;45,0\n",
+        "MD\tINCL\tAZIM\nm\tdeg\tdeg\n0\t0\t0\n500\t0\t45\n1000\t30\t45\n",
+        "\ufeffmeasured depth (ft),inclination,azimuth\n0,0,0\n1640.419948,0,45\n3280.839895,30,45\n",
+        "Well: Alpha\nRun 3\nMD (m)  Inc  Azi\n0   0  0\n500  0  45\n1000  30  45\n",
+        "Measured Depth [m];Inclination [gon];Azimuth [gon]\n0;0;0\n500;0;50\n1000;33,33333333333;50\n",
+        "md_m,inc,azi\n0,0,0\n500,0,45\n500,0,45\n1000,30,45\n",
+        "name,azi_rad,md_m,inc_rad\na,0,0,0\nb,0.785398163397,500,0\nc,0.785398163397,1000,0.523598775598\n",
+    ],
+)
+def test_units_separators_and_orders_of_columns_are_understood(text):
+    got = table(text)
+    np.testing.assert_allclose(got.positions, table(GOOD).positions, atol=1e-5)
+
+
+def test_the_north_that_the_header_names_is_kept():
+    assert table(GOOD.replace("azimuth_deg", "azi_grid_deg")).north == "grid"
+    assert table(GOOD).north == ""
+
+
+@pytest.mark.fault_case(40)
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "plan.csv: empty"),
+        ("# only remarks\n", "plan.csv: empty"),
+        ("md_m,azimuth_deg\n0,0\n", "line 1: no column for inclination; expected a header such as md_m"),
+        ("0,0,0\n500,0,45\n", "line 1: no column for md"),
+        (GOOD.replace("md_m", "md"), "line 1: md has no unit; write md_m or md_ft"),
+        (GOOD.replace("md_m", "md (furlong)"), "line 1: no column for md"),
+        ("md,inc,azi\nkm,deg,deg\n0,0,0\n1,0,0\n", "line 1: md in 'km'; expected one of m"),
+        (GOOD.replace("500,0,45", "500,x,45"), "line 3: inclination: expected a finite number, got 'x'"),
+        (GOOD.replace("500,0,45", "500,nan,45"), "line 3: inclination: expected a finite number, got 'nan'"),
+        (GOOD.replace("500,0,45", "500"), "line 3: 1 fields, the header names inclination as number 2"),
+        (GOOD.replace("1000,30", "1000,300"), "line 4: inclination 300 deg is outside 0 to 180"),
+        (GOOD.replace("500,0,45", "500,0,400"), "line 3: azimuth 400 deg"),
+        (GOOD.replace("1000,30", "400,30"), "line 4: measured depth 400 m does not increase after 500 m"),
+        ("md_m,inc,azi\n10,0,0\n", "a plan needs at least two stations, got 1"),
+        (
+            "md_m,inc,azi,tvd_m\n0,0,0,0\n1000,0,0,3280\n",
+            "line 3: tvd 3280.00 m does not fit the angles, which give 1000.00 m",
+        ),
+        ("md_m,inc,azi\n0,90,0\n10,90,180\n", "point opposite ways"),
+        ("inc,azi,md_m\n0\n1,2,3\n", "line 2: 1 fields, the header names azimuth as number 2"),
+        (GOOD.replace("500,0,45", "500,0," + "9" * 200_000), "line 3: field larger than field limit"),
+    ],
+)
+def test_what_is_wrong_is_reported_with_its_line(text, says):
+    with pytest.raises(ListFileError, match=r"plan\.csv") as error:
+        table(text)
+    assert says in str(error.value)
+
+
+def test_a_missing_or_huge_file_is_reported(tmp_path, monkeypatch):
+    with pytest.raises(ListFileError, match="No such file"):
+        read_plan(tmp_path / "none.csv")
+    (tmp_path / "big.csv").write_text(GOOD)
+    monkeypatch.setattr(list_file, "LARGEST", 10)
+    with pytest.raises(ListFileError, match="larger than"):
+        read_plan(tmp_path / "big.csv")
+
+
+@given(st.binary(max_size=300))
+def test_no_bytes_raise_anything_but_a_list_file_error(data):
+    for read in (list_from_table, list_from_witsml, list_from_las):
+        try:
+            read(data)
+        except ListFileError:
+            continue
+
+
+@given(st.text(alphabet="md_inclaz,;0123456789.-\n\t ", max_size=200))
+def test_no_near_miss_of_a_table_raises_anything_but_a_list_file_error(text):
+    try:
+        list_from_table(("md_m,inc,azi\n" + text).encode())
+    except ListFileError:
+        return
+
+
+def station(md, inc, azi, uom="m"):
+    return (
+        f'<trajectoryStation uid="{md}"><typeTrajStation>interpolated</typeTrajStation><md uom="{uom}">{md}</md>\n'
+        f'<incl uom="dega">{inc}</incl><azi uom="dega">{azi}</azi></trajectoryStation>\n'
+    )
+
+
+def document(*stations):
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<trajectorys xmlns="http://www.witsml.org/schemas/1series" version="1.4.1.1">\n'
+        "<trajectory><nameWell>w</nameWell><nameWellbore>b</nameWellbore><name>Plan 7</name>"
+        "<aziRef>grid north</aziRef>\n" + "".join(stations) + "</trajectory></trajectorys>"
+    ).encode()
+
+
+def test_a_witsml_trajectory_is_a_plan(tmp_path):
+    path = tmp_path / "plan.xml"
+    path.write_bytes(document(station(0, 0, 0), station(500, 0, 45), station(1000, 30, 45)))
+    got = read_plan(path)
+    np.testing.assert_array_equal(got.positions, table(GOOD).positions)
+    assert (got.north, got.name) == ("grid", "Plan 7")
+    feet = plan_from_list(list_from_witsml(document(station(0, 0, 0, "ft"), station(1000, 0, 0, "ft"))))
+    assert feet.positions[-1][2] == pytest.approx(304.8)
+
+
+@pytest.mark.fault_case(83)
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"<a>", "not well-formed XML"),
+        (b"<a/>", "line 1: no trajectory of WITSML 1.4.1.1"),
+        (document(station(0, 0, 0)), "a plan needs at least two stations, got 1"),
+        (document(station(0, 0, 0), station("NaN", 0, 0)), "line 6: md: expected a finite number, got 'NaN'"),
+        (document(station(0, 0, 0), station(9, 0, 0, "furlong")), "md in 'furlong'"),
+        (document("<trajectoryStation/>"), "line 4: a station without md"),
+        (
+            b'<!DOCTYPE a [<!ENTITY x SYSTEM "file:///etc/hostname">]><a>&x;</a>',
+            "no trajectory",
+        ),
+    ],
+)
+def test_what_is_wrong_with_an_xml_plan_is_reported(data, says):
+    with pytest.raises(ListFileError) as error:
+        plan_from_list(list_from_witsml(data, "plan.xml"))
+    assert says in str(error.value)
+
+
+def test_the_example_trajectory_of_the_schemas_is_one_station_and_says_so():
+    example = REFERENCE_DATA / "witsml" / "trajectory_1411_valid.xml"
+    with pytest.raises(ListFileError, match="at least two stations, got 1"):
+        read_plan(example)
+
+
+def test_the_volve_f4_table_is_a_plan_whose_own_tvd_fits():
+    f4 = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"
+    got = read_plan(f4)
+    assert got.md.size == 87
+    assert got.north == "true"
+
+
+def test_a_list_with_stations_left_out_fits_its_positions_less_closely():
+    f5 = read_list(REFERENCE_DATA / "volve" / "volve_F5_raw_sixaxis.csv")
+    assert f5.md.size == 3
+    assert f5.north == "grid"
+    assert np.diff(f5.md).max() > 1000.0
+    with pytest.raises(ListFileError, match=r"north .* does not fit the angles"):
+        # North in feet.
+        table("md_m,inc,azi,tvd_m,north_m,east_m\n0,90,0,0,0,0\n30,90,0,0,98,0\n60,90,0,0,197,0\n")
+
+
+def test_columns_units_and_north_can_be_named():
+    data = b"TDEP;DEV;HAZI\n0;0;0\n1000;100;50\n"
+    columns = {"md": "TDEP", "inclination": "DEV", "azimuth": "HAZI"}
+    got = list_from_table(data, given=Given(columns, length_unit="ft", angle_unit="grad", north="grid"))
+    np.testing.assert_allclose(got.md, [0.0, 304.8])
+    np.testing.assert_allclose(np.degrees([got.inclination[1], got.azimuth[1]]), [90.0, 45.0])
+    assert got.north == "grid"
+    for wrong in ({"columns": {"dept": "TDEP"}}, {"length_unit": "yard"}, {"angle_unit": "mil"}, {"north": "up"}):
+        with pytest.raises(ValueError, match="is none of"):
+            Given(**wrong)
+
+
+def test_our_surveys_csv_comes_with_north_verdict_sigma_and_reference():
+    text = (
+        "sequence,md_m,inclination_deg,azimuth_deg,azimuth_reference,verdict,sigma_inclination_deg,sigma_azimuth_deg,"
+        "b_reference_nt,dip_reference_deg,declination_deg\n"
+        "1,100,0.2,,,accept,0.1,,50000,70,2\n2,130,20,40,grid,doubtful,0.1,0.5,50000,70,2\n"
+    )
+    got = list_from_table(text.encode())
+    assert (got.north, got.verdict) == ("grid", ("accept", "doubtful"))
+    assert math.isnan(got.azimuth[0])
+    assert math.degrees(got.sigma_azimuth[1]) == pytest.approx(0.5)
+    assert got.figures["b_reference"].tolist() == pytest.approx([50e-6, 50e-6])
+    assert math.degrees(got.figures["declination"][0]) == pytest.approx(2.0)
+    with pytest.raises(ListFileError, match="azimuths from grid and true north in one list"):
+        list_from_table((text + "3,160,20,40,true,accept,0.1,0.5,50000,70,2\n").encode())
+
+
+def test_a_las_file_is_read_by_its_curves_and_a_wrong_one_says_what_it_has():
+    def las(*curves):
+        return (
+            "~Version\n VERS. 2.0 :\n WRAP. NO :\n~Well\n NULL. -999.25 :\n~Curve\n"
+            + "".join(f" {name} :\n" for name in curves)
+            + "~A\n 0 0 0\n 500 -999.25 45\n 1000 30 45\n"
+        ).encode()
+
+    got = list_from_las(las("DEPT.FT", "DEVI.DEG", "AZIM.DEG"))
+    assert got.md.tolist() == pytest.approx([0.0, 304.8])
+    assert got.remarks == ("list: 1 rows without depth or inclination are left out",)
+    with pytest.raises(ListFileError, match="no curve for azimuth; it has DEPT, DEVI, GR"):
+        list_from_las(las("DEPT.FT", "DEVI.DEG", "GR.API"))
+    with pytest.raises(ListFileError, match="cannot be read as LAS"):
+        list_from_las(b"no LAS at all")

@@ -1,0 +1,608 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The batch estimator over a bag: the contract of its files, and what it refuses."""
+
+import csv
+import math
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from mwd_estimation.core.sensor_fault import FaultCode
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.calibration.compensation import Compensation
+from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
+from mwd_sensors.core import input_covariance, settings, wire
+from mwd_sensors.core.frames import mat_nt
+from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.exports import attitude_csv
+from mwd_surface.processing import process
+from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.processing.run_config import read_config
+from mwd_surface.processing.run_output import OutputSettings
+from mwd_surface.surveys.survey_source import surveys_of
+
+pytestmark = pytest.mark.slow
+
+START = 1_772_344_800_000_000_000
+S3 = settings.changed(EstimatorSettings(), {"gravity.method": "s3"})
+FIELD_N = np.array([2.6e-5, 0.0, 4.0e-5])
+
+
+def recording(path, seconds=20.0, rate=100, namespace="/", mag_scale=1.0, accel_scale=1.0, with_mag=True, frames=None):
+    """A still tool at 40 deg inclination, azimuth 70 deg, for the whole time; depth 500 m."""
+    n = round(seconds * rate)
+    rng = np.random.default_rng(3)
+    turn = mat_nt(math.radians(40.0), math.radians(70.0), math.radians(120.0))
+    imu, mag, rig = wire.IMU.empty(n), wire.MAG.empty(n), wire.RIG_STATE.empty(round(seconds))
+    imu["stamp_ns"] = mag["stamp_ns"] = START + np.arange(n) * (1_000_000_000 // rate)
+    imu["linear_acceleration"] = (
+        np.array([0.0, 0.0, -9.80665]) @ turn + rng.normal(scale=0.01, size=(n, 3))
+    ) * accel_scale
+    imu["angular_velocity"] = rng.normal(scale=1e-3, size=(n, 3))
+    mag["magnetic_field"] = (FIELD_N @ turn + rng.normal(scale=2e-8, size=(n, 3))) * mag_scale
+    rig["stamp_ns"] = START + np.arange(len(rig)) * 1_000_000_000
+    rig["bit_depth"], rig["valid"] = 500.0, 1
+    frame_imu, frame_mag = frames or ("sonde_link", "sonde_link")
+    with BagWriter(path) as bag:
+        for name, layout, rows, frame in (
+            ("imu/data_raw", wire.IMU, imu, frame_imu),
+            ("imu/mag", wire.MAG, mag, frame_mag),
+            ("rig/state", wire.RIG_STATE, rig, "rig_floor"),
+        ):
+            if name != "imu/mag" or with_mag:
+                channel = bag.topic(namespace + name, layout.type_name)
+                bag.write_rows(channel, layout.encode(rows, frame), rows["stamp_ns"])
+    return imu, mag
+
+
+def run(bag, folder, estimator=S3, **given):
+    with Bag(bag) as opened:
+        return process.process(opened, folder, estimator, settings.from_mapping(InputSettings, given))
+
+
+def attitude(folder):
+    with (folder / "attitude.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+BESIDE = ("surveys.csv", "surveys.json", "faults.csv", "config.yaml", "input.yaml")
+
+
+def surveys(folder):
+    with (folder / "surveys.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_one_line_for_every_imu_message_in_order(tmp_path):
+    imu, _ = recording(tmp_path / "bag")
+    summary = run(tmp_path / "bag", tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "attitude.csv",
+        "config.yaml",
+        "faults.csv",
+        "input.yaml",
+        "surveys.csv",
+        "surveys.json",
+    ]
+    assert (tmp_path / "out" / "attitude.csv").read_text().splitlines()[0] == (
+        "stamp_ns,inclination_deg,azimuth_deg,toolface_deg,sigma_inclination_deg,sigma_azimuth_deg,sigma_toolface_deg,"
+        "gravity_x,gravity_y,gravity_z,status"
+    )
+    lines = attitude(tmp_path / "out")
+    assert [int(line["stamp_ns"]) for line in lines] == imu["stamp_ns"].tolist()
+    assert summary.rows == len(imu)
+    last = lines[-1]
+    assert float(last["inclination_deg"]) == pytest.approx(40.0, abs=0.1)
+    assert float(last["azimuth_deg"]) == pytest.approx(70.0, abs=0.3)
+    assert float(last["toolface_deg"]) == pytest.approx(120.0, abs=0.2)
+    down = [float(last[f"gravity_{axis}"]) for axis in "xyz"]
+    assert np.linalg.norm(down) == pytest.approx(1.0, abs=1e-8)
+    assert down[0] == pytest.approx(math.cos(math.radians(40.0)), abs=2e-3)
+    assert "still" in last["status"].split("|")
+
+
+def test_the_azimuth_is_empty_until_it_is_known_and_without_a_magnetometer(tmp_path):
+    recording(tmp_path / "bag", with_mag=False)
+    run(tmp_path / "bag", tmp_path / "out")
+    assert {line["azimuth_deg"] for line in attitude(tmp_path / "out")} == {""}
+    assert {line["sigma_azimuth_deg"] for line in attitude(tmp_path / "out")} == {""}
+    recording(tmp_path / "bag_2")
+    run(tmp_path / "bag_2", tmp_path / "out_2")
+    assert attitude(tmp_path / "out_2")[0]["azimuth_deg"] == ""
+
+
+def test_the_lines_are_those_of_the_pipeline_fed_sample_by_sample(tmp_path):
+    imu, mag = recording(tmp_path / "bag", seconds=3.0)
+    run(tmp_path / "bag", tmp_path / "out")
+    pipeline, text = Pipeline(S3), attitude_csv.HEADER.encode() + b"\n"
+    for k in range(len(imu)):
+        pipeline.push_mag(mag[k : k + 1])
+        output = pipeline.push_imu(imu[k : k + 1])
+        text += attitude_csv.rows(output.attitude, output.gravity)
+    assert (tmp_path / "out" / "attitude.csv").read_bytes() == text
+
+
+def test_a_row_in_ten_may_be_enough_and_parquet_holds_the_same(tmp_path):
+    imu, _ = recording(tmp_path / "bag", seconds=3.0)
+    run(tmp_path / "bag", tmp_path / "out")
+    with Bag(tmp_path / "bag") as bag:
+        wanted = OutputSettings(format="parquet", rate_hz=10.0)
+        summary = process.process(bag, tmp_path / "few", S3, wanted=wanted)
+    assert summary.rows == len(imu)
+    assert summary.files == ["attitude.parquet", *BESIDE]
+    assert "# rate_hz: 10.0" in (tmp_path / "few" / "config.yaml").read_text()
+    table = pq.read_table(tmp_path / "few" / "attitude.parquet").to_pylist()
+    lines = attitude(tmp_path / "out")[::10]
+    assert [row["stamp_ns"] for row in table] == [int(line["stamp_ns"]) for line in lines]
+    for row, line in zip(table, lines, strict=True):
+        assert row["inclination_deg"] == pytest.approx(float(line["inclination_deg"]), abs=1e-6)
+
+
+def test_estimates_merged_beside_the_messages_are_those_of_the_csv(tmp_path):
+    recording(tmp_path / "bag")
+    run(tmp_path / "bag", tmp_path / "out")
+    for _ in range(2):  # the second time over the first
+        with Bag(tmp_path / "bag") as bag:
+            wanted = OutputSettings(format="mcap")
+            summary = process.process(bag, tmp_path / "merged", S3, InputSettings(start_s=2.0), wanted=wanted)
+    assert summary.files == ["merged", *BESIDE]
+    run(tmp_path / "bag", tmp_path / "out", start_s=2.0)
+    lines = attitude(tmp_path / "out")
+    with Bag(tmp_path / "merged" / "merged") as bag:
+        samples = np.concatenate([block["/attitude"][1] for block in bag.blocks(["/attitude"])])
+        assert bag.topics["/imu/data_raw"].count == len(samples) == len(lines)
+        assert bag.topics["/rig/state"].count == 18
+        ((_, _, _, data),) = bag.messages(["/survey"])
+        survey = bag.decode("/survey", data)
+    (line,) = surveys(tmp_path / "merged")
+    assert (survey.uuid, survey.sequence) == (line["uuid"], int(line["sequence"]))
+    assert "raw" in {one.method for one in survey.azimuths}
+    assert [int(line["stamp_ns"]) for line in lines] == samples["stamp_ns"].tolist()
+    assert float(lines[-1]["azimuth_deg"]) == pytest.approx(math.degrees(samples["azimuth"][-1]), abs=1e-6)
+
+
+def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(tmp_path):
+    recording(tmp_path / "bag")
+    estimator = EstimatorSettings()
+    run(tmp_path / "bag", tmp_path / "out", estimator)
+    with Bag(tmp_path / "bag") as bag:
+        process.process(bag, tmp_path / "smooth", estimator, wanted=OutputSettings(smooth=True))
+    ahead, both = attitude(tmp_path / "out"), attitude(tmp_path / "smooth")
+    assert [line["stamp_ns"] for line in ahead] == [line["stamp_ns"] for line in both]
+    error = [
+        [abs(float(line["inclination_deg"]) - 40.0) for line in lines[300:] if line["inclination_deg"]]
+        for lines in (ahead, both)
+    ]
+    assert np.mean(error[1]) < np.mean(error[0])
+    assert surveys(tmp_path / "out") == surveys(tmp_path / "smooth")
+    with Bag(tmp_path / "bag") as bag, pytest.raises(ValueError, match="only the method bounded"):
+        process.process(bag, tmp_path / "x", S3, wanted=OutputSettings(smooth=True))
+
+
+def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypatch):
+    recording(tmp_path / "bag", seconds=3.0)
+
+    def full(lines, attitude, gravity):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(attitude_csv.Lines, "__call__", full)
+    with pytest.raises(OSError, match="No space left"):
+        run(tmp_path / "bag", tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
+
+
+def test_a_still_interval_becomes_a_survey_with_its_depth(tmp_path):
+    recording(tmp_path / "bag")
+    changes = {
+        "place.field": "fixed",
+        "place.total_nt": np.linalg.norm(FIELD_N) * 1e9,
+        "place.dip_deg": math.degrees(math.atan2(4.0, 2.6)),
+        "place.declination_deg": 5.0,
+        "survey.north": "true",
+    }
+    changes = {name: value if isinstance(value, str) else float(value) for name, value in changes.items()}
+    run(tmp_path / "bag", tmp_path / "out", settings.changed(S3, changes), sensor_to_bit_m=10.0)
+    (line,) = surveys(tmp_path / "out")
+    assert float(line["inclination_deg"]) == pytest.approx(40.0, abs=0.05)
+    assert float(line["azimuth_deg"]) == pytest.approx(75.0, abs=0.2)
+    assert (line["azimuth_reference"], line["verdict"], line["md_m"]) == ("true", "accept", "490.000")
+    assert START < int(line["stamp_ns"]) < START + 20_000_000_000
+
+
+def test_the_survey_list_of_the_run_can_be_exported(tmp_path):
+    recording(tmp_path / "bag", namespace="/pad/well_3/")
+    with_option = settings.changed(
+        S3,
+        {
+            "place.field": "fixed",
+            "place.total_nt": 47707.0,
+            "place.dip_deg": 56.98,
+            "survey.north": "magnetic",
+        },
+    )
+    run(tmp_path / "bag", tmp_path / "out", with_option)
+    listed, notes = surveys_of(tmp_path / "out")
+    assert notes == ()
+    assert (listed.well.name, listed.well.north_reference) == ("pad/well_3", "magnetic")
+    (record,) = listed.records
+    (line,) = surveys(tmp_path / "out")
+    assert record.in_use
+    assert line["verdict"] == "accept"
+    assert record.measured_depth == pytest.approx(float(line["md_m"]))
+    assert math.degrees(record.survey.inclination) == pytest.approx(float(line["inclination_deg"]), abs=0.005)
+    assert record.survey.uuid == line["uuid"]
+
+
+def test_the_configuration_written_gives_the_same_results_again(tmp_path):
+    recording(tmp_path / "bag")
+    estimator = settings.changed(S3, {"survey.duration_s": 5.0, "attitude.smoothing_s": 0.5})
+    run(tmp_path / "bag", tmp_path / "out", estimator)
+    again = settings.from_mapping(EstimatorSettings, read_config(tmp_path / "out" / "config.yaml"))
+    assert again == estimator
+    run(tmp_path / "bag", tmp_path / "out_2", again)
+    for name in ("attitude.csv", "surveys.csv", "config.yaml"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "out_2" / name).read_bytes()
+
+
+@pytest.mark.parametrize("keep", [0.3, 0.7, 0.9999])
+def test_a_bag_that_was_cut_off_is_refused_and_leaves_nothing(tmp_path, keep):
+    recording(tmp_path / "bag", seconds=5.0)
+    file = next((tmp_path / "bag").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: round(file.stat().st_size * keep)])
+    with pytest.raises(BagError):
+        run(tmp_path / "bag", tmp_path / "out")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+
+
+def test_a_bag_that_is_being_recorded_is_refused_until_it_has_its_end(tmp_path):
+    imu = wire.IMU.empty(2000)
+    imu["stamp_ns"] = START + np.arange(2000) * 5_000_000
+    writer = BagWriter(tmp_path / "bag", in_place=True, chunk_bytes=20_000)
+    topic = writer.topic("/imu/data_raw", wire.IMU.type_name)
+    writer.write_rows(topic, wire.IMU.encode(imu, "x"), imu["stamp_ns"])
+    with pytest.raises(BagError, match="is being recorded"):
+        run(tmp_path / "bag", tmp_path / "out")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+    writer.close()
+    assert run(tmp_path / "bag", tmp_path / "out").rows == 2000
+
+
+def test_a_stream_of_one_hertz_is_named_as_the_reason_for_no_survey(tmp_path):
+    recording(tmp_path / "bag", seconds=60.0, rate=1)
+    summary = run(tmp_path / "bag", tmp_path / "out")
+    assert (summary.rows, summary.surveys) == (60, [])
+    assert [warning for warning in summary.warnings if warning.startswith("the IMU gives 1 samples/s")]
+
+
+def test_a_slow_stream_whose_time_went_back_to_its_begin_is_processed(tmp_path):
+    imu = wire.IMU.empty(5)
+    imu["stamp_ns"] = START + np.array([0, 2, 4, 6, 0]) * 1_000_000_000
+    imu["linear_acceleration"][:, 0] = -9.81
+    with BagWriter(tmp_path / "bag") as writer:
+        topic = writer.topic("/imu/data_raw", wire.IMU.type_name)
+        writer.write_rows(topic, wire.IMU.encode(imu, "x"), START + np.arange(5) * 1_000_000_000)
+    summary = run(tmp_path / "bag", tmp_path / "out")
+    assert (summary.rows, summary.seconds) == (5, 0.0)
+    assert not any("samples/s" in warning for warning in summary.warnings)
+
+
+def test_a_flipped_bit_is_refused_and_leaves_nothing(tmp_path):
+    recording(tmp_path / "bag", seconds=5.0)
+    file = next((tmp_path / "bag").glob("*.mcap"))
+    data = bytearray(file.read_bytes())
+    data[len(data) // 3] ^= 4
+    file.write_bytes(data)
+    with pytest.raises(BagError, match="damaged"):
+        run(tmp_path / "bag", tmp_path / "out")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
+
+
+def test_a_bag_that_was_cut_off_is_used_in_part_when_asked(tmp_path):
+    recording(tmp_path / "bag", seconds=60.0, rate=400)
+    file = next((tmp_path / "bag").glob("*.mcap"))
+    file.write_bytes(file.read_bytes()[: round(file.stat().st_size * 0.3)])
+    summary = run(tmp_path / "bag", tmp_path / "out", partial=True)
+    assert 0 < summary.rows < 24_000
+    assert any("interrupted" in warning for warning in summary.warnings)
+
+
+def test_a_bag_without_imu_is_refused(tmp_path):
+    mag = wire.MAG.empty(10)
+    mag["stamp_ns"] = START + np.arange(10)
+    with BagWriter(tmp_path / "bag") as bag:
+        bag.write_rows(bag.topic("/imu/mag", wire.MAG.type_name), wire.MAG.encode(mag, "x"), mag["stamp_ns"])
+    with pytest.raises(BagError, match="no topic of sensor_msgs/msg/Imu"):
+        run(tmp_path / "bag", tmp_path / "out")
+    with BagWriter(tmp_path / "bag_2") as bag:
+        bag.topic("/imu/data_raw", wire.IMU.type_name)
+        bag.write_rows(bag.topic("/imu/mag", wire.MAG.type_name), wire.MAG.encode(mag, "x"), mag["stamp_ns"])
+    with pytest.raises(BagError, match="has no IMU sample"):
+        run(tmp_path / "bag_2", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_start_beyond_the_end_of_a_bag_is_reported(tmp_path):
+    recording(tmp_path / "bag", seconds=5.0)
+    with pytest.raises(BagError, match=r"ends after 5\.0 s, before --start 60"):
+        run(tmp_path / "bag", tmp_path / "out", start_s=60.0)
+
+
+def test_a_field_in_another_unit_is_refused_until_its_unit_is_given(tmp_path):
+    recording(tmp_path / "bag", mag_scale=1e6)
+    with pytest.raises(ValueError, match=r"^/imu/mag: .* looks like uT; say so with --mag-unit uT$"):
+        run(tmp_path / "bag", tmp_path / "out")
+    summary = run(tmp_path / "bag", tmp_path / "out", mag_unit="uT")
+    assert not summary.warnings
+    assert float(attitude(tmp_path / "out")[-1]["azimuth_deg"]) == pytest.approx(70.0, abs=0.3)
+
+
+def test_a_magnetometer_that_speaks_late_is_checked_too(tmp_path):
+    imu, mag = recording(tmp_path / "whole", seconds=10.0)
+    late = mag[-300:]
+    late["magnetic_field"] *= 1e9
+    with BagWriter(tmp_path / "bag", chunk_bytes=4096) as bag:
+        for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, late)):
+            bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "x"), rows["stamp_ns"])
+    with pytest.raises(ValueError, match=r"looks like nT; say so with --mag-unit nT$"):
+        run(tmp_path / "bag", tmp_path / "out")
+
+
+def test_an_older_sqlite3_recording_gives_the_same_lines(tmp_path):
+    recording(tmp_path / "bag", seconds=3.0)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Bag(tmp_path / "bag") as bag, Writer(tmp_path / "old", version=9, storage_plugin=StoragePlugin.SQLITE3) as old:
+        names = ("/imu/data_raw", "/imu/mag")
+        connections = {n: old.add_connection(n, bag.topics[n].type_name, typestore=store) for n in names}
+        for log_ns, topic, _, data in bag.messages(names):
+            old.write(connections[topic], log_ns, data)
+    run(tmp_path / "bag", tmp_path / "out")
+    run(tmp_path / "old", tmp_path / "out_2")
+    assert (tmp_path / "out" / "attitude.csv").read_bytes() == (tmp_path / "out_2" / "attitude.csv").read_bytes()
+
+
+def test_a_force_in_g_is_refused_until_its_unit_is_given(tmp_path):
+    recording(tmp_path / "bag", accel_scale=1.0 / 9.80665)
+    with pytest.raises(ValueError, match=r"looks like g; say so with --accel-unit g"):
+        run(tmp_path / "bag", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    run(tmp_path / "bag", tmp_path / "out", accel_unit="g")
+    assert float(attitude(tmp_path / "out")[-1]["inclination_deg"]) == pytest.approx(40.0, abs=0.1)
+
+
+def test_samples_that_cannot_be_used_keep_their_line(tmp_path):
+    imu, _ = recording(tmp_path / "whole", seconds=3.0)
+    imu["linear_acceleration"][0] = math.nan
+    imu["linear_acceleration"][100:103] = math.nan
+    imu["stamp_ns"][150] = imu["stamp_ns"][149]
+    with BagWriter(tmp_path / "bag") as bag:
+        log_ns = START + np.arange(len(imu)) * 10_000_000
+        bag.write_rows(bag.topic("/imu/data_raw", wire.IMU.type_name), wire.IMU.encode(imu, "x"), log_ns)
+    summary = run(tmp_path / "bag", tmp_path / "out")
+    lines = attitude(tmp_path / "out")
+    assert [int(line["stamp_ns"]) for line in lines] == imu["stamp_ns"].tolist()
+    assert summary.rejected == 5
+    assert all("rejected" in lines[k]["status"] for k in (0, 100, 101, 102, 150))
+    assert lines[0]["inclination_deg"] == lines[0]["gravity_x"] == ""
+    assert "nan" not in (tmp_path / "out" / "attitude.csv").read_text().lower()
+
+
+@pytest.mark.fault_case(44)
+def test_headers_without_a_time_are_given_that_of_the_recording(tmp_path):
+    recording(tmp_path / "bag")
+    run(tmp_path / "bag", tmp_path / "out")
+    with Bag(tmp_path / "bag") as bag, BagWriter(tmp_path / "timeless") as copy:
+        for log_ns, name, type_name, data in bag.messages():
+            zeroed = bytearray(data)
+            zeroed[4:12] = bytes(8)
+            copy.write(copy.topic(name, type_name), bytes(zeroed), log_ns)
+    summary = run(tmp_path / "timeless", tmp_path / "again")
+    (warning,) = summary.warnings
+    assert warning == "/imu/data_raw, /imu/mag, /rig/state: no time in the headers; the times of recording are used"
+    for name in ("attitude.csv", "surveys.csv"):
+        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
+
+
+def test_a_sensor_that_fails_is_named_with_its_time(tmp_path):
+    imu, _ = recording(tmp_path / "bag")
+    imu["linear_acceleration"][1000:, 2] = imu["linear_acceleration"][999, 2]
+    with BagWriter(tmp_path / "stuck") as bag:
+        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
+        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), imu["stamp_ns"])
+    absent, fault = run(tmp_path / "stuck", tmp_path / "out").faults
+    assert absent.code == FaultCode.NEVER_CAME
+    assert (fault.code, fault.place) == (FaultCode.STUCK, 5)
+    with (tmp_path / "out" / "faults.csv").open() as file:
+        _, line = csv.DictReader(file)
+    assert abs(int(line["since_ns"]) - int(imu["stamp_ns"][1000])) < 3_000_000_000
+    assert line["cleared_ns"] == ""
+    assert "accelerometer z axis is stuck" in line["message"]
+
+
+def test_that_many_samples_were_refused_is_reported(tmp_path):
+    imu, _ = recording(tmp_path / "bag", seconds=4.0)
+    logged = imu["stamp_ns"].copy()
+    imu["stamp_ns"][4::5] = imu["stamp_ns"][3::5]
+    with BagWriter(tmp_path / "repeated") as bag:
+        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
+        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), logged)
+    (warning,) = run(tmp_path / "repeated", tmp_path / "out").warnings
+    assert warning.startswith("80 of 400 IMU samples were refused")
+
+
+def test_that_time_went_back_is_reported_once_and_the_estimate_goes_on(tmp_path):
+    imu, _ = recording(tmp_path / "bag", seconds=8.0)
+    logged = imu["stamp_ns"].copy()
+    imu["stamp_ns"][400:] -= 3_000_000_000
+    with BagWriter(tmp_path / "set_back") as bag:
+        channel = bag.topic("/imu/data_raw", wire.IMU.type_name)
+        bag.write_rows(channel, wire.IMU.encode(imu, "sonde_link"), logged)
+    summary = run(tmp_path / "set_back", tmp_path / "out")
+    (warning,) = summary.warnings
+    assert warning == "time went back once, by 3.0 s, 4.0 s after the start: the estimate restarted"
+    assert summary.rejected == 3
+
+
+def test_a_string_magnetised_beyond_the_prior_is_reported_and_no_azimuth_given_before_a_survey_is_accepted(tmp_path):
+    imu, mag = recording(tmp_path / "bag", seconds=30.0)
+    mag["magnetic_field"][:, 0] += 2e-5
+    imu["angular_velocity"][2000:, 0] += np.where(np.arange(1000) < 100, 0.2, 0.0)  # the survey ends
+    with BagWriter(tmp_path / "strong") as bag:
+        for name, layout, rows in (("/imu/data_raw", wire.IMU, imu), ("/imu/mag", wire.MAG, mag)):
+            bag.write_rows(bag.topic(name, layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
+    total, dip = float(np.linalg.norm(FIELD_N)), math.atan2(FIELD_N[2], FIELD_N[0])
+    known = {
+        "place.field": "fixed",
+        "place.total_nt": 1e9 * total,
+        "place.dip_deg": math.degrees(dip),
+    }
+    summary = run(tmp_path / "strong", tmp_path / "out", settings.changed(S3, known))
+    (warning,) = summary.warnings
+    assert warning.startswith(f"{summary.disturbed} of 3000 rows have no azimuth because the magnetic field is not")
+    assert "beyond tool.possible_axial_nt (2,000 nT)" in warning
+    assert abs(summary.total_off) > 1e-6
+    # What is left of field and dip behind an axial correction is within the tool code: little else does that.
+    station = summary.surveys[0][0].station
+    assert station.verdicts.azimuth == "accept"
+    assert max(station.hypotheses, key=lambda one: one[1])[0] == "axial"
+    assert math.degrees(station.azimuth) == pytest.approx(70.0, abs=math.degrees(station.sigma_azimuth))
+    given = np.array([row["azimuth_deg"] != "" for row in attitude(tmp_path / "out")])
+    begin = int(given.argmax())
+    assert begin >= summary.disturbed
+    assert given[begin:].all()
+
+
+def test_a_part_of_the_time_can_be_chosen(tmp_path):
+    recording(tmp_path / "bag", seconds=10.0)
+    summary = run(tmp_path / "bag", tmp_path / "out", start_s=2.0, end_s=5.0)
+    assert summary.rows == 300
+    assert summary.start_ns == START + 2_000_000_000
+
+
+def test_a_magnetometer_in_another_frame_is_not_used_until_that_is_set(tmp_path):
+    recording(tmp_path / "bag", seconds=2.0, frames=("imu_link", "mag_link"))
+    summary = run(tmp_path / "bag", tmp_path / "out")
+    assert any("'imu_link'" in warning and "'mag_link'" in warning for warning in summary.warnings)
+    assert summary.without_azimuth == summary.rows
+    summary = run(tmp_path / "bag", tmp_path / "out", settings.changed(S3, {"tool.mount.mag": "x-down"}))
+    assert summary.without_azimuth < summary.rows
+
+
+def test_results_replace_older_ones_and_leave_other_files_alone(tmp_path):
+    recording(tmp_path / "bag", seconds=2.0)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    (tmp_path / "out" / "attitude.csv").write_text("old")
+    run(tmp_path / "bag", tmp_path / "out")
+    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+    assert len(attitude(tmp_path / "out")) == 200
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["bag", "out"]
+
+
+def test_the_inclination_of_a_shaken_phone_agrees_with_optical_truth(tmp_path, broad_27):
+    """BROAD trial 27 (Laidig et al., Data 6(7):72): S3's method reached about 0.9 deg elsewhere, 1.2 leaves room."""
+    run(broad_27, tmp_path / "out")
+    lines = attitude(tmp_path / "out")
+    estimated = {int(line["stamp_ns"]): [float(line[f"gravity_{axis}"]) for axis in "xyz"] for line in lines}
+    errors = []
+    with Bag(broad_27) as bag:
+        for _, topic, _, data in bag.messages(["/truth/orientation"]):
+            message = bag.decode(topic, data)
+            stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+            q = message.quaternion
+            # Third row of the rotation sensor -> ENU: up in sensor axes.
+            up = np.array(
+                [2.0 * (q.x * q.z - q.w * q.y), 2.0 * (q.y * q.z + q.w * q.x), 1.0 - 2.0 * (q.x * q.x + q.y * q.y)]
+            )
+            down = np.array(estimated[stamp])
+            errors.append(math.atan2(np.linalg.norm(np.cross(up, down)), -float(up @ down)))
+    assert math.degrees(math.sqrt(np.mean(np.square(errors)))) < 1.2
+
+
+def test_a_calibration_is_taken_off_before_anything_is_estimated(tmp_path):
+    bag = tmp_path / "bag"
+    recording(bag)
+    tilted = np.eye(3)
+    tilted[2, 0] = 0.01
+    none, zeros = np.zeros((3, 3)), np.zeros(3)
+
+    def triad(matrix):
+        return TriadCalibration(matrix, zeros, zeros, zeros, none, zeros, zeros, zeros, 20.0, 0.0, 0.0, 1)
+
+    calibration = Calibration(triad(np.eye(3)), triad(tilted), triad(np.eye(3)))
+    plain = run(bag, tmp_path / "plain")
+    with Bag(bag) as opened:
+        done = process.process(opened, tmp_path / "calibrated", S3, compensation=Compensation(calibration))
+    assert done.rows == plain.rows
+    forces = np.array([[float(row[f"gravity_{axis}"]) for axis in "xyz"] for row in attitude(tmp_path / "plain")])
+    turned = np.array([[float(row[f"gravity_{axis}"]) for axis in "xyz"] for row in attitude(tmp_path / "calibrated")])
+    expected = forces[-1] @ tilted.T
+    np.testing.assert_allclose(turned[-1], expected / np.linalg.norm(expected), atol=2e-4)
+    assert np.abs(turned[-1] - forces[-1]).max() > 1e-3
+
+
+@pytest.mark.fault_case(14)
+def test_a_recording_is_read_with_its_covariances_as_the_live_estimator_does(tmp_path):
+    imu, mag = recording(tmp_path / "plain")
+    plain = run(tmp_path / "plain", tmp_path / "out")
+    imu["angular_velocity_covariance"][500:600, 0] = -1.0
+    mag["magnetic_field_covariance"] = np.diag([(4e-6) ** 2] * 3).ravel()
+    with BagWriter(tmp_path / "bag") as bag:
+        for name, layout, rows in (("imu/data_raw", wire.IMU, imu), ("imu/mag", wire.MAG, mag)):
+            bag.write_rows(bag.topic(f"/{name}", layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
+    noisy = run(tmp_path / "bag", tmp_path / "out_2")
+    assert [text for text in noisy.warnings if text not in plain.warnings] == [
+        "/imu/data_raw: angular_velocity is declared not provided: it is not used",
+        "the covariance of magnetic_field states 4000 nT a sample, more than the tool's: sigma is widened by it",
+    ]
+    assert noisy.surveys[0][0].station.sigma_azimuth > plain.surveys[0][0].station.sigma_azimuth
+
+
+def test_a_gyro_that_is_absent_for_a_while_gives_the_same_rows_live_and_processed(tmp_path):
+    imu, mag = recording(tmp_path / "plain")
+    imu["angular_velocity_covariance"][500:600, 0] = -1.0
+    with BagWriter(tmp_path / "bag") as bag:
+        for name, layout, rows in (("imu/data_raw", wire.IMU, imu), ("imu/mag", wire.MAG, mag)):
+            bag.write_rows(bag.topic(f"/{name}", layout.type_name), layout.encode(rows, "sonde_link"), rows["stamp_ns"])
+    run(tmp_path / "bag", tmp_path / "out")
+    pipeline, watch = Pipeline(S3), input_covariance.NoiseWatch()
+    watch.take(imu, wire.IMU.type_name)
+    pipeline.set_noise(watch.noise)
+    pipeline.push_mag(mag)
+    output = pipeline.push_imu(input_covariance.judge(imu, wire.IMU.type_name).samples)
+    text = attitude_csv.rows(output.attitude, output.gravity).decode()
+    assert (tmp_path / "out" / "attitude.csv").read_text().split("\n", 1)[1] == text
+
+
+@pytest.mark.fault_case(41)
+@pytest.mark.parametrize("storage", ["mcap", "sqlite3"])
+@pytest.mark.parametrize("doubled", ["imu/data_raw", "imu/mag", "gyro/data_raw"])
+@pytest.mark.parametrize("later", [0, 3])
+def test_a_doubled_message_beside_a_precision_unit_is_left_out_and_the_rest_stays(tmp_path, storage, doubled, later):
+    imu, mag = recording(tmp_path / "plain", seconds=8.0)
+    streams = {"imu/data_raw": (wire.IMU, imu), "gyro/data_raw": (wire.IMU, imu), "imu/mag": (wire.MAG, mag)}
+    # Which of two topics comes first at one stamp must make no difference either.
+    for folder, names in (("bag", list(streams)), ("reverse", list(streams)[::-1])):
+        messages = []
+        for name in names:
+            layout, samples = streams[name]
+            rows, stamps = layout.encode(samples, "x"), samples["stamp_ns"]
+            messages += [(int(ns), name, row.tobytes()) for ns, row in zip(stamps, rows, strict=True)]
+            if name == doubled:
+                messages.append((int(stamps[400 + later]), name, rows[400].tobytes()))
+        messages.sort(key=lambda message: message[0])
+        plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+        with Writer(tmp_path / folder, version=9, storage_plugin=plugin) as bag:
+            store = get_typestore(Stores.ROS2_JAZZY)
+            topics = {n: bag.add_connection(f"/{n}", streams[n][0].type_name, typestore=store) for n in names}
+            for log_ns, name, data in messages:
+                bag.write(topics[name], log_ns, data)
+    whole = run(tmp_path / "plain", tmp_path / "out")
+    found = [run(tmp_path / folder, tmp_path / f"out_{folder}") for folder in ("bag", "reverse")]
+    assert [one.rows for one in found] == [len(imu) + (doubled == "imu/data_raw")] * 2
+    assert [len(one.surveys) for one in found] == [len(whole.surveys)] * 2
+    assert surveys(tmp_path / "out_bag") == surveys(tmp_path / "out_reverse")

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""config.yaml of a run: what was in force, read back as it was; other files in its place are refused in a sentence."""
+
+import math
+from pathlib import Path
+
+import pytest
+import yaml
+
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import settings
+from mwd_sensors.core.settings import SettingsError
+from mwd_surface.processing.bag_input import InputSettings, Topics
+from mwd_surface.processing.run_config import config_text, input_text, processed_input, read_config
+from mwd_surface.processing.run_output import OutputSettings
+
+TOPICS = Topics("/well_1/imu/data_raw", "/well_1/imu/mag", None, None, None)
+
+
+def written(estimator=None, given=None, wanted=None):
+    return config_text(estimator or EstimatorSettings(), given or InputSettings(), wanted or OutputSettings(), TOPICS)
+
+
+def test_settings_come_back_as_they_were(tmp_path):
+    chosen = settings.changed(EstimatorSettings(), {"gravity.method": "s3", "survey.duration_s": 5.0})
+    path = tmp_path / "config.yaml"
+    path.write_text(written(chosen))
+    assert settings.from_mapping(EstimatorSettings, read_config(path)) == chosen
+
+
+def test_topics_and_what_was_asked_beside_the_settings_stand_in_comments():
+    text = written(given=InputSettings(mag_unit="uT", end_s=9.0), wanted=OutputSettings(rate_hz=10.0))
+    comments = [line for line in text.splitlines() if line.startswith("#")]
+    assert comments[1:] == [
+        "# imu: /well_1/imu/data_raw",
+        "# mag: /well_1/imu/mag",
+        "# mag_unit: uT",
+        "# end_s: 9.0",
+        "# rate_hz: 10.0",
+    ]
+
+
+def test_what_was_left_at_its_default_is_not_repeated_in_comments():
+    assert math.isinf(InputSettings().end_s)
+    assert len([line for line in written().splitlines() if line.startswith("#")]) == 3
+
+
+def test_a_ros_parameter_file_serves_as_configuration(tmp_path):
+    path = tmp_path / "estimator.yaml"
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": {"gravity.method": "s3", "survey.duration_s": 4.0}}}))
+    assert read_config(path) == {"gravity": {"method": "s3"}, "survey": {"duration_s": 4.0}}
+    path.write_text(yaml.safe_dump({"estimator": {"ros__parameters": {"survey": {"duration_s": 4.0}}}}))
+    assert read_config(path) == {"survey": {"duration_s": 4.0}}
+
+
+def test_an_empty_file_changes_nothing(tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text("# empty\n")
+    assert read_config(path) == {}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"), [(b"[1, 2]", "expected a table"), (b"a: [", "is not YAML"), (b"\xff\xfe", "is not YAML")]
+)
+def test_what_is_no_table_of_settings_is_refused_with_the_name_of_the_file(tmp_path, content, message):
+    path = tmp_path / "config.yaml"
+    path.write_bytes(content)
+    with pytest.raises(SettingsError, match=rf"config\.yaml.*{message}"):
+        read_config(path)
+
+
+def test_what_was_read_and_how_comes_back_from_the_folder_of_the_results(tmp_path):
+    assert processed_input(tmp_path) is None
+    chosen = settings.changed(EstimatorSettings(), {"survey.duration_s": 5.0})
+    given = InputSettings(mag_unit="uT", start_s=9.0, depths="depths.csv")
+    (tmp_path / "config.yaml").write_text(written(chosen, given))
+    (tmp_path / "input.yaml").write_text(input_text(Path("bags/run_7"), given, calibrated=True))
+    found = processed_input(tmp_path)
+    assert (found.recording, found.calibrated, found.estimator) == (Path("bags/run_7").resolve(), True, chosen)
+    assert found.given == InputSettings(mag_unit="uT", start_s=9.0, depths=str(Path("depths.csv").resolve()))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{}", "[1]", "recording: bag", "{recording: 7, calibrated: false}", "{recording: a, calibrated: maybe}"],
+)
+def test_an_edited_file_of_what_was_read_is_refused_by_name(tmp_path, text):
+    (tmp_path / "config.yaml").write_text(written(EstimatorSettings()))
+    (tmp_path / "input.yaml").write_text(text)
+    with pytest.raises(SettingsError, match=r"input\.yaml"):
+        processed_input(tmp_path)
+
+
+def test_a_file_that_is_not_there_is_reported(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        read_config(tmp_path / "config.yaml")

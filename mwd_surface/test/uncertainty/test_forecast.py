@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Forecasts: the tool code's own sigmas, the no-go directions of the correction, pass rates against drawn readings."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from mwd_estimation.core import magnetic_geometry
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey import tool_code
+from mwd_sensors.core.frames import mat_nt
+from mwd_surface.trajectory.plan import plan_of
+from mwd_surface.uncertainty.forecast import corrected_sibling, correction_map, forecast
+from tool_code_sigma import at_attitude
+
+REFERENCE = Reference(
+    total=50.5e-6,
+    dip=math.radians(71.0),
+    declination=math.radians(1.0),
+    convergence=math.radians(-1.0),
+    gravity=9.819,
+)
+LATITUDE = math.radians(59.0)
+CODE = "MWD+IFR1+SAG"
+MD = np.array([0.0, 300.0, 1500.0, 2400.0])
+
+
+def along(azimuth_deg, north="true", code=CODE, axial=0.0, top_deg=90.0):
+    plan = plan_of(MD, np.radians([0.0, 0.0, top_deg, top_deg]), np.full(4, math.radians(azimuth_deg)))
+    return forecast(plan, north, code, REFERENCE, LATITUDE, axial=axial, most=math.radians(2.0))
+
+
+def test_sigmas_are_the_tool_codes_own_at_each_attitude():
+    found = along(65.0)
+    for k in (20, 45, 70):
+        own = at_attitude(CODE, float(found.inclination[k]), float(found.true_azimuth[k]), REFERENCE, LATITUDE)
+        assert found.sigma_inclination[k] == pytest.approx(own.inclination, rel=1e-6)
+        assert found.sigma_azimuth[k] == pytest.approx(own.azimuth, rel=1e-6)
+    assert np.isnan(found.sigma_azimuth[0])
+
+
+def test_the_correction_is_of_no_use_horizontal_east_west_and_of_use_north_south():
+    east, south = along(90.0), along(180.0)
+    assert not np.any(south.no_go)
+    assert np.all(east.no_go[east.inclination > math.radians(85.0)])
+    assert not np.any(east.no_go[east.inclination < math.radians(60.0)])
+    assert south.sigma_corrected[-1] < math.radians(1.0)
+
+
+def test_azimuths_of_a_plan_are_turned_to_true_north():
+    grid, magnetic = along(90.0, "grid"), along(90.0, "magnetic")
+    assert math.degrees(grid.true_azimuth[-1]) == pytest.approx(89.0)
+    assert math.degrees(magnetic.true_azimuth[-1]) == pytest.approx(91.0)
+    without = Reference(total=50e-6, dip=1.2)
+    plan = plan_of(MD, np.zeros(4), np.zeros(4))
+    with pytest.raises(ValueError, match="azimuths from grid north need the convergence"):
+        forecast(plan, "grid", CODE, without, LATITUDE, axial=0.0, most=0.05)
+
+
+def test_the_map_is_worst_where_the_hole_is_horizontal_east_west():
+    azimuths, inclinations, sigmas = correction_map(CODE, REFERENCE, LATITUDE, (36, 10))
+    k = np.unravel_index(np.nanargmax(sigmas[inclinations > 0.3]), sigmas[inclinations > 0.3].shape)
+    assert abs(math.sin(azimuths[k[1]])) > 0.98
+    assert inclinations[inclinations > 0.3][k[0]] == pytest.approx(math.radians(90.0))
+
+
+@pytest.mark.parametrize(
+    ("code", "sibling"),
+    [
+        ("MWD+IFR1+MS", "MWD+IFR1+AX"),
+        ("MWD+SRGM+SAG", "MWD+SRGM+AX+SAG"),
+        ("MWD+HRGM", "MWD+HRGM+AX"),
+        ("EMS+SRGM", "EMS+SRGM+AX"),
+        ("GYRO-NS", ""),
+        ("BLIND", ""),
+    ],
+)
+def test_codes_have_the_sibling_with_the_same_field_model(code, sibling):
+    assert corrected_sibling(code) == sibling
+
+
+def test_a_gyro_has_sigmas_but_no_limits():
+    found = along(45.0, code="GYRO-NS", top_deg=60.0)
+    assert np.all(np.isfinite(found.sigma_azimuth[30:]))
+    assert not np.any(np.isfinite(found.limits))
+    with pytest.raises(ValueError, match="GYRO-NS-CT gives no azimuth at"):
+        along(90.0, code="GYRO-NS-CT")
+    with pytest.raises(ValueError, match="no sibling"):
+        correction_map("GYRO-NS", REFERENCE, LATITUDE)
+
+
+@pytest.mark.parametrize("axial_nt", [0.0, 600.0])
+def test_the_pass_rate_is_that_of_readings_drawn_from_the_tools_errors(axial_nt):
+    found = along(30.0, axial=axial_nt * 1e-9)
+    k, rng, number = 40, np.random.default_rng(3), 4000
+    errors, coded = tool_code.sensor_errors(CODE), tool_code.reference_for(CODE, REFERENCE)
+    b_n = 50.5e-6 * np.array(
+        [
+            math.cos(REFERENCE.dip) * math.cos(REFERENCE.declination),
+            math.cos(REFERENCE.dip) * math.sin(REFERENCE.declination),
+            math.sin(REFERENCE.dip),
+        ]
+    )
+    passed = 0
+    for _ in range(number):
+        mat = mat_nt(float(found.inclination[k]), float(found.true_azimuth[k]), rng.uniform(0.0, math.tau))
+        f_t, b_t = mat.T @ [0.0, 0.0, -9.819], mat.T @ b_n
+        draw = rng.standard_normal(6) * np.sqrt(np.diagonal(errors.covariance(f_t, b_t)))
+        f_t, b_t = f_t + draw[:3], b_t + draw[3:] + [axial_nt * 1e-9, 0.0, 0.0]
+        off = np.array(
+            [
+                np.linalg.norm(f_t) - 9.819 - coded.sigma_gravity * rng.standard_normal(),
+                np.linalg.norm(b_t) - 50.5e-6 - coded.sigma_total * rng.standard_normal(),
+                magnetic_geometry.dip(f_t, b_t) - REFERENCE.dip - coded.sigma_dip * rng.standard_normal(),
+            ]
+        )
+        passed += bool(np.all(np.abs(off) < found.limits[k]))
+    low, high = binom.interval(0.9999, number, float(found.pass_rate[k]))
+    assert low - 0.01 * number <= passed <= high + 0.01 * number
+    assert (axial_nt == 0.0) is bool(found.pass_rate[k] > 0.8)
