@@ -147,9 +147,7 @@ def _weighted_median(values: Array, weights: Array) -> float:
     return float(values[order][np.searchsorted(below, 0.5 * below[-1])])
 
 
-def with_external(
-    reference: Reference, disturbance_n: Array, sigma_share: float, storm: float, source: str
-) -> Reference:
+def with_external(reference: Reference, disturbance_n: Array, sigma_share: float, source: str) -> Reference:
     """
     Add the external field of the moment to a reference.
 
@@ -161,8 +159,6 @@ def with_external(
         North, east, down (geographic), T.
     sigma_share : float
         Part of the disturbance that the well does not share, 1 sigma.
-    storm : float
-        Disturbance, T, from which it is marked as a storm.
     source : str
         Where it was measured.
 
@@ -190,7 +186,7 @@ def with_external(
         sigma_total=math.hypot(reference.sigma_total, left),
         sigma_dip=math.hypot(reference.sigma_dip, left / total),
         sigma_declination_field=math.hypot(reference.sigma_declination_field, left),
-        external=ExternalField((float(disturbance_n[0]), float(disturbance_n[1]), float(disturbance_n[2])), storm),
+        external=ExternalField((float(disturbance_n[0]), float(disturbance_n[1]), float(disturbance_n[2]))),
     )
 
 

@@ -31,6 +31,9 @@ SIGMA_DECLINATION_FIELD = math.radians(5831e-9)
 # Models know gravity to 3e-4 m/s^2; but what a tool called one g when it was calibrated may have been standard gravity,
 # or that of the workshop.
 SIGMA_GRAVITY = 6e-3
+# External field from which a survey is marked as taken in a magnetic storm, T: a K index of 5 at mid latitudes is 70 to
+# 120 nT in three hours (Bartels).
+STORM = 1e-7
 
 
 class Field(Protocol):
@@ -63,10 +66,9 @@ class Field(Protocol):
 
 @dataclass(frozen=True)
 class ExternalField:
-    """External field contained in a reference: north, east, down (geographic), T, and what counts as a storm, T."""
+    """External field contained in a reference: north, east, down (geographic), T."""
 
     field_n: tuple[float, float, float]
-    storm: float
 
     @property
     def strength(self) -> float:
@@ -76,7 +78,7 @@ class ExternalField:
     @property
     def is_storm(self) -> bool:
         """Whether it was measured in a magnetic storm."""
-        return self.strength > self.storm
+        return self.strength > STORM
 
 
 @dataclass(frozen=True)

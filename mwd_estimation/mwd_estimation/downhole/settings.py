@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from typing import ClassVar
 
 from mwd_sensors.core.settings import setting
 
@@ -11,6 +13,8 @@ from mwd_sensors.core.settings import setting
 @dataclasses.dataclass(frozen=True)
 class Transmit:
     """When the tool transmits. What it sends, and how, stands in its tool configuration (tool.yaml)."""
+
+    FORMER: ClassVar[Mapping[str, str]] = {"continuous_s": "a constant (10 s)"}
 
     tool_file: str = setting(
         "",
@@ -21,6 +25,7 @@ class Transmit:
         "",
         "Tool configuration of a second link, such as EM beside mud pulses: the tool sends over both at once; empty: "
         "none.",
+        expert=True,
     )
     flow_threshold_lpm: float = setting(
         600.0,
@@ -37,11 +42,13 @@ class Transmit:
         unit="s",
         low=0.0,
         high=60.0,
+        expert=True,
     )
     rotation_switching: bool = setting(
         False,
         "Begin anew when rotation begins (survey, then the second toolface sequence) and when it ends (first toolface "
         "sequence). Needs header_bits in the tool configuration, so that the surface knows which sequence comes.",
+        expert=True,
     )
     rotation_hold_s: float = setting(
         10.0,
@@ -50,14 +57,5 @@ class Transmit:
         unit="s",
         low=0.5,
         high=300.0,
-        expert=True,
-    )
-    continuous_s: float = setting(
-        10.0,
-        "Averaging time of the surveys taken in the background while the string moves; the least noisy one is sent "
-        "where none was taken at rest. Raising it lowers the noise and smears a curve.",
-        unit="s",
-        low=1.0,
-        high=120.0,
         expert=True,
     )

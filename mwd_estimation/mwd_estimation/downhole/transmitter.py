@@ -36,6 +36,8 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
 _STEP_NS = NANOSECONDS // 10
+# Averaging time of the surveys taken while the string moves, s: at 30 m/h a tenth of a metre of hole.
+_CONTINUOUS_S = 10.0
 # Attitude that waits longer for its flow is dropped: a flow that never comes must not fill the memory.
 _KEPT_NS = 60 * NANOSECONDS
 _LPM = 1e-3 / 60.0
@@ -134,7 +136,7 @@ class Transmitter:
         self._commands, self._commanded = Commands(tool), False
         self._flow = Switch(round(settings.flow_hold_s * NANOSECONDS))
         self._rotation = Switch(round(settings.rotation_hold_s * NANOSECONDS))
-        self._continuous = ContinuousSurvey(round(settings.continuous_s * NANOSECONDS))
+        self._continuous = ContinuousSurvey(round(_CONTINUOUS_S * NANOSECONDS))
         self._flows: deque[tuple[int, float]] = deque()
         self._attitudes: deque[tuple[int, int, Readings]] = deque()
         self._now: int | None = None

@@ -9,7 +9,7 @@ from pathlib import Path
 from mwd_estimation.core.external_field import ObservatoryRecord, read_iaga2002, with_external
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.reference_field import STORM, Reference
 from mwd_estimation.settings.place import Place
 from mwd_estimation.survey.station_record import Station
 from mwd_sensors.core.input_files import read_file
@@ -51,10 +51,8 @@ class Observatory:
         found = self._record.disturbance(stamp_ns)
         if found is None:
             return reference
-        place = self._place
-        return with_external(
-            reference, found, place.observatory_share, place.storm_nt * 1e-9, f"observatory {self._record.station}"
-        )
+        share, source = self._place.observatory_share, f"observatory {self._record.station}"
+        return with_external(reference, found, share, source)
 
     def noted(self, station: Station) -> Station:
         """Add to a station what is to be said of the external field in its reference, which came from `at`."""
@@ -65,7 +63,7 @@ class Observatory:
         if external is None:
             reason = Reason(Code.EXTERNAL_FIELD_UNKNOWN, names=names)
         elif external.is_storm:
-            reason = Reason(Code.MAGNETIC_STORM, external.strength, external.storm, names=names)
+            reason = Reason(Code.MAGNETIC_STORM, external.strength, STORM, names=names)
         else:
             return station
         return dataclasses.replace(station, reasons=(*station.reasons, reason))

@@ -21,6 +21,7 @@ from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
 LONGEST_S = 3600.0  # of a request
+_ROTARY_S = 30.0  # of a survey in a turning string whose request names no duration
 
 
 class Requests:
@@ -102,7 +103,7 @@ class Requests:
         """
         if self._rotary is not None:
             raise ValueError("a rotary survey is already being taken")
-        self._rotary = RotarySurvey(_bounded(duration_s) or self._settings.survey.rotary_s)
+        self._rotary = RotarySurvey(_bounded(duration_s) or _ROTARY_S)
 
     def cancel_rotary(self) -> None:
         """Take the rotary survey no longer."""

@@ -13,7 +13,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from mwd_estimation.assembly.assembly import Assembly, read_assembly
+from mwd_estimation.assembly.assembly import SIGMA_CORRECTED_DEG, Assembly, read_assembly
 from mwd_estimation.assembly.sag import SagCorrection, correction_of
 from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth, time_alignment_state
 from mwd_estimation.core.calibrated_range import CalibratedRange
@@ -40,6 +40,9 @@ from mwd_sensors.core.settings import SettingsError
 # Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.
 _LEAST_GYRO = 0.02
 _CALIBRATED_TILT = 1.5e-4  # rad; a tumble calibration leaves 0.1 mg, 100 ppm and 0.1 mrad
+# Ramp of a precision gyro's bias where the tool warms up or cools, 1 sigma, as a share of the bias in an hour: that of
+# a tactical MEMS unit 10 degC an hour into the warm.
+_RAMP_PER_H = 0.6
 _LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
 
 
@@ -62,7 +65,6 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
         "misalignment_sigma": _in_proportion(
             default, "misalignment_sigma", tool.gyro.misalignment_mrad, usual.misalignment_mrad
         ),
-        "lever_sigma": tool.lever_m,
         "calibration_sigma": calibration,
         # The simpler methods do not know their sigma so well: theirs has a floor of its own.
         "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
@@ -143,46 +145,49 @@ def interference_params(settings: EstimatorSettings) -> interference_state.Param
 
 def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth.Params:
     """Parameters of the azimuth that the gyros of both units carry."""
-    precision = settings.tool.precision.gyro
+    gyro, precision = settings.tool.gyro, settings.tool.precision.gyro
+    usual, tactical = gyro_azimuth.CONVENTIONAL, gyro_azimuth.TACTICAL
+    walk = usual.walk_deg_h_rth * gyro.bias_deg_h / usual.bias_deg_h
+    noise = precision.noise_deg_sqrt_h or tactical.noise_deg_rth
     return gyro_azimuth.Params(
-        conventional=_unit_errors(settings.tool.gyro, settings.tool.gyro.noise_deg_sqrt_h),
-        precision=_unit_errors(precision, precision.noise_deg_sqrt_h or gyro_azimuth.TACTICAL.noise_deg_rth),
+        conventional=_unit_errors(usual, gyro, gyro.noise_deg_sqrt_h, walk),
+        precision=_unit_errors(tactical, precision, noise, precision.walk_deg_h_sqrt_h),
         vertical_below_deg=settings.attitude.vertical_deg,
     )
 
 
-def _unit_errors(gyro: Gyro | PrecisionGyro, noise_deg_rth: float) -> gyro_azimuth.UnitErrors:
-    return gyro_azimuth.UnitErrors(
+def _unit_errors(
+    usual: gyro_azimuth.UnitErrors, gyro: Gyro | PrecisionGyro, noise_deg_rth: float, walk_deg_h_rth: float
+) -> gyro_azimuth.UnitErrors:
+    """Errors of a unit's gyros by the figures of the tool; what a tool does not state is as usual for its class."""
+    return dataclasses.replace(
+        usual,
         noise_deg_rth=noise_deg_rth,
         bias_deg_h=gyro.bias_deg_h,
-        walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
+        walk_deg_h_rth=walk_deg_h_rth,
         leak_urad=gyro.misalignment_mrad * 1e3,
         g_sensitivity_deg_h_g=gyro.g_deg_h_g,
-        lag_ms=gyro.delay_ms,
         range_dps=min(gyro.range_deg_s),
     )
 
 
 def gyrocompass_params(settings: EstimatorSettings) -> GyroParams:
     """Parameters of the gyro azimuth of a station."""
-    gyro, accelerometer = settings.tool.precision.gyro, settings.tool.precision.accelerometer
+    gyro = settings.tool.precision.gyro
     unit = dataclasses.replace(
         TACTICAL,
         shortest=settings.survey.min_gyro_s,
-        worst_sigma_deg=settings.verdict.max_gyro_sigma_deg,
         gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
         gyro_bias_deg_h=gyro.bias_deg_h,
         gyro_x_bias_deg_h=gyro.bias_deg_h,
         bias_scale=gyro.bias_scale,
         gyro_walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
-        gyro_ramp_deg_h2=gyro.ramp_per_h * gyro.bias_deg_h,
+        gyro_ramp_deg_h2=_RAMP_PER_H * gyro.bias_deg_h,
         scale_x_ppm=gyro.scale_ppm,
         leak_urad=gyro.misalignment_mrad * 1e3,
         g_sensitivity_deg_h_g=gyro.g_deg_h_g,
         g_calibration_deg_h_g=gyro.g_calibration_deg_h_g,
         gyro_range_dps=min(gyro.range_deg_s),
-        accel_noise_ug_rthz=accelerometer.noise_ug_sqrt_hz,
-        accel_bias_ug=accelerometer.bias_ug,
     )
     return GyroParams(unit, settings.survey.gyro_method)
 
@@ -191,24 +196,22 @@ def north_params(settings: EstimatorSettings) -> SessionParams:
     """Parameters of a north seek on request."""
     gyro = settings.tool.gyro
     return SessionParams(
-        duration_s=settings.survey.north_seek_s,
         x_noise_deg_rth=gyro.noise_deg_sqrt_h,
         x_bias_deg_h=gyro.bias_deg_h,
-        x_scale_ppm=gyro.scale_ppm,
     )
 
 
 def still_params(settings: EstimatorSettings) -> StillParams:
     """Parameters of surveys in still intervals."""
-    survey = settings.survey
+    survey, usual = settings.survey, StillParams()
     return StillParams(
         automatic=survey.automatic,
         settle_s=survey.settle_s,
         duration_s=survey.duration_s,
         wait_for_gyro_s=survey.wait_for_gyro_s,
-        max_rate=survey.max_rate,
-        max_rate_noise=survey.max_rate_noise,
-        max_force_noise=survey.max_force_noise,
+        max_rate=usual.max_rate * survey.motion,
+        max_rate_noise=usual.max_rate_noise * survey.motion,
+        max_force_noise=usual.max_force_noise * survey.motion,
     )
 
 
@@ -305,10 +308,15 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
         magnetometer_bias_nt=tool.magnetometer.bias_nt,
         magnetometer_scale=tool.magnetometer.scale_ppm / 1e6,
         axial_interference_nt=tool.axial_interference_nt,
-        misalignment_deg=tool.misalignment_deg,
-        course_misalignment_deg=tool.course_misalignment_deg,
-        sag_deg=tool.sag_deg if described is None else described.sigma_sag_deg,
+        sag_deg=_sag_deg(tool, described),
     )
+
+
+def _sag_deg(tool: Tool, described: Assembly | None) -> float:
+    """Sag that is left, 1 sigma, deg: of the assembly, of any other correction, or of none at all."""
+    if described is not None:
+        return described.sigma_sag_deg
+    return SIGMA_CORRECTED_DEG if tool.sag_correction_deg != 0.0 else SensorErrors().sag_deg
 
 
 def assembly(tool: Tool) -> Assembly | None:
@@ -360,12 +368,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
         errors=sensor_errors(settings),
         calibrated=calibrated_range(tool),
         quality=verdict,
-        priors=Priors(
-            axial=verdict.magnetised_string,
-            cross_axial=0.2 * verdict.magnetised_string,
-            reference=verdict.wrong_reference,
-            external=verdict.external_field,
-        ),
+        priors=Priors(external=verdict.external_field),
     )
 
 
@@ -373,7 +376,6 @@ def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drill
     """Parameters of the summary of drilling dynamics; gravity: local, m/s^2, None where not known."""
     dynamics = settings.dynamics
     return drilling_dynamics.Params(
-        period_s=dynamics.period_s,
         shock_threshold=dynamics.shock_threshold,
         gravity=gravity or STANDARD_GRAVITY,
     )

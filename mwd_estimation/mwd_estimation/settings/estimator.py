@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.settings.former import CONSTANT, FORMER, former
 from mwd_estimation.settings.gravity import EXPERT, NoExpert
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool
@@ -27,11 +28,7 @@ from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 class Survey:
     """How surveys are taken and worked out."""
 
-    # Settings of before, and what does their work now.
-    FORMER: ClassVar[Mapping[str, str]] = {
-        "azimuth_method": "decided by the posterior of the azimuth; raw and corrected stay beside it for comparison",
-        "multi_station": "part of every survey; verdict.magnetised_string is its prior",
-    }
+    FORMER: ClassVar[Mapping[str, str]] = former("survey")
 
     automatic: bool = setting(True, "Take a survey by itself in each interval in which the tool keeps still.")
     settle_s: float = setting(
@@ -41,6 +38,7 @@ class Survey:
         unit="s",
         low=0.0,
         high=120.0,
+        expert=True,
     )
     duration_s: float = setting(
         8.0,
@@ -56,17 +54,7 @@ class Survey:
         unit="s",
         low=0.0,
         high=3600.0,
-    )
-    rotary_s: float = setting(
-        30.0,
-        "Averaging time of a survey in a turning string where the request names none.",
-        unit="s",
-        low=5.0,
-        high=3600.0,
         expert=True,
-    )
-    north_seek_s: float = setting(
-        120.0, "Duration of a north seek where the request names none.", unit="s", low=10.0, high=86400.0, expert=True
     )
     north: str = setting(
         "best",
@@ -93,29 +81,12 @@ class Survey:
         "ISCWSA / OWSG tool code whose magnitudes replace the tool's biases, scales, interference and alignment in "
         "surveys, for example MWD+SRGM; empty: the figures of `tool`. The limits of the verdict follow it.",
     )
-    max_rate: float = setting(
-        0.03,
-        "Mean angular rate above which the tool turns. Raising it takes surveys in a creeping string.",
-        unit="rad/s",
-        low=0.0001,
-        high=1.0,
-        expert=True,
-    )
-    max_rate_noise: float = setting(
-        0.03,
-        "Standard deviation of the angular rate above which the tool moves. Raising it takes surveys with pumps on; "
-        "their sigma grows.",
-        unit="rad/s",
-        low=0.0001,
-        high=1.0,
-        expert=True,
-    )
-    max_force_noise: float = setting(
-        0.25,
-        "Standard deviation of the specific force above which the tool shakes. Raising it takes surveys with pumps "
-        "on; their sigma grows.",
-        unit="m/s^2",
-        low=0.001,
+    motion: float = setting(
+        1.0,
+        "Motion in which a survey is still taken, as a multiple of a mean rate and a standard deviation of the rate of "
+        "0.03 rad/s and a standard deviation of the force of 0.25 m/s^2. Raising it takes surveys in a creeping string "
+        "or with pumps on; their sigma grows.",
+        low=0.1,
         high=10.0,
         expert=True,
     )
@@ -125,46 +96,14 @@ class Survey:
 class Verdict(QualitySettings):
     """When a survey is accepted, doubtful or rejected, and what may disturb it before any reading."""
 
-    # Settings of before, and what does their work now.
-    FORMER: ClassVar[Mapping[str, str]] = {
-        "disagreement_sigmas": "decided by the posterior of the azimuth; see verdict.far_probability",
-        "max_gyro_alone_sigma_deg": "verdict.far_deg",
-        "unconfirmed": "not needed: a gyro that cannot confirm is no reason to doubt",
-        "max_correction_sigma_deg": "verdict.far_deg",
-        "sigma_factor": "decided by the probability of a large error; see verdict.far_deg",
-        "least_sigma_deg": "verdict.far_deg: with the default probability its sigma is a third of it",
-    }
+    FORMER: ClassVar[Mapping[str, str]] = former("verdict")
 
-    magnetised_string: float = setting(
-        0.3,
-        "Probability, before any reading, that the string is magnetised beyond its tool code. Raising it widens the "
-        "sigma of first stations; set it for a collar known to be magnetic.",
-        low=0.0,
-        high=0.5,
-        expert=True,
-    )
     external_field: float = setting(
         0.05,
         "Probability, before any reading, that steel outside the string disturbs a station. Raise it beside other "
         "wells: stations are doubted by smaller deviations.",
         low=0.0,
         high=0.5,
-        expert=True,
-    )
-    wrong_reference: float = setting(
-        0.12,
-        "Probability, before any reading, that the reference is far off or a magnetic storm blows. Raise it where the "
-        "model is old or the crust is magnetic.",
-        low=0.0,
-        high=0.5,
-        expert=True,
-    )
-    max_gyro_sigma_deg: float = setting(
-        20.0,
-        "A gyro azimuth with a larger sigma is refused. Raising it shows less certain ones; they hardly weigh.",
-        unit="deg",
-        low=0.1,
-        high=90.0,
         expert=True,
     )
 
@@ -224,7 +163,8 @@ class Attitude:
 class Dynamics:
     """The summary of drilling dynamics."""
 
-    period_s: float = setting(1.0, "Interval between summaries.", unit="s", low=0.1, high=60.0, expert=True)
+    FORMER: ClassVar[Mapping[str, str]] = former("dynamics")
+
     shock_threshold: float = setting(
         25.0 * STANDARD_GRAVITY,
         "Acceleration that counts as a shock, gravity left out. Raising it counts fewer shocks; use the limit of the "
@@ -242,6 +182,7 @@ class Health:
     watch: bool = setting(
         True,
         "Check the sensors and leave faulty ones out. Switch it off only to see what the checks change.",
+        expert=True,
     )
 
 
@@ -249,24 +190,8 @@ class Health:
 class EstimatorSettings:
     """Everything that can be set about the estimator."""
 
-    # Blocks of before, and where their parameters are now.
-    FORMER: ClassVar[Mapping[str, str]] = {
-        "method": "gravity.method",
-        "reference": "place",
-        "azimuth": "attitude, tool.magnetometer.delay_s and tool.latency_s",
-        "carried": "attitude and tool.gyro",
-        "interference": "tool.possible_axial_nt",
-        "station": "survey, verdict and tool",
-        "gyro": "tool.precision, survey.gyro_method and place.lat_deg",
-        "multistation": "part of every survey; its priors are in verdict",
-        "north": "survey.north_seek_s and tool.gyro",
-        "rotary": "survey.rotary_s",
-        "fusion": "verdict",
-        "tool.calibration_mrad": "part of tool.accelerometer (bias_ug, scale_ppm, misalignment_mrad)",
-        **{f"survey.{name}": now for name, now in Survey.FORMER.items()},
-        **{f"verdict.{name}": now for name, now in Verdict.FORMER.items()},
-        **dict.fromkeys(gravity.METHODS, "gravity.expert and tool"),
-    }
+    FORMER: ClassVar[Mapping[str, str]] = FORMER
+    CONSTANT: ClassVar[Mapping[str, Any]] = CONSTANT
 
     tool: Tool = setting(Tool, "The tool: sensors, calibration and alignment")
     place: Place = setting(Place, "The place of the well, its magnetic field and gravity")

@@ -6,8 +6,11 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import math
+from collections.abc import Mapping
+from typing import ClassVar
 
 from mwd_estimation.core.reference_field import Reference, from_field
+from mwd_estimation.settings.former import former
 from mwd_sensors.core import earth
 from mwd_sensors.core.settings import SettingsError, setting
 
@@ -15,6 +18,8 @@ from mwd_sensors.core.settings import SettingsError, setting
 @dataclasses.dataclass(frozen=True)
 class Place:
     """Where the well is, and the Earth's field and gravity there."""
+
+    FORMER: ClassVar[Mapping[str, str]] = former("place")
 
     field: str = setting(
         "none",
@@ -71,15 +76,31 @@ class Place:
         "",
         "Name of the field model behind the fixed field: IFR1, IFR2, HDGM or any other. With a name all three sigmas "
         "below must be given and replace those of survey.tool_code; without one they must be 0.",
+        expert=True,
     )
     sigma_total_nt: float = setting(
-        0.0, "Strength of the named field, 1 sigma, from its certificate.", unit="nT", low=0.0, high=5000.0
+        0.0,
+        "Strength of the named field, 1 sigma, from its certificate.",
+        unit="nT",
+        low=0.0,
+        high=5000.0,
+        expert=True,
     )
     sigma_dip_deg: float = setting(
-        0.0, "Dip of the named field, 1 sigma, from its certificate.", unit="deg", low=0.0, high=10.0
+        0.0,
+        "Dip of the named field, 1 sigma, from its certificate.",
+        unit="deg",
+        low=0.0,
+        high=10.0,
+        expert=True,
     )
     sigma_declination_deg: float = setting(
-        0.0, "Declination of the named field, 1 sigma, from its certificate.", unit="deg", low=0.0, high=20.0
+        0.0,
+        "Declination of the named field, 1 sigma, from its certificate.",
+        unit="deg",
+        low=0.0,
+        high=20.0,
+        expert=True,
     )
     convergence_deg: float = setting(
         0.0,
@@ -102,6 +123,7 @@ class Place:
         "",
         "File of a magnetic observatory near the well, IAGA-2002 format; empty: none. Its disturbance is added to the "
         "reference at the time of each survey; the file is read again when it has changed.",
+        expert=True,
     )
     observatory_share: float = setting(
         0.2,
@@ -109,15 +131,6 @@ class Place:
         "surveys in a storm. Raise it with the distance and at auroral latitudes.",
         low=0.0,
         high=2.0,
-        expert=True,
-    )
-    storm_nt: float = setting(
-        100.0,
-        "Disturbance at the observatory from which surveys are marked as taken in a magnetic storm. Raising it marks "
-        "fewer.",
-        unit="nT",
-        low=1.0,
-        high=10000.0,
         expert=True,
     )
 

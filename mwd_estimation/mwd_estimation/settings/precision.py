@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
+from mwd_estimation.settings.former import former
 from mwd_sensors.core.settings import setting
 
 Vector = tuple[float, float, float]
@@ -14,6 +17,8 @@ Vector = tuple[float, float, float]
 class PrecisionGyro:
     """Gyros of the high-precision unit, 1 sigma; the figures are a tactical MEMS unit's."""
 
+    FORMER: ClassVar[Mapping[str, str]] = former("tool.precision.gyro")
+
     range_deg_s: Vector = setting(
         (100.0, 100.0, 100.0),
         "Largest rate that each axis reads; the smallest of the three counts. Too large, and clipped rates turn the "
@@ -21,6 +26,7 @@ class PrecisionGyro:
         unit="deg/s",
         low=0.1,
         high=2e6,
+        expert=True,
     )
     noise_deg_sqrt_h: float = setting(
         0.0,
@@ -29,6 +35,7 @@ class PrecisionGyro:
         unit="deg/sqrt(h)",
         low=0.0,
         high=10.0,
+        expert=True,
     )
     bias_deg_h: float = setting(
         5.0,
@@ -43,16 +50,6 @@ class PrecisionGyro:
         "stated: the bias is drawn with the sigma above; at_most: with that or less, as the fit to the latitude "
         "shows. Use stated where the sigma is measured.",
         choices=("stated", "at_most"),
-        expert=True,
-    )
-    ramp_per_h: float = setting(
-        0.6,
-        "Ramp of the bias where the tool warms up or cools, 1 sigma, as a share of the bias in an hour. Raising it "
-        "widens the sigma of a gyro azimuth whose bias was found at an earlier station. Lower it for a unit "
-        "compensated for temperature.",
-        unit="1/h",
-        low=0.0,
-        high=1e3,
         expert=True,
     )
     walk_deg_h_sqrt_h: float = setting(
@@ -95,36 +92,6 @@ class PrecisionGyro:
         unit="deg/h/g",
         expert=True,
     )
-    delay_ms: float = setting(
-        2.0,
-        "Delay behind the conventional unit that is not corrected for. Raising it widens sigma in a turning string.",
-        unit="ms",
-        low=0.0,
-        high=100.0,
-        expert=True,
-    )
-
-
-@dataclass(frozen=True)
-class PrecisionAccelerometer:
-    """Accelerometers of the high-precision unit."""
-
-    noise_ug_sqrt_hz: float = setting(
-        30.0,
-        "White noise. Raising it gives the unit's own gravity less weight in a north seek.",
-        unit="ug/sqrt(Hz)",
-        low=0.01,
-        high=1e4,
-        expert=True,
-    )
-    bias_ug: float = setting(
-        200.0,
-        "Bias of each axis, 1 sigma. Raising it widens the sigma of a gyro azimuth slightly.",
-        unit="ug",
-        low=0.0,
-        high=1e5,
-        expert=True,
-    )
 
 
 @dataclass(frozen=True)
@@ -132,4 +99,3 @@ class PrecisionUnit:
     """The high-precision inertial unit (topic gyro/data_raw); a tool without one needs nothing set here."""
 
     gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros")
-    accelerometer: PrecisionAccelerometer = setting(PrecisionAccelerometer, "Accelerometers")

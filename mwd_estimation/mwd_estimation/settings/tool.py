@@ -7,8 +7,11 @@ Names and units are those of the simulator's grades, so that a grade file is a v
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
+from mwd_estimation.settings.former import former
 from mwd_estimation.settings.precision import PrecisionUnit, Vector
 from mwd_sensors.core.mount import MountSettings
 from mwd_sensors.core.settings import setting
@@ -17,6 +20,8 @@ from mwd_sensors.core.settings import setting
 @dataclass(frozen=True)
 class Gyro:
     """Gyros of the conventional unit, 1 sigma unless stated otherwise."""
+
+    FORMER: ClassVar[Mapping[str, str]] = former("tool.gyro")
 
     range_deg_s: Vector = setting(
         (2000.0, 2000.0, 2000.0),
@@ -33,29 +38,13 @@ class Gyro:
         unit="deg/sqrt(h)",
         low=0.0,
         high=100.0,
+        expert=True,
     )
     bias_deg_h: float = setting(
         400.0,
         "Bias that may remain, 1 sigma. Raising it slows the convergence of the azimuth that the gyros carry. From "
         "the data sheet (turn-on bias).",
         unit="deg/h",
-        low=0.0,
-        high=1e5,
-    )
-    walk_deg_h_sqrt_h: float = setting(
-        10.0,
-        "Random walk of the bias (rate random walk). Raising it widens sigma after long stretches without a "
-        "magnetic azimuth.",
-        unit="deg/h/sqrt(h)",
-        low=0.0,
-        high=1e4,
-        expert=True,
-    )
-    scale_ppm: float = setting(
-        5000.0,
-        "Scale error of the x gyro while it replaces the precision unit's in a north seek. Raising it widens the "
-        "sigma of a seek in a turning string.",
-        unit="ppm",
         low=0.0,
         high=1e5,
         expert=True,
@@ -75,15 +64,6 @@ class Gyro:
         unit="deg/h/g",
         low=0.0,
         high=1e4,
-        expert=True,
-    )
-    delay_ms: float = setting(
-        0.5,
-        "Delay of the rates behind gravity that is not corrected for. Raising it widens the azimuth's sigma in a "
-        "turning string.",
-        unit="ms",
-        low=0.0,
-        high=100.0,
         expert=True,
     )
 
@@ -108,6 +88,7 @@ class Accelerometer:
         unit="ug",
         low=0.0,
         high=1e5,
+        expert=True,
     )
     bias_ug_per_c: float = setting(
         10.0,
@@ -164,6 +145,7 @@ class Magnetometer:
         unit="nT",
         low=0.0,
         high=10000.0,
+        expert=True,
     )
     bias_nt_per_c: float = setting(
         1.0,
@@ -198,6 +180,8 @@ class Magnetometer:
 class Tool:
     """What the tool's sensors can do and how the tool lies in the hole; the only place where it is set."""
 
+    FORMER: ClassVar[Mapping[str, str]] = former("tool")
+
     gyro: Gyro = setting(Gyro, "Gyros of the conventional (AHRS) unit")
     accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit")
     magnetometer: Magnetometer = setting(Magnetometer, "Magnetometer")
@@ -217,6 +201,7 @@ class Tool:
         unit="degC",
         low=-273.0,
         high=300.0,
+        expert=True,
     )
     calibrated_high_c: float = setting(
         175.0,
@@ -225,14 +210,6 @@ class Tool:
         unit="degC",
         low=-273.0,
         high=1000.0,
-    )
-    lever_m: float = setting(
-        0.03,
-        "Distance of the accelerometers from the tool axis or another point that stays, 1 sigma. Raising it lets the "
-        "filter explain more force by rotation and slows its start.",
-        unit="m",
-        low=1e-4,
-        high=5.0,
         expert=True,
     )
     latency_s: float = setting(
@@ -270,41 +247,14 @@ class Tool:
     assembly_file: str = setting(
         "",
         "YAML of the bottom-hole assembly; its sag is computed and added to the inclination, and its sigma_sag_deg "
-        "replaces sag_deg. Empty: as set below. `mwd sag` shows the correction.",
+        "is that of surveys. Empty: as set below. `mwd sag` shows the correction.",
     )
     sag_correction_deg: float = setting(
         0.0,
         "Sag of the assembly in a horizontal hole; times the sine of the inclination it is added to the inclination. "
-        "From a sag model of the assembly.",
+        "Setting it lowers the sigma of the sag (SAGE) from 0.2 to 0.08 deg. From a sag model of the assembly.",
         unit="deg",
         low=-5.0,
-        high=5.0,
-        expert=True,
-    )
-    sag_deg: float = setting(
-        0.2,
-        "Sag that is not corrected, in a horizontal hole, 1 sigma (SAGE). Raising it widens the inclination's sigma. "
-        "Lower it where a sag correction is set.",
-        unit="deg",
-        low=0.0,
-        high=5.0,
-        expert=True,
-    )
-    misalignment_deg: float = setting(
-        0.1,
-        "Tool axis against hole axis, each way, the same all along the run, 1 sigma (XYM1, XYM2). Raising it widens "
-        "the sigmas of surveys.",
-        unit="deg",
-        low=0.0,
-        high=5.0,
-        expert=True,
-    )
-    course_misalignment_deg: float = setting(
-        0.3,
-        "Hole axis at a station against the mean hole, another at each station, 1 sigma (XYM3E, XYM4E). Raising it "
-        "widens the sigmas of surveys.",
-        unit="deg",
-        low=0.0,
         high=5.0,
         expert=True,
     )

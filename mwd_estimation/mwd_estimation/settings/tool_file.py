@@ -12,7 +12,7 @@ from typing import Any
 from mwd_estimation.settings.precision import PrecisionUnit
 from mwd_estimation.settings.tool import Tool
 from mwd_sensors.core.input_files import read_yaml
-from mwd_sensors.core.settings import SettingsError, unknown_key
+from mwd_sensors.core.settings import SettingsError, former_names, unknown_key
 
 TUMBLE_MRAD = 0.1  # what a tumble calibration leaves of the directions of the axes
 # Terms of a grade that a simulated sensor has and that not every block here asks for.
@@ -22,6 +22,9 @@ _SIMULATED_ONLY = {
         "bandwidth_hz",
         "instability_deg_h",
         "instability_s",
+        "walk_deg_h_sqrt_h",
+        "scale_ppm",
+        "delay_ms",
         "bias_deg_h_per_c",
         "scale_ppm_per_c",
         "g2_deg_h_g2",
@@ -92,5 +95,5 @@ def used(table: Mapping[str, Any], unit: type[Any], where: str = "") -> dict[str
             block = dataclasses.is_dataclass(hints[name]) and isinstance(value, Mapping)
             kept[name] = used(value, hints[name], name) if block else value
         elif name not in simulated:
-            raise SettingsError(unknown_key(str(name), sorted(known | simulated), where))
+            raise SettingsError(unknown_key(str(name), sorted(known | simulated), where, former_names(unit)))
     return kept

@@ -110,7 +110,7 @@ components = st.floats(-2e-6, 2e-6)
 
 @given(disturbance=st.tuples(components, components, components))
 def test_the_reference_becomes_the_vector_sum(disturbance):
-    got = with_external(REFERENCE, np.array(disturbance), 0.2, 1e-7, "observatory TST")
+    got = with_external(REFERENCE, np.array(disturbance), 0.2, "observatory TST")
     before = REFERENCE.horizontal * np.array([math.cos(REFERENCE.declination), math.sin(REFERENCE.declination)])
     after = got.horizontal * np.array([math.cos(got.declination), math.sin(got.declination)])
     assert (*(after - before), got.vertical - REFERENCE.vertical) == pytest.approx(disturbance, abs=1e-15)
@@ -121,9 +121,9 @@ def test_the_reference_becomes_the_vector_sum(disturbance):
 def test_sigma_of_what_the_well_does_not_share_is_that_of_random_vectors():
     rng = np.random.default_rng(11)
     disturbance = np.array([-3e-7, 1e-7, 1e-7])
-    got = with_external(REFERENCE, disturbance, 0.5, 1e-7, "observatory TST")
+    got = with_external(REFERENCE, disturbance, 0.5, "observatory TST")
     left = rng.normal(0.0, 0.5 * np.linalg.norm(disturbance) / math.sqrt(3.0), (40000, 3))
-    drawn = [with_external(got, one, 0.0, 1e-7, "") for one in left]
+    drawn = [with_external(got, one, 0.0, "") for one in left]
     for name, sigma in (("total", "sigma_total"), ("dip", "sigma_dip")):
         added = math.sqrt(getattr(got, sigma) ** 2 - getattr(REFERENCE, sigma) ** 2)
         assert np.std([getattr(one, name) for one in drawn]) == pytest.approx(added, rel=0.02)
@@ -134,4 +134,4 @@ def test_sigma_of_what_the_well_does_not_share_is_that_of_random_vectors():
 
 def test_without_declination_the_reference_stays_as_it_is():
     magnetic = Reference(total=5e-5, dip=1.25)
-    assert with_external(magnetic, np.full(3, 1e-7), 0.2, 1e-7, "TST") is magnetic
+    assert with_external(magnetic, np.full(3, 1e-7), 0.2, "TST") is magnetic

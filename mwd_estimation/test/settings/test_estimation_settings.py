@@ -12,6 +12,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
 from mwd_estimation.settings import derivation, tool_file
 from mwd_estimation.settings.estimator import EstimatorSettings, Gravity, latitude_of
+from mwd_estimation.settings.former import CONSTANT
 from mwd_estimation.settings.place import Place, reference_of
 from mwd_estimation.settings.precision import PrecisionUnit
 from mwd_estimation.settings.tool import Tool
@@ -91,7 +92,7 @@ def test_a_grade_file_of_the_simulator_is_a_valid_tool_file(grade, unit):
     given, used = yaml.safe_load(grade.read_text()), tool_file.from_file(grade, unit)
     tool = from_mapping(unit, used)
     assert list(tool.gyro.range_deg_s) == given["gyro"]["range_deg_s"]
-    for triad in ("gyro", "accelerometer"):
+    for triad in set(used) & {"gyro", "accelerometer"}:
         for name, value in used[triad].items():
             assert value == given[triad].get(name, tool_file.TUMBLE_MRAD), name
     assert not (set(used) - {"gyro", "accelerometer", "magnetometer"})
@@ -177,6 +178,10 @@ def test_only_the_parameters_of_the_selected_gravity_method_are_there():
         ("fusion.disagreement_sigmas", "fusion is now verdict"),
         ("verdict.unconfirmed", "a gyro that cannot confirm is no reason to doubt"),
         ("survey.azimuth_method", "decided by the posterior of the azimuth"),
+        ("survey.rotary_s", "a constant (30.0)"),
+        ("survey.max_rate", "survey.max_rate is now survey.motion"),
+        ("tool.sag_deg", "derived: 0.2 deg, or 0.08"),
+        ("tool.gyro.delay_ms", "a constant (0.5)"),
     ],
 )
 def test_a_former_name_is_refused_and_the_new_one_named(old, new):
@@ -185,9 +190,76 @@ def test_a_former_name_is_refused_and_the_new_one_named(old, new):
     assert new in str(refused.value)
 
 
-def test_a_former_block_in_a_file_is_refused_and_the_new_one_named():
-    with pytest.raises(SettingsError, match="reference is now place"):
-        from_mapping(EstimatorSettings, {"reference": {"lat_deg": 50.0}})
+@pytest.mark.parametrize(
+    ("table", "now"),
+    [
+        ({"reference": {"lat_deg": 50.0}}, "reference is now place"),
+        ({"tool": {"lever_m": 0.05}}, "lever_m is now a constant"),
+        ({"tool": {"precision": {"gyro": {"ramp_per_h": 0.1}}}}, "ramp_per_h is now a constant"),
+        ({"verdict": {"magnetised_string": 0.1}}, "tool.axial_interference_nt"),
+        ({"transmit": {"continuous_s": 5.0}}, "continuous_s is now a constant"),
+    ],
+)
+def test_a_former_name_in_a_file_is_refused_and_what_took_its_place_named(table, now):
+    with pytest.raises(SettingsError, match=now):
+        from_mapping(EstimatorSettings, table)
+
+
+def test_a_former_name_in_a_tool_file_is_refused_and_what_took_its_place_named(tmp_path):
+    file = tmp_path / "tool.yaml"
+    file.write_text("sag_deg: 0.1")
+    with pytest.raises(SettingsError, match=r"sag_deg is now derived"):
+        tool_file.from_file(file)
+
+
+def test_constants_are_what_the_filters_have_and_no_parameters():
+    assert not set(CONSTANT) & set(flat(EstimatorSettings()))
+    usual, errors = derivation.gyro_azimuth_params(EstimatorSettings()), SensorErrors()
+    seek, still = derivation.gyrocompass_params(EstimatorSettings()).unit, derivation.still_params(EstimatorSettings())
+    priors = derivation.station_params(EstimatorSettings()).priors
+    assert {name: value for name, value in CONSTANT.items() if name.startswith(("tool", "verdict", "survey.max"))} == {
+        "tool.gyro.walk_deg_h_sqrt_h": usual.conventional.walk_deg_h_rth,
+        "tool.gyro.scale_ppm": derivation.north_params(EstimatorSettings()).x_scale_ppm,
+        "tool.gyro.delay_ms": usual.conventional.lag_ms,
+        "tool.precision.gyro.ramp_per_h": seek.gyro_ramp_deg_h2 / seek.gyro_bias_deg_h,
+        "tool.precision.gyro.delay_ms": usual.precision.lag_ms,
+        "tool.precision.accelerometer.noise_ug_sqrt_hz": seek.accel_noise_ug_rthz,
+        "tool.precision.accelerometer.bias_ug": seek.accel_bias_ug,
+        "tool.lever_m": derivation.gravity_params(EstimatorSettings(), None).lever_sigma,
+        "tool.misalignment_deg": errors.misalignment_deg,
+        "tool.course_misalignment_deg": errors.course_misalignment_deg,
+        "tool.sag_deg": errors.sag_deg,
+        "survey.max_rate": still.max_rate,
+        "survey.max_rate_noise": still.max_rate_noise,
+        "survey.max_force_noise": still.max_force_noise,
+        "verdict.magnetised_string": priors.axial,
+        "verdict.wrong_reference": priors.reference,
+        "verdict.max_gyro_sigma_deg": seek.worst_sigma_deg,
+    }
+
+
+def test_a_user_has_few_parameters_to_read():
+    rules = [rule for _, rule in flat(EstimatorSettings()).values()]
+    assert len(rules) <= 90
+    assert sum(not rule.expert for rule in rules) <= 25
+
+
+def test_the_walk_of_a_gyros_bias_follows_its_bias():
+    usual = derivation.gyro_azimuth_params(EstimatorSettings()).conventional
+    half = derivation.gyro_azimuth_params(changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 200.0})).conventional
+    assert (half.walk_deg_h_rth, half.lag_ms) == (0.5 * usual.walk_deg_h_rth, usual.lag_ms)
+
+
+def test_a_survey_may_move_as_much_as_is_set():
+    usual = derivation.still_params(EstimatorSettings())
+    more = derivation.still_params(changed(EstimatorSettings(), {"survey.motion": 2.0}))
+    for name in ("max_rate", "max_rate_noise", "max_force_noise"):
+        assert getattr(more, name) == 2.0 * getattr(usual, name)
+
+
+def test_a_sag_correction_leaves_the_sigma_of_a_corrected_sag():
+    corrected = changed(EstimatorSettings(), {"tool.sag_correction_deg": 0.3})
+    assert derivation.sensor_errors(corrected).sag_deg == 0.08
 
 
 def test_every_parameter_says_what_raising_or_setting_it_does():

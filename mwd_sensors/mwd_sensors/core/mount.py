@@ -86,10 +86,12 @@ class MountSettings:
         AS_IMU,
         "As mount.imu, of the magnetometer; as imu: in the axes of the conventional unit, or turned into them by the "
         "static transforms where its messages name another frame.",
+        expert=True,
     )
     precision: str = setting(
         AS_IMU,
         "As mount.mag, of the high-precision unit.",
+        expert=True,
     )
     accelerometer: str = setting(
         "up",

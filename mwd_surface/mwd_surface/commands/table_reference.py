@@ -21,7 +21,7 @@ _UNUSED = {
     "model": ("total_nt", "dip_deg", "declination_deg", "convergence_deg", "gravity_mps2"),
 }
 # Settings that count beside a field of the table's own columns too.
-_ANY_FIELD = ("field", "observatory_file", "observatory_share", "storm_nt")
+_ANY_FIELD = ("field", "observatory_file", "observatory_share")
 
 
 @dataclasses.dataclass(frozen=True)

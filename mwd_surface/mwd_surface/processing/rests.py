@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 
-from mwd_estimation.settings.estimator import Survey
+from mwd_estimation.survey.static_survey import Params
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -18,7 +18,7 @@ class Rests:
     """
     Counts the intervals at rest, taken block by block, by the limits of a survey.
 
-    survey : settings of the surveys.
+    params : of surveys in still intervals.
 
     Attributes
     ----------
@@ -28,8 +28,8 @@ class Rests:
         Longest interval.
     """
 
-    def __init__(self, survey: Survey | None = None) -> None:
-        self._survey = survey or Survey()
+    def __init__(self, params: Params | None = None) -> None:
+        self._params = params or Params()
         self.count = 0
         self.longest_s = 0.0
         self._still_s = 0.0
@@ -47,7 +47,7 @@ class Rests:
 
     def _close(self, values: Array) -> None:
         """Judge half a second."""
-        limit = self._survey
+        limit = self._params
         mean, noise = values.mean(axis=0), values.std(axis=0)
         turns = np.linalg.norm(mean[:3]) > limit.max_rate or noise[:3].max() > limit.max_rate_noise
         if turns or noise[3:].max() > limit.max_force_noise or not np.isfinite(mean).all():

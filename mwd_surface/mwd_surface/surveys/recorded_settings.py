@@ -156,12 +156,14 @@ def _settings(usual: S, table: Mapping[str, str] | None, remarks: list[str], *, 
     if not table:
         return None
     known = settings.flat(usual)
+    # What is a constant now: the value that it has always had is none to speak of.
+    constant = getattr(type(usual), "CONSTANT", {})
     changes: dict[str, Any] = {}
     unknown = []
     for name, text in table.items():
         if name in known:
             changes[name] = _value(text, known[name][0])
-        elif "." in name and not sections:
+        elif "." in name and not sections and _value(text, None) != constant.get(name, object()):
             unknown.append(name)
     # A choice may bring settings of its own, which are known once it is made.
     try:

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Parameters of before: where they are now, or the value that each has kept as a constant.
+
+Recordings and files of earlier versions have them: a name here is refused with a sentence, and a recorded value that is
+the constant's needs no remark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+# Parameters that are constants now, with the value that each had by default. In brackets: what brings the number.
+CONSTANT: Mapping[str, float] = {
+    "tool.gyro.walk_deg_h_sqrt_h": 10.0,  # in proportion to the bias (derivation.py)
+    "tool.gyro.scale_ppm": 5000.0,  # of an x gyro that a tumble calibration has not reached (SessionParams)
+    "tool.gyro.delay_ms": 0.5,  # filters of two sensors of one unit (gyro_azimuth.CONVENTIONAL)
+    "tool.precision.gyro.ramp_per_h": 0.6,  # in proportion to the bias (derivation.py)
+    "tool.precision.gyro.delay_ms": 2.0,  # (gyro_azimuth.TACTICAL)
+    "tool.precision.accelerometer.noise_ug_sqrt_hz": 30.0,  # (SeekParams)
+    "tool.precision.accelerometer.bias_ug": 200.0,  # (gyro_params.TACTICAL)
+    "tool.lever_m": 0.03,  # half the bore of a collar (bounded.Params)
+    "tool.misalignment_deg": 0.1,  # XYM1, XYM2 of the ISCWSA MWD code (SensorErrors), or those of survey.tool_code
+    "tool.course_misalignment_deg": 0.3,  # XYM3E, XYM4E, likewise
+    "tool.sag_deg": 0.2,  # SAGE, likewise; 0.08 with a sag correction
+    "place.storm_nt": 100.0,  # (external_field.py)
+    "survey.rotary_s": 30.0,  # a request may name another
+    "survey.north_seek_s": 120.0,  # likewise
+    "survey.max_rate": 0.03,  # survey.motion multiplies this and the next two
+    "survey.max_rate_noise": 0.03,
+    "survey.max_force_noise": 0.25,
+    "verdict.magnetised_string": 0.3,  # (hypotheses.Priors)
+    "verdict.wrong_reference": 0.12,  # likewise
+    "verdict.max_gyro_sigma_deg": 20.0,  # beyond it an azimuth hardly weighs (SeekParams)
+    "dynamics.period_s": 1.0,  # (drilling_dynamics.Params)
+    "transmit.continuous_s": 10.0,  # (transmitter.py)
+}
+
+# Other names, blocks of before among them, and what does their work now.
+FORMER: Mapping[str, str] = {
+    "method": "gravity.method",
+    "reference": "place",
+    "azimuth": "attitude, tool.magnetometer.delay_s and tool.latency_s",
+    "carried": "attitude and tool.gyro",
+    "interference": "tool.possible_axial_nt",
+    "station": "survey, verdict and tool",
+    "gyro": "tool.precision, survey.gyro_method and place.lat_deg",
+    "multistation": "part of every survey; its priors are constants",
+    "north": "the duration of a request, and tool.gyro",
+    "rotary": "the duration of a request",
+    "fusion": "verdict",
+    "tool.calibration_mrad": "part of tool.accelerometer (bias_ug, scale_ppm, misalignment_mrad)",
+    "survey.azimuth_method": (
+        "decided by the posterior of the azimuth; raw and corrected stay beside it for comparison"
+    ),
+    "survey.multi_station": "part of every survey",
+    "verdict.disagreement_sigmas": "decided by the posterior of the azimuth; see verdict.far_probability",
+    "verdict.max_gyro_alone_sigma_deg": "verdict.far_deg",
+    "verdict.unconfirmed": "not needed: a gyro that cannot confirm is no reason to doubt",
+    "verdict.max_correction_sigma_deg": "verdict.far_deg",
+    "verdict.sigma_factor": "decided by the probability of a large error; see verdict.far_deg",
+    "verdict.least_sigma_deg": "verdict.far_deg: with the default probability its sigma is a third of it",
+    **dict.fromkeys(("bounded", "s3", "mahony", "kalman", "raw"), "gravity.expert and tool"),
+    **{name: f"a constant ({value})" for name, value in CONSTANT.items()},
+    **dict.fromkeys(("survey.max_rate", "survey.max_rate_noise", "survey.max_force_noise"), "survey.motion"),
+    "verdict.magnetised_string": "a constant (0.3); tool.axial_interference_nt tells of a magnetic string",
+    "tool.sag_deg": "derived: 0.2 deg, or 0.08 with tool.sag_correction_deg or tool.assembly_file",
+}
+
+
+def former(block: str) -> dict[str, str]:
+    """What is said of the former names of a block, by their names in it."""
+    return {name.removeprefix(f"{block}."): now for name, now in FORMER.items() if name.startswith(f"{block}.")}
