@@ -14,6 +14,7 @@ axis that was beyond its range within the sample has the sigma `CLIPPED`, wider 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from typing import NamedTuple
 
@@ -146,7 +147,7 @@ def judge(samples: Samples, type_name: str) -> Judged:
         stated = f"{vector}_covariance"
         if vector not in names or stated not in names or not len(samples):
             continue
-        covariance: NDArray[np.float64] = np.asarray(samples[stated])
+        covariance: NDArray[np.float64] = np.asarray(samples[stated], dtype=np.float64)
         if not covariance.any():
             continue
         absent = not_provided(samples, vector)
@@ -157,7 +158,8 @@ def judge(samples: Samples, type_name: str) -> Judged:
         else:
             # Nearly every driver states the same in all messages.
             same = bool((covariance == covariance[0]).all())
-            if not bool(_credible(covariance[:1] if same else covariance, widest).all()):
+            credible = _credible_row(covariance[0].tobytes(), widest) if same else _credible(covariance, widest).all()
+            if not credible:
                 notes[vector] = UNBELIEVABLE
     return Judged(samples, notes)
 
@@ -191,6 +193,12 @@ def clipped(samples: Samples, vector: str) -> NDArray[np.bool_]:
 def mark_clipped(samples: Samples, vector: str, axes: NDArray[np.bool_]) -> None:
     """Say in the covariance of samples, changed in place, which axes were beyond their range; shape (n, 3)."""
     samples[f"{vector}_covariance"][:, ::4][axes] = CLIPPED[vector] ** 2
+
+
+@functools.lru_cache(maxsize=64)
+def _credible_row(covariance: bytes, widest: float) -> bool:
+    """Whether one covariance, the bytes of its nine numbers, is credible; remembered, for it comes with every block."""
+    return bool(_credible(np.frombuffer(covariance, dtype=np.float64)[None], widest)[0])
 
 
 def _credible(covariance: NDArray[np.float64], widest: float) -> NDArray[np.bool_]:
