@@ -12,6 +12,7 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation.attitude.block import BinEvent, MagneticModelInForce
 from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
@@ -32,6 +33,7 @@ from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage, StillSurvey
 from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.survey import Survey
+from mwd_estimation.survey.turning_string import TurningString
 
 
 @dataclasses.dataclass
@@ -87,15 +89,22 @@ class BinStage:
         self.precision = PrecisionUnit(settings)
         self.streams = SideStreams()
         self.still = StillSurvey(derivation.still_params(settings))
+        self.turning = TurningString()
         self.decision = SurveyDecision(derivation.station_params(settings), faults)
         self._observatory = Observatory(settings.place)
         self._binner = Binner(6, BIN_NS)
         self._waiting: list[Bin] = []
         self._sensors_usable = True
 
-    def close_bins(self, stretch: Stretch, output: Output) -> Bins:
-        """Close the bins that end within a stretch; refusals, faults and results of requests go to the output."""
+    def close_bins(self, stretch: Stretch, clipped: NDArray[np.uint8], output: Output) -> Bins:
+        """
+        Close the bins that end within a stretch; refusals, faults and results of requests go to the output.
+
+        clipped: flags of its samples, as `clip_flags.of`.
+        """
         values = np.hstack([stretch.gyro, stretch.accel])
+        unsure = (stretch.suspect | np.uint8(stretch.unusable) | clipped) != 0
+        self.turning.take_imu(stretch.stamps, stretch.gyro[:, 0], stretch.accel, unsure)
         self.requests.take_rates(stretch.stamps, stretch.gyro)
         self.precision.compare(stretch.stamps, values, stretch.suspect | np.uint8(stretch.unusable))
         self._sensors_usable = not stretch.unusable
@@ -152,6 +161,7 @@ class BinStage:
         end_ns = (imu.index + 1) * BIN_NS
         gyro = self.precision.station
         beside = self.streams.beside(imu)
+        self.turning.close(imu.index)
         result = self.still.add(beside, gyro.pending() if self.still.complete else None)
         # What the gyro had found before this bin, which ended the interval.
         so_far = gyro.solution() if isinstance(result, StillAverage) and result.moved else None
@@ -178,7 +188,8 @@ class BinStage:
     def _survey(self, still: StillAverage, found: Solution | None) -> Provisional:
         """Begin the survey of a still interval; what it shows of the field is used from here on."""
         number = self._numbering.next()
-        taken = self.decision.begin(still, number, self._reference(still), found, usable=self._sensors_usable)
+        reference, turning = self._reference(still), self.turning.found
+        taken = self.decision.begin(still, number, reference, found, turning, usable=self._sensors_usable)
         if taken.sound:
             self._field.take(taken.survey, taken.shared)
         return taken

@@ -149,6 +149,7 @@ class Estimate:
         if len(stamps):
             self.watch.mag_used(int(stamps[0]))
         self.bin_stage.streams.add("mag", stamps, b_t)
+        self.bin_stage.turning.take_mag(stamps, b_t)
         self._attitude.take_mag(stamps - self.mag_late_ns, b_t)
         self._delay.take_mag(stamps - self.mag_late_ns, b_t)
 
@@ -218,7 +219,7 @@ class Estimate:
         given = followed.part(stretch.part) if followed is not None else None
         track = self._gravity.run(unusable, stamps, stretch.gyro, accel, clipped[stretch.part], given)
         # Bins, and surveys begun in them.
-        bins = self.bin_stage.close_bins(stretch, output)
+        bins = self.bin_stage.close_bins(stretch, clipped[stretch.part], output)
         # Attitude.
         self._delay.take(stamps, track.g_t)
         gyro = without_faulty(unusable, stretch.gyro)

@@ -33,6 +33,7 @@ from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.survey import ROTARY, STATIC, Survey
+from mwd_estimation.survey.turning_string import Turning
 from mwd_estimation.survey.verdict import judged, without_toolface
 from mwd_sensors.core.arrays import Array
 
@@ -143,6 +144,7 @@ class SurveyDecision:
         sequence: int,
         reference: Reference | None,
         gyro: Solution | None,
+        turning: Turning | None = None,
         *,
         usable: bool = True,
     ) -> Provisional:
@@ -157,12 +159,14 @@ class SurveyDecision:
         reference : Reference or None
         gyro : Solution or None
             North found with the precision unit, or why there is none; None without such a unit.
+        turning : Turning or None
+            What the string has shown while it turned.
         usable : bool
             Whether all sensors are in order: else the station is not counted among those of the run.
         """
         average = self._faults.readable(average)
         one = _measured(average, reference, self._settings)
-        taken = Taken(one, average.end_ns / _NS_PER_HOUR, gyro)
+        taken = Taken(one, average.end_ns / _NS_PER_HOUR, gyro, turning)
         finding = self._run.take(*taken, learn=usable)
         survey = _survey(average, sequence, self._decided(one, finding, gyro), _weights(finding, gyro))
         against = self._faults.against(survey)

@@ -20,6 +20,7 @@ from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.run_model import RunModel
 from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.station_settings import StationSettings
+from mwd_estimation.survey.turning_string import Turning
 
 # Probability of an external field from which the others of the run speak against a station.
 _OUTLIER = 0.5
@@ -28,11 +29,16 @@ _MOVED = math.radians(0.05)
 
 
 class Taken(NamedTuple):
-    """A station as a run takes it in: readings, when, h from anywhere (nan: not known), and north by a gyro."""
+    """
+    A station as a run takes it in.
+
+    Readings, when, h from anywhere (nan: not known), north by a gyro, and what the string showed while it turned.
+    """
 
     measured: Measured
     hours: float = math.nan
     gyro: Solution | None = None
+    turning: Turning | None = None
 
 
 def findings(

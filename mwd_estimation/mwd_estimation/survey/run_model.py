@@ -27,6 +27,7 @@ from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.posterior.run_filter import RunFilter, State
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
+from mwd_estimation.survey.turning_string import Across, Turning
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
@@ -38,6 +39,8 @@ _LEAST_LASTING = 1e-3
 _ELSEWHERE = 1e-6, math.radians(2.0)
 # Two stations whose gravity and field lie nearer to each other in tool axes than this, rad, are at one attitude.
 _STAYED = math.radians(0.5)
+# What a string has told that never turned.
+_NOTHING = Across(np.zeros(2), math.inf)
 # A gyro less probably wrong than this agrees with the magnetometer.
 _AGREES = 0.2
 
@@ -59,9 +62,16 @@ class RunModel:
         self._lay: list[tuple[Array, Array]] = []
         self._before: State | None = None
         self._count, self._agreed = 0, False
+        self._told: dict[str, Across] = {}
 
     def take(
-        self, measured: Measured, hours: float = math.nan, gyro: Solution | None = None, *, learn: bool = True
+        self,
+        measured: Measured,
+        hours: float = math.nan,
+        gyro: Solution | None = None,
+        turning: Turning | None = None,
+        *,
+        learn: bool = True,
     ) -> Finding | None:
         """
         Take a station in.
@@ -72,6 +82,8 @@ class RunModel:
         hours : float
             When, h from anywhere; nan: not known.
         gyro : Solution or None
+        turning : Turning or None
+            What the string has shown while it turned.
         learn : bool
             Whether the station counts for those after it.
 
@@ -87,6 +99,8 @@ class RunModel:
         if not (one["has_field"] or math.isfinite(one["gyro"])):
             return None
         model = self._model(measured)
+        if turning is not None:
+            self._take_turning(model, turning)
         model.pass_time(hours)
         place = self._lay_before(one)
         # Measured again at rest: what the tool showed here a moment ago is nothing new of its lasting errors.
@@ -145,8 +159,30 @@ class RunModel:
             known = reference if reference is not None and reference.has_field else None
             sigmas = field_model.nominal_sigmas(self._settings.errors, known, self._errors, magnetic)
             self._filter, self._of = RunFilter(self._settings.priors, sigmas), (reference, magnetic)
-            self._seen, self._lay, self._count, self._agreed = {}, [], 0, False
+            self._seen, self._lay, self._count, self._agreed, self._told = {}, [], 0, False, {}
         return self._filter
+
+    def _take_turning(self, model: RunFilter, turning: Turning) -> None:
+        """
+        Measure mount and bias across the tool by the turning string, once it tells twice what it told before.
+
+        The errors of the two, which share where the magnetometers have the axis of rotation, count as independent.
+        """
+        sigma, at, bias = model.sigma, int(Shared.MOUNT), int(Shared.FIELD_BIAS)
+        mount, field = np.zeros((2, field_model.SIZE)), np.zeros((2, field_model.SIZE))
+        # Accelerometers turned by (0, y, z) see the axis of rotation at (1, z, -y).
+        mount[0, at + 2], mount[1, at + 1] = sigma[at + 2], -sigma[at + 1]
+        field[0, bias + 1], field[1, bias + 2] = sigma[bias + 1], sigma[bias + 2]
+        for name, H, now, unit in (
+            ("mount", mount, turning.mount, 1.0),
+            ("field", field, turning.field, field_model.UT),
+        ):
+            told = self._told.get(name, _NOTHING)
+            before, more = told.sigma**-2, now.sigma**-2 - told.sigma**-2
+            if more > before:
+                value = (now.sigma**-2 * now.value - before * told.value) / more
+                model.observe(H, value / unit, np.eye(2) / (more * unit**2))
+                self._told[name] = now
 
     def _lay_before(self, one: Row) -> int | None:
         """Latest station at which the tool lay alike: what errs there errs again, and shows nothing new."""

@@ -112,6 +112,23 @@ class RunFilter:
         if math.isfinite(hours):
             state.hours = hours
 
+    def observe(self, H: Array, value: Array, covariance: Array) -> None:
+        """
+        Take in what is measured of the shared errors beside the stations.
+
+        H, shape (n, 22): slopes by the errors in nominal sigmas; value, shape (n,), and its covariance, shape (n, n).
+        """
+        state = self.state
+        for k, (mean, P) in enumerate(zip(state.mean, state.covariance, strict=True)):
+            gain = P @ H.T
+            S, e = H @ gain + covariance, value - H @ mean
+            x = np.linalg.solve(S, e)
+            state.log_weight[k] -= 0.5 * (float(e @ x) + float(np.linalg.slogdet(S)[1]))
+            state.mean[k] = mean + gain @ x
+            state.covariance[k] = P - gain @ np.linalg.solve(S, gain.T)
+        weight = np.exp(state.log_weight - state.log_weight.max())
+        state.log_weight = self._floored(weight / weight.sum())
+
     def evidence(self, one: Row, state: State | None = None) -> Evidence:
         """Evidence of a station, a record of `field_model.GEOMETRY`, given what the run has shown (or a state)."""
         state = self.state if state is None else state
@@ -137,9 +154,12 @@ class RunFilter:
             state.of_gyro = state.of_gyro + (share.sum(axis=(0, 1, 2)) > _DECIDED)
         state.outside = share.sum(axis=(0, 1, 3))
         state.of_outside = state.of_outside + state.outside
-        floor = _FLOOR * self.filters.weight
-        weight = np.maximum(of_filter, floor)
-        state.log_weight = np.log(weight / weight.sum())
+        state.log_weight = self._floored(of_filter)
+
+    def _floored(self, weight: Array) -> Array:
+        """Logarithms of the filters' weights, none of which loses its prior for ever."""
+        weight = np.maximum(weight, _FLOOR * self.filters.weight)
+        return np.asarray(np.log(weight / weight.sum()))
 
     def gyro_shares(self, state: State) -> Array:
         """Probabilities that a gyro is right, its bias steps, and it is wrong: with what the run has shown of them."""

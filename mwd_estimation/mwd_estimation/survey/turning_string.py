@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What a turning string shows of its sensors: how accelerometers lie against magnetometers, and a field of the string.
+
+Gravity and the Earth's field stand still while the tool turns about the axis of the hole; roll phi is the integral of
+the gyro's own axial rate. With y + iz = c + G exp(-i phi) across the tool, a triad that has the axis of rotation at
+(1, Re a, Im a) sees a part of what turns round along its x axis as well,
+
+    x = c_x + Re(K exp(-i phi)),    K = -conj(a) G.
+
+So a = -conj(K / G) says where the axis lies in each triad, without its biases, its lever arm and the delay of its
+stamps. What of the mean field across the tool is not the axial field along that axis, c - a c_x, is fixed in the tool:
+biases and a magnetised collar. All is fitted sample by sample in windows of some turns, with amplitudes that drift with
+the roll (a gyro's scale, a curved hole), so that a speed that changes within a turn does no harm. The amplitudes found
+at a half and at one and a half cycles a turn, where nothing is, are the noise.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.survey.static_survey import BIN_NS
+from mwd_sensors.core.arrays import Array, Stamps
+
+# A window has so many bins at least, and the string turns so far in it, rad; so many windows tell something.
+_BINS, _TURNED, _LEAST = 10, 8.0 * math.pi, 2
+# A string that turns by less in a bin, rad, does not begin a window; samples farther apart, s, end it.
+_BEGINS, _APART_S = 0.5, 0.1
+# Fewer samples in a half second tell nothing.
+_SAMPLES = 5
+# What every window shows alike, 1 sigma: motion along the hole in step with the turns, m (a load that changes by 5 kN
+# within a turn on 100 m of collars), axes that calibration leaves skew, rad, and fields of the electronics, T.
+_IN_STEP, _SKEW, _ELECTRONICS = 1e-4, math.radians(0.05), 50e-9
+# Columns of the fit: constant and drift, cosine and sine of the roll and their drift, and the four that show noise.
+_CONSTANT, _COS, _SIN, _NOISE = 0, 2, 3, slice(6, 10)
+
+
+@dataclasses.dataclass(frozen=True)
+class Across:
+    """A vector (y, z) across the tool and 1 sigma of each component; inf: not known."""
+
+    value: Array
+    sigma: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Turning:
+    """
+    What the turns so far have shown, in tool axes.
+
+    Attributes
+    ----------
+    mount : Across
+        Where the accelerometers have the axis of rotation, less where the magnetometers have it, rad.
+    field : Across
+        Field fixed in the tool, T.
+    """
+
+    mount: Across
+    field: Across
+
+
+@dataclasses.dataclass
+class _Triad:
+    """Sums over the windows of one triad: weighted axis and its weight, means across and along, noise, rate squared."""
+
+    windows: int = 0
+    weight: float = 0.0
+    axis: complex = 0j
+    across: complex = 0j
+    along: float = 0.0
+    noise: float = 0.0
+    rate2: float = 0.0
+
+    def add(self, columns: Array, values: Array, rate: float) -> None:
+        """Fit a window; columns (n, 10) as `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
+        found = np.linalg.solve(columns.T @ columns, columns.T @ values)
+        noise = found[_NOISE]
+        x, y, z = found[_CONSTANT]
+        turning = found[_COS] + 1j * found[_SIN]
+        # The mean of y and z, which have the same amplitude a quarter of a turn apart.
+        G, K = 0.5 * (turning[1] + 1j * turning[2]), turning[0]
+        self.windows += 1
+        self.weight += abs(G) ** 2
+        self.axis -= np.conj(K) * G
+        self.across += y + 1j * z
+        self.along += x
+        self.noise += float(np.mean(noise**2))
+        self.rate2 += rate**2
+
+    def tilt(self, alike: float) -> tuple[complex, float]:
+        """Where the axis of rotation lies, rad, and the variance of each part; alike: 1 sigma of K in all windows."""
+        if self.windows < _LEAST or not self.weight > 0.0:
+            return 0j, math.inf
+        variance = self.noise / self.windows + alike**2 * self.windows
+        return self.axis / self.weight, variance / self.weight + _SKEW**2
+
+
+class _Waiting:
+    """Samples of a stream, in order, that wait for the end of their half second."""
+
+    def __init__(self, channels: int) -> None:
+        self._parts: list[tuple[Stamps, Array]] = []
+        self._none = np.zeros(0, np.int64), np.zeros((0, channels))
+
+    def add(self, stamps: Stamps, values: Array) -> None:
+        self._parts.append((stamps, values))
+
+    def before(self, end_ns: int) -> tuple[Stamps, Array]:
+        """Take out the samples before a time, ns."""
+        if not self._parts:
+            return self._none
+        stamps = np.concatenate([stamps for stamps, _ in self._parts])
+        values = np.concatenate([values for _, values in self._parts])
+        at = int(np.searchsorted(stamps, end_ns))
+        self._parts = [(stamps[at:], values[at:])]
+        return stamps[:at], values[:at]
+
+
+class TurningString:
+    """Sums over the windows in which the string turned; the samples of a bin are taken when it is closed."""
+
+    def __init__(self) -> None:
+        self._imu, self._mag = _Waiting(5), _Waiting(3)
+        self._force, self._field = _Triad(), _Triad()
+        self._begin()
+
+    def _begin(self) -> None:
+        self._roll, self._last = 0.0, (0, 0.0)
+        self._rows: list[tuple[Array, Array]] = []
+        self._fields: list[tuple[Array, Array]] = []
+
+    def take_imu(self, stamps: Stamps, rate_x: Array, force: Array, bad: NDArray[np.bool_]) -> None:
+        """Take samples of the conventional unit, rad/s and m/s^2; bad: a sensor clipped, in doubt or at fault."""
+        self._imu.add(stamps, np.column_stack([rate_x, force, bad]))
+
+    def take_mag(self, stamps: Stamps, field: Array) -> None:
+        """Take magnetic samples, T."""
+        self._mag.add(stamps, field)
+
+    def close(self, index: int) -> None:
+        """Fit what came up to the end of a half second; all samples of its time are there."""
+        end = (index + 1) * BIN_NS
+        stamps, values = self._imu.before(end)
+        mag_stamps, field = self._mag.before(end)
+        if len(stamps) < _SAMPLES or not np.isfinite(values).all() or values[:, 4].any():
+            self._begin()
+            return
+        rate, force = values[:, 0], values[:, 1:4]
+        if not self._rows:
+            self._last = int(stamps[0]), float(rate[0])
+        apart = np.diff(stamps, prepend=self._last[0]) * 1e-9
+        before = np.concatenate([[self._last[1]], rate[:-1]])
+        roll = self._roll + np.cumsum(0.5 * (rate + before) * apart)
+        if apart.max() > _APART_S or (not self._rows and abs(roll[-1]) < _BEGINS):
+            self._begin()
+            return
+        self._roll, self._last = float(roll[-1]), (int(stamps[-1]), float(rate[-1]))
+        self._rows.append((roll, force))
+        if len(field):
+            self._fields.append((np.interp((mag_stamps - end) * 1e-9, (stamps - end) * 1e-9, roll), field))
+        if len(self._rows) >= _BINS and abs(self._roll) > _TURNED:
+            self._fit()
+            self._begin()
+
+    @property
+    def found(self) -> Turning | None:
+        """What the turns have shown; None before there were enough."""
+        in_step = _IN_STEP * self._force.rate2 / max(self._force.windows, 1)
+        a_force, of_force = self._force.tilt(in_step)
+        a_field, of_field = self._field.tilt(_ELECTRONICS)
+        if not math.isfinite(of_force + of_field):
+            return None
+        field, along = self._field.across / self._field.windows, self._field.along / self._field.windows
+        noise = self._field.noise / self._field.windows**2 + _ELECTRONICS**2
+        mount, rest = a_force - a_field, field - a_field * along
+        return Turning(
+            Across(np.array([mount.real, mount.imag]), math.sqrt(of_force + of_field)),
+            Across(np.array([rest.real, rest.imag]), math.sqrt(noise + of_field * along**2)),
+        )
+
+    def _fit(self) -> None:
+        middle, rate = 0.5 * self._roll, self._roll / (len(self._rows) * BIN_NS * 1e-9)
+        for triad, rows in ((self._force, self._rows), (self._field, self._fields)):
+            # A magnetometer that failed for a part of the window tells nothing of it.
+            if len(rows) == len(self._rows) and sum(len(roll) for roll, _ in rows) >= _SAMPLES * _BINS:
+                roll = np.concatenate([roll for roll, _ in rows])
+                triad.add(_columns(roll, middle), np.concatenate([values for _, values in rows]), rate)
+
+
+def _columns(roll: Array, middle: float) -> Array:
+    """Columns of the fit of a window, shape (n, 10); roll, rad, and that in its middle."""
+    cos, sin, drift = np.cos(roll), np.sin(roll), (roll - middle) / _TURNED
+    half, more = 0.5 * roll, 1.5 * roll
+    noise = np.cos(half), np.sin(half), np.cos(more), np.sin(more)
+    return np.stack([np.ones_like(roll), drift, cos, sin, drift * cos, drift * sin, *noise], axis=1)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A turning string of known mounts, collars, lever arms and speeds, and what is found of them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from consistency import assert_consistent
+from mwd_estimation.survey.static_survey import BIN_NS
+from mwd_estimation.survey.turning_string import TurningString
+
+RATE_HZ, PERIOD_NS = 100, 10_000_000
+PER_BIN = BIN_NS // PERIOD_NS
+GRAVITY, FIELD = np.array([-8.0, 5.7, 0.0]), np.array([3.0e-5, 2.0e-5, -1.5e-5])
+
+
+def turned(vector, roll):
+    """A vector that stands still, in tool axes that have turned by `roll` about x; shape (n, 3)."""
+    across = (vector[1] + 1j * vector[2]) * np.exp(-1j * roll)
+    return np.stack([np.full(len(roll), vector[0]), across.real, across.imag], axis=1)
+
+
+def string(
+    seconds,
+    rng,
+    *,
+    mount=(0.0, 0.0),
+    whole=(0.0, 0.0),
+    across=(0.0, 0.0),
+    arm=0.0,
+    wobble=0.0,
+    scale=1.0,
+    late=0,
+    noise=1.0,
+    speed=12.0,
+    bad=None,
+    cut=1000,
+):
+    """
+    Turns of a tool whose accelerometers see the axis of rotation at (1, mount + whole), its magnetometers at whole.
+
+    mount, whole, rad; across: field in the tool, T; arm of the accelerometers, m; wobble of the speed within a turn;
+    scale of the gyro; late: samples by which the magnetometer is stamped late.
+    """
+    n = int(seconds * RATE_HZ)
+    roll = np.cumsum(np.full(n, speed / RATE_HZ))
+    roll = roll + wobble * np.sin(roll - 0.4)
+    rate = np.gradient(roll) * RATE_HZ
+
+    def seen(vectors, at):
+        axis = np.array([1.0, *at])
+        return vectors + np.cross(np.cross([1.0, 0.0, 0.0], axis), vectors)
+
+    force = turned(GRAVITY, roll)
+    pull = arm * (1j * np.gradient(rate) * RATE_HZ - rate**2)
+    force = seen(force + np.stack([np.zeros(n), pull.real, pull.imag], axis=1), np.add(mount, whole))
+    field = seen(turned(FIELD, np.concatenate([np.zeros(late), roll[: n - late]])), whole) + np.array([0.0, *across])
+    force, field = force + rng.normal(0.0, noise, (n, 3)), field + rng.normal(0.0, 1e-7, (n, 3))
+    stamps, unsure = np.arange(n) * PERIOD_NS, np.zeros(n, bool) if bad is None else bad(np.arange(n))
+    found = TurningString()
+    for start in range(0, n, cut):
+        part = slice(start, start + cut)
+        found.take_mag(stamps[part], field[part])
+        found.take_imu(stamps[part], scale * rate[part], force[part], unsure[part])
+        for index in range(start // PER_BIN, min(start + cut, n) // PER_BIN):
+            found.close(index)
+    return found.found
+
+
+def test_mount_and_collar_are_found_and_their_sigmas_hold():
+    mount, across = np.radians([1.2, -1.6]), np.array([4e-7, -9e-7])
+    off_mount, off_field = [], []
+    for seed in range(20):
+        found = string(120.0, np.random.default_rng(seed), mount=mount, across=across, noise=4.0)
+        off_mount += list((found.mount.value - mount) / found.mount.sigma)
+        off_field += list((found.field.value - across) / found.field.sigma)
+        assert found.mount.sigma < math.radians(0.6)
+    # The floors, for what is alike in every window, are in sigma and not in these strings.
+    assert np.mean(np.square(off_mount)) < 1.3
+    assert np.mean(np.square(off_field)) < 1.3
+    # Where noise is large the floors do not count, and sigma is that of the noise.
+    loud = [string(60.0, np.random.default_rng(seed), noise=40.0) for seed in range(30)]
+    assert_consistent([part / one.mount.sigma for one in loud for part in one.mount.value], 1.0, name="mount")
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        {"wobble": 0.05},
+        {"scale": 1.005},
+        {"late": 3, "wobble": 0.02},
+        {"arm": 0.05, "wobble": 0.02},
+        {"whole": (0.02, -0.03)},
+        {"speed": -9.0},
+    ],
+    ids="-".join,
+)
+def test_speeds_that_change_within_a_turn_scales_delays_and_arms_do_no_harm(motion):
+    rng = np.random.default_rng(5)
+    mount, across = np.radians([0.8, 1.1]), np.array([-5e-7, 3e-7])
+    found = string(60.0, rng, mount=mount, across=across, noise=0.3, **motion)
+    np.testing.assert_allclose(found.mount.value, mount, atol=math.radians(0.1))
+    np.testing.assert_allclose(found.field.value, across, atol=1e-7)
+
+
+def test_any_cut_of_the_samples_gives_the_same_bits():
+    rows = [string(30.0, np.random.default_rng(2), mount=(0.02, 0.0), cut=cut) for cut in (50, 100, 3000)]
+    for one in rows[1:]:
+        np.testing.assert_array_equal(one.mount.value, rows[0].mount.value)
+        np.testing.assert_array_equal(one.field.value, rows[0].field.value)
+        assert (one.mount.sigma, one.field.sigma) == (rows[0].mount.sigma, rows[0].field.sigma)
+
+
+def test_a_string_that_stands_has_just_begun_to_turn_or_whose_sensors_clip_shows_nothing():
+    rng = np.random.default_rng(1)
+    assert string(60.0, rng, speed=0.0) is None
+    assert string(8.0, rng) is None
+    assert string(60.0, rng, bad=lambda at: at % 400 == 0) is None
+
+
+def test_without_a_magnetometer_nothing_is_compared():
+    found = TurningString()
+    stamps = np.arange(3000) * PERIOD_NS
+    found.take_imu(stamps, np.full(3000, 12.0), turned(GRAVITY, np.arange(3000) * 0.12), np.zeros(3000, bool))
+    for index in range(3000 // PER_BIN):
+        found.close(index)
+    assert found.found is None
