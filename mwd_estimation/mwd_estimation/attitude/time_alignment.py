@@ -238,11 +238,12 @@ def _write(p: Params, s: State, model: FieldModel, sample: Gravity, across_axis:
     row.azimuth = row.magnetic_toolface = math.nan
     row.sigma_azimuth = row.sigma_magnetic_toolface = math.pi
     d_x, d_y, d_z = sample.x, sample.y, sample.z
-    if not math.isfinite(d_x + d_y + d_z):
+    across = math.sqrt(d_y * d_y + d_z * d_z)
+    size = math.sqrt(across * across + d_x * d_x)
+    if not (math.isfinite(size) and size > 0.0):
         row.inclination = row.gravity_toolface = math.nan
         row.status = np.uint32(_NO_MAG)
         return
-    across = math.sqrt(d_y * d_y + d_z * d_z)
     row.inclination = math.atan2(across, d_x)
     _follow_vertical(p, s, row.inclination)
     status = _NEAR_VERTICAL if s.near_vertical else 0
@@ -263,7 +264,6 @@ def _write(p: Params, s: State, model: FieldModel, sample: Gravity, across_axis:
             row.magnetic_toolface = _wrap(s.toolface + (1.0 if d_x > 0.0 else -1.0) * (turn + turned))
         else:
             row.magnetic_toolface = _wrap(s.azimuth + math.atan2(-d_y / across, -d_z / across * d_x))
-        size = math.sqrt(across * across + d_x * d_x)
         sine, cosine = across / size, d_x / size
         row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, sample.sigma_tilt)
         row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, sample.sigma_tilt)

@@ -28,6 +28,7 @@ NEAR_VERTICAL_BELOW = math.radians(3.0)  # where the high side is too short to n
 BACKWARD_LIMIT = 50  # samples whose stamps advance again, after which a clock that jumped back counts
 RATE_WITHIN = 200.0  # rad/s: beyond it a value is garbage, not motion
 FORCE_WITHIN = 4000.0  # m/s^2
+FORCE_ABOVE = 1e-6  # m/s^2, less than any accelerometer resolves
 GAP_NS = 500_000_000  # a longer step between samples is a data gap, for those that have no rule of their own
 AT_RANGE = (
     0.9995  # of the range: rounding and the steps of the converter leave readings of a clipped sensor short of it
@@ -155,13 +156,14 @@ def admit(clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
 
     clock : record of `Clock`; stamp, gap_ns : ns; w, f, shape (3,) : rate, rad/s, and force, m/s^2.
 
-    A stamp that does not advance is rejected. When the stamps after a backward jump advance among themselves for
+    No force on any axis is no measurement: an accelerometer has gravity or noise. A stamp that does not advance is
+    rejected. When the stamps after a backward jump advance among themselves for
     BACKWARD_LIMIT samples the new clock counts (AFTER_GAP), so that a clock set back does not end the estimate.
     """
     finite = math.isfinite(w[0] + w[1] + w[2] + f[0] + f[1] + f[2])
     rate = max(abs(w[0]), abs(w[1]), abs(w[2]))
     force = max(abs(f[0]), abs(f[1]), abs(f[2]))
-    if not finite or rate > RATE_WITHIN or force > FORCE_WITHIN:
+    if not finite or rate > RATE_WITHIN or not FORCE_ABOVE < force < FORCE_WITHIN:
         return REJECTED
     if not clock.started:
         clock.started = True

@@ -90,8 +90,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
         before = s.clock.last_ns
         verdict = track.admit(s.clock, stamps[i], w, f, track.GAP_NS)
         bits = 0
-        norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-        if verdict == track.REJECTED or norm == 0.0:
+        if verdict == track.REJECTED:
             bits = _REJECTED
             if not math.isfinite(s.down[0]):
                 bits |= _INITIALISING
@@ -101,6 +100,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
                 bits |= _GAP
             if track.clips(f, p.accel_range):
                 bits |= _CLIPPED
+            norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
             for c in range(3):
                 s.down[c] = -f[c] / norm
             non_gravity = abs(norm - p.gravity)

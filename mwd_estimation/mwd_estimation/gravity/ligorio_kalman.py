@@ -136,8 +136,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
         before = s.clock.last_ns
         verdict = track.admit(s.clock, stamps[i], w, f, track.GAP_NS)
         bits = 0
-        norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
-        if verdict == track.REJECTED or (verdict != track.NEXT and norm == 0.0):
+        if verdict == track.REJECTED:
             bits = _REJECTED
         else:
             if track.clips(w, p.gyro_range) or track.clips(f, p.accel_range):
@@ -146,7 +145,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
             if verdict == track.NEXT:
                 dt = 1e-9 * (stamps[i] - before)
             else:
-                _begin(p, s, f, norm)
+                _begin(p, s, f)
                 if verdict == track.AFTER_GAP:
                     bits |= _GAP
             non_gravity = _step(p, s, dt, w, f)
@@ -162,9 +161,9 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
 
 
 @compiled
-def _begin(p: Params, s: Any, f: Vector, norm: float) -> None:
+def _begin(p: Params, s: Any, f: Vector) -> None:
     """Start from the first force, whose error is the tool's acceleration."""
-    scale = p.gravity / norm
+    scale = p.gravity / math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
     for c in range(3):
         s.gravity[c] = -f[c] * scale
         s.acceleration[c] = 0.0

@@ -43,7 +43,6 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.message_buffer import publish_rows
 from mwd_sensors.ros.run_node import run_node
 
 _BLOCK_PERIOD = 0.002  # s; longest time a sample waits for others before they are estimated together
@@ -190,12 +189,12 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         rows = published_rows(samples["stamp_ns"], self._last_published_ns)
         if len(rows):
             self._last_published_ns = int(samples["stamp_ns"][rows[-1]])
-        publish_rows(self._attitude, wire.ATTITUDE.encode(output.attitude[rows], frame))
-        publish_rows(self._gravity, wire.GRAVITY.encode(output.gravity[rows], frame))
-        publish_rows(self._interference, wire.INTERFERENCE.encode(output.interference, frame))
-        publish_rows(self._dynamics, wire.DYNAMICS.encode(output.dynamics, frame))
+        self._attitude.publish_rows(wire.ATTITUDE.encode(output.attitude[rows], frame))
+        self._gravity.publish_rows(wire.GRAVITY.encode(output.gravity[rows], frame))
+        self._interference.publish_rows(wire.INTERFERENCE.encode(output.interference, frame))
+        self._dynamics.publish_rows(wire.DYNAMICS.encode(output.dynamics, frame))
         oriented = oriented_imu(self._pipeline.mount.imu_in_tool(samples[rows]), output.attitude[rows])
-        publish_rows(self._imu, wire.IMU.encode(oriented, frame))
+        self._imu.publish_rows(wire.IMU.encode(oriented, frame))
         if len(oriented):
             self._last_status = int(output.attitude["status"][-1])
             self._inputs.at_rest = bool(self._last_status & Status.STILL)

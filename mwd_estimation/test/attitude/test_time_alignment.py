@@ -92,6 +92,21 @@ def test_no_azimuth_is_invented_before_the_first_magnetic_sample_or_after_the_la
     assert (rows["sigma_azimuth"][~known] == np.pi).all()
 
 
+@pytest.mark.parametrize("nothing", [0.0, 1e-300, np.nan])
+def test_a_sample_without_a_direction_of_gravity_has_no_angles(nothing):
+    n = 40
+    g_t = np.tile([0.6, 0.0, -0.8], (n, 1))
+    g_t[20:30] *= nothing
+    stamps = START + np.arange(n) * 10_000_000
+    b_t = np.tile([3e-5, 1e-5, 2e-5], (n, 1))
+    rows, _, _ = run(Params(), initial(), CLEAN, stamps, g_t, np.zeros(n), np.zeros(n), stamps, b_t)
+    known = (np.arange(n) < 20) | (np.arange(n) >= 30)
+    for angle in ("inclination", "gravity_toolface"):
+        assert np.array_equal(np.isfinite(rows[angle]), known)
+    assert np.isnan(rows["azimuth"][20:30]).all()
+    assert np.isfinite(rows["azimuth"][30:]).all()
+
+
 def test_near_vertical_is_entered_and_left_with_hysteresis():
     inclination = np.radians(np.concatenate([np.linspace(6, 2, 50), np.linspace(2, 6, 50)]))
     mat = mat_nt(inclination, np.zeros(100), np.zeros(100))

@@ -166,6 +166,20 @@ def test_a_first_sample_that_is_bad_leaves_no_estimate_and_says_so(name):
     assert Status(int(got.status[0])) & Status.INITIALISING
 
 
+@every_method
+def test_an_accelerometer_that_reads_zeros_shows_no_direction_and_starts_when_it_measures(name):
+    method = gravity.method(name)
+    params = method.Params()
+    stamps, gyro, accel, down = recording(3, 3000)
+    accel[:200] = 0.0
+    got = method.run(params, method.initial(params), stamps, gyro, accel)
+    assert np.isnan(got.g_t[:200]).all()
+    assert got.sigma_inclination[:200] == pytest.approx(np.pi)
+    assert np.linalg.norm(got.g_t[200:], axis=1) == pytest.approx(1.0)
+    # In the middle: the accelerometer alone is off by its vibration.
+    assert np.median(error_deg(got, down)[-500:]) < (20.0 if name == "raw" else 3.0)
+
+
 def test_blocks_of_the_wrong_shape_are_named():
     method = gravity.method("s3")
     params = method.Params()
