@@ -20,7 +20,9 @@ def hears_signals(running: Graph, name: str) -> bool:
 
 def test_a_node_that_is_starting_ends_with_status_0(tmp_path):
     with graph(tmp_path) as running:
-        for name in [running.start(node) for node in EXECUTABLES]:
+        # Nodes that record do so here, not in the home of who runs the tests.
+        kept = {"surface:page__port": 0}
+        for name in [running.start(node, **kept, **{"surface:folder": tmp_path / node}) for node in EXECUTABLES]:
             until(lambda name=name: hears_signals(running, name), 120.0, f"{name} to hear signals")
             status, _ = running.end(name, within=60.0)
             assert (name, status, "Traceback" in running.log(name)) == (name, 0, False)

@@ -17,7 +17,6 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.message_buffer import publish_rows
 from mwd_sensors.ros.run_node import run_node
 
 _PERIOD = 0.002  # s
@@ -76,7 +75,7 @@ class ProbeNode(GraphNode[LineSettings]):
         for topic, publisher in self._topics.items():
             if by_topic[topic]:
                 samples = samples_of(topic, by_topic[topic], probe.offset_ns)
-                publish_rows(publisher, LAYOUTS[topic].encode(samples, frame))
+                publisher.publish_rows(LAYOUTS[topic].encode(samples, frame))
 
     def _stream(self, request: Any, response: Any) -> Any:
         sent = self._probe is not None and self._probe.stream(request.data)

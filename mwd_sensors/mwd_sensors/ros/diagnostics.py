@@ -40,7 +40,7 @@ class Diagnostic:
 
 
 class CallbackFailures:
-    """Exceptions of a node's callbacks: an error while they are recent, afterwards counts."""
+    """Exceptions of a node's callbacks, messages not sent: an error while they are recent, afterwards counts."""
 
     RECENT_S = 60.0
 
@@ -49,7 +49,7 @@ class CallbackFailures:
         self._last = 0.0
 
     def count(self, name: str) -> None:
-        """Count an exception of a callback."""
+        """Count an exception of a callback, or a message that was not sent."""
         self._counts[name] = self._counts.get(name, 0) + 1
         self._last = time.monotonic()
 
@@ -60,7 +60,8 @@ class CallbackFailures:
         counts = tuple((name, str(count)) for name, count in self._counts.items())
         age = time.monotonic() - self._last
         if age < self.RECENT_S:
-            return [Diagnostic("failures", ERROR, "a callback raised an exception", "read the node's log", counts)]
+            message = "a callback failed or a message was not sent"
+            return [Diagnostic("failures", ERROR, message, "read the node's log", counts)]
         return [Diagnostic("failures", OK, f"none for {age / 60.0:.0f} min; before that see the log", values=counts)]
 
 

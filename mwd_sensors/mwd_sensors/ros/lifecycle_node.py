@@ -36,6 +36,7 @@ from mwd_sensors.ros.middleware_events import MiddlewareEvents
 from mwd_sensors.ros.parameters import SettingsParameters
 from mwd_sensors.ros.qos import STATE, offered
 from mwd_sensors.ros.request_rules import refusal
+from mwd_sensors.ros.topic_publisher import TopicPublisher
 
 T = TypeVar("T")
 
@@ -89,7 +90,8 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._heartbeat = Heartbeat(self.get_fully_qualified_name(), self.get_namespace())
         self._heartbeat_publisher = self.create_publisher(DiagnosticStatus, "heartbeat", STATE)
         self._diagnostics_publisher = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._diagnostics_timer = self.create_timer(_DIAGNOSTICS_PERIOD, self._publish_diagnostics, clock=steady)
+        report = partial(self._guarded, "diagnostics", self._publish_diagnostics)
+        self._diagnostics_timer = self.create_timer(_DIAGNOSTICS_PERIOD, report, clock=steady)
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
@@ -144,7 +146,11 @@ class GraphNode(LifecycleNode, Generic[T]):
         """Create a lifecycle publisher that offers the profile reliably; it is silent while the node is inactive."""
         profile = offered(qos)
         events = self._middleware.of_publisher(topic, profile)
-        publisher = self.create_lifecycle_publisher(msg_type, topic, profile, event_callbacks=events)
+        publisher = self.create_publisher(
+            msg_type, topic, profile, event_callbacks=events, publisher_class=TopicPublisher
+        )
+        publisher.on_refusal = partial(self._not_sent, topic)
+        self.add_managed_entity(publisher)
         self._destructors.append(lambda: self.destroy_lifecycle_publisher(publisher))
         return publisher
 
@@ -248,6 +254,10 @@ class GraphNode(LifecycleNode, Generic[T]):
             self._failures.count(name)
             self.get_logger().error(f"{name}:\n{traceback.format_exc()}", throttle_duration_sec=5.0)
             return None, f"{name} failed inside the node; see its log"
+
+    def _not_sent(self, topic: str, error: Exception) -> None:
+        self._failures.count(f"publish {topic}")
+        self.get_logger().error(f"{topic}: a message was not sent: {error}", throttle_duration_sec=5.0)
 
     @property
     def finalized(self) -> bool:

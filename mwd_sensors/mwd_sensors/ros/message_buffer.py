@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Subscriptions and publishers for streams of a kilohertz: messages are taken and published many at a time.
+Subscriptions for streams of a kilohertz: messages are taken many at a time.
 
 A callback per message wakes the process, the executor and Python for each message. A node that works in blocks lets the
 messages wait in the queue of the middleware's reader and takes all of them with one call, in order of arrival.
@@ -68,13 +68,3 @@ def decode_messages(layout: wire.Layout, messages: Sequence[bytes]) -> tuple[Sam
         except wire.WireError as error:
             errors.append(error)
     return np.concatenate(parts), errors
-
-
-def publish_rows(publisher: Any, rows: wire.Rows) -> None:
-    """Publish each row of serialised bytes as a message, in order; an inactive publisher publishes nothing."""
-    if not len(rows) or not publisher.is_activated:
-        return
-    size, joined, writer = rows.shape[1], rows.tobytes(), publisher.handle
-    with writer:
-        for start in range(0, len(joined), size):
-            writer.publish_raw(joined[start : start + size])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages taken in one go, decode_messages in one go, published in one go: nothing lost, nothing out of order."""
+"""Messages taken and decoded in one go: nothing lost, nothing out of order."""
 
 import contextlib
 from types import SimpleNamespace
@@ -14,33 +14,28 @@ pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 from sensor_msgs.msg import Imu
 
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.message_buffer import MessageBuffer, decode_messages, publish_rows
+from mwd_sensors.ros.message_buffer import MessageBuffer, decode_messages
 
 
 class Handle(contextlib.nullcontext):
-    """What rclpy gives access to: a reader's queue and a writer's end."""
+    """What rclpy gives access to: a reader's queue."""
 
     def __init__(self, waiting=()):
         super().__init__()
         self.waiting = [(data, {"received_timestamp": 1000 + k}) for k, data in enumerate(waiting)]
-        self.published = []
 
     def take_message(self, _kind, raw):
         assert raw
         return self.waiting.pop(0) if self.waiting else None
 
-    def publish_raw(self, data):
-        self.published.append(data)
-
 
 class Entity:
-    """A subscription or a publisher."""
+    """A subscription."""
 
     msg_type = Imu
 
-    def __init__(self, waiting=(), activated=True):
+    def __init__(self, waiting=()):
         self.handle = Handle(waiting)
-        self.is_activated = activated
 
 
 def samples(count):
@@ -80,17 +75,6 @@ def test_messages_of_two_frames_are_read_together():
     found, errors = decode_messages(wire.IMU, [messages(2)[0], messages(2, "another_longer_frame")[1]])
     assert errors == []
     assert found.tobytes() == samples(2).tobytes()
-
-
-def test_rows_leave_as_messages_in_their_order_and_not_while_the_publisher_is_silent():
-    rows = wire.IMU.encode(samples(5), "sonde_link")
-    publisher = Entity()
-    publish_rows(publisher, rows)
-    publish_rows(publisher, rows[:0])
-    assert publisher.handle.published == messages(5)
-    silent = Entity(activated=False)
-    publish_rows(silent, rows)
-    assert silent.handle.published == []
 
 
 def test_a_buffered_profile_differs_in_nothing_but_its_depth():
