@@ -73,23 +73,42 @@ def supervision() -> str:
 
 
 def signals() -> str:
-    """Every quantity that goes to a rig, and where it appears."""
-    from mwd_surface.rig.signals import SIGNALS
-    from mwd_surface.rig.units import UNITS
+    """Every signal, and where it appears."""
+    from mwd_surface.signals.signal import SOURCES
+    from mwd_surface.signals.table import SIGNALS
+    from mwd_surface.signals.units import UNITS
 
+    heads = (
+        *("signal", "meaning", "unit, type", "source", "1 sigma", "page", "OPC UA", "Modbus", "WITS", "D-WIS nouns"),
+        *("survey list: CSV", "LAS", "WITSML", "recording by seconds", "attitude files"),
+    )
     lines = [
         "# Signals\n",
-        "Every quantity that goes to a rig and its name in each protocol, from the one table in the code. OPC UA has",
-        "SI units, Modbus and WITS (metric) those named; conditions, ages and sigmas: {doc}`../rig/port`.\n",
-        "| quantity | meaning | unit | source | OPC UA | Modbus | WITS | D-WIS nouns |",
-        "|---|---|---|---|---|---|---|---|",
+        "Every signal and its name on the page and in each protocol and file, from the one table in the code",
+        "(`mwd_surface/signals/table.csv`). Page and OPC UA have SI units, Modbus and WITS (metric) those named,",
+        "a column of a file that at the end of its name; conditions, ages and sigmas: {doc}`../rig/port`.\n",
+        f"| {' | '.join(heads)} |",
+        "|---" * len(heads) + "|",
     ]
     for s in SIGNALS:
         modbus = f"{s.modbus}, {UNITS[s.unit].modbus.symbol}" if s.modbus is not None else ""
-        item = f"{s.wits.code:04d} {s.wits.name}".rstrip() if s.wits else ""
-        wits = f"{item}, {UNITS[s.unit].metric.symbol}" if item else ""
-        cells = (s.name, s.meaning, s.unit, s.source, s.opcua, modbus, wits, ", ".join(s.dwis))
-        lines.append(f"| {' | '.join(cells)} |")
+        items = [f"{s.wits.code:04d} {s.wits.name}".rstrip()] if s.wits else []
+        items += [f"{s.reads:04d} in"] if s.reads is not None else []
+        wits = f"{', '.join(items)}, {UNITS[s.unit].metric.symbol}" if items else ""
+        listed = (s.listed.key, s.listed.las, s.listed.witsml) if s.listed else ("", "", "")
+        kind = s.unit if s.type == "Double" else s.type
+        sigma = "yes" if s.sigma else ""
+        columns = [column.key if column else "" for column in (s.series, s.attitude)]
+        cells = (s.name, s.meaning, kind, s.source, sigma, ", ".join(s.page), s.opcua, modbus, wits, ", ".join(s.dwis))
+        lines.append(f"| {' | '.join((*cells, *listed, *columns))} |")
+    lines += [
+        "\n## Sources\n",
+        "| source | brings it | how often | its values are valid where |",
+        "|---|---|---|---|",
+        *(f"| {name} | {one.brings} | {one.rate} | {one.validity} |" for name, one in SOURCES.items()),
+        "\n`sigma_` before a name of the last two columns is the column of its 1 sigma. Numbers without unit have",
+        "unit 1; all numbers are of type Double.",
+    ]
     return "\n".join(lines) + "\n"
 
 

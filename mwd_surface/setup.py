@@ -9,7 +9,15 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={NAME: ["page/static/*", "page/static/vendor/*", "runs/fastdds.xml", "ros/security_policy.yaml"]},
+    package_data={
+        NAME: [
+            "page/static/*",
+            "page/static/vendor/*",
+            "runs/fastdds.xml",
+            "ros/security_policy.yaml",
+            "signals/table.csv",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

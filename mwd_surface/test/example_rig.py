@@ -90,6 +90,9 @@ def live(whole=None, sample=None, rig=None, now=NOW):
     interference = wire.INTERFERENCE.empty(1)
     interference["axial"], interference["sigma_axial"] = 8.1e-7, 5e-8
     state.on_interference(interference, now - 0.5)
+    shaken = wire.DYNAMICS.empty(1)
+    shaken["stick_slip_index"], shaken["lateral_rms"], shaken["shocks"] = 0.4, 3.0, 2
+    state.on_dynamics(shaken, now - 0.5)
     state.on_rig_state(rig_state() if rig is None else rig, now - 1.0)
     state.on_records(whole.records, now)
     state.on_trajectory(whole.definitive(bit_depth=650.25), now)

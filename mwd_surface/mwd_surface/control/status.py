@@ -120,3 +120,23 @@ class ControlStatus:
     achieved: Achieved = dataclasses.field(default_factory=Achieved)
     reactions: Mapping[str, Reaction] = dataclasses.field(default_factory=dict)
     mwd_alive: bool = False
+
+    @property
+    def asked_speed(self) -> float | None:
+        """Speed asked of the top drive, rad/s; None: no speed is asked."""
+        return self.rotary_speed if self.mode == Mode.ROTATE else None
+
+    @property
+    def asked_turn(self) -> float | None:
+        """Turn asked of the top drive, rad; None: no turn is asked."""
+        return self.turn if self.mode == Mode.ORIENT else None
+
+    @property
+    def speed_limit(self) -> float | None:
+        """Of the lease, rad/s; None where control is switched off."""
+        return self.limits.speed if self.enabled else None
+
+    @property
+    def flow_limit(self) -> float | None:
+        """Of the lease, m^3/s; None where control is switched off."""
+        return self.limits.flow if self.enabled else None

@@ -15,17 +15,18 @@ from numpy.typing import NDArray
 from mwd_estimation.core.status import words
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.compiled import compiled
+from mwd_surface.signals.table import ATTITUDE
 
-HEADER = (
-    "stamp_ns,inclination_deg,azimuth_deg,toolface_deg,sigma_inclination_deg,sigma_azimuth_deg,sigma_toolface_deg,"
-    "gravity_x,gravity_y,gravity_z,status"
+_ANGLES = tuple(column.key for _, column in ATTITUDE)
+HEADER = ",".join(
+    ("stamp_ns", *_ANGLES, *(f"sigma_{key}" for key in _ANGLES), "gravity_x", "gravity_y", "gravity_z", "status")
 )
 _DEG = 180.0 / math.pi
 # Numbers are counted in these parts of a degree and of one: six and nine decimals.
 _ANGLE_UNIT, _GRAVITY_UNIT = 10**6, 10**9
 _TURN = 360 * _ANGLE_UNIT
-# Stamp with sign, six angles, three components, commas and the end of the line; words come on top.
-_ROW_BYTES = 21 + 6 * 13 + 3 * 14 + 2
+# Stamp with sign, angles and their sigmas, three components, commas and the end of the line; words come on top.
+_ROW_BYTES = 21 + 2 * len(_ANGLES) * 13 + 3 * 14 + 2
 # The digits of 0 to 9999: a division gives four of them.
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
@@ -67,7 +68,10 @@ class Lines:
         room = n * (_ROW_BYTES + max(len(one) for one in texts))
         if len(self._buffer) < room:
             self._buffer = np.empty(room, dtype=np.uint8)
-        end = _write(self._buffer, attitude, gravity, index, text, starts)
+        fields = [signal.field for signal, _ in ATTITUDE]
+        angles = np.column_stack([attitude[name] for name in (*fields, *(f"sigma_{one}" for one in fields))])
+        wraps = np.array([*(signal.circle for signal, _ in ATTITUDE), *(False for _ in ATTITUDE)])
+        end = _write(self._buffer, attitude["stamp_ns"], angles, wraps, gravity, index, text, starts)
         return memoryview(self._buffer)[:end]  # type: ignore[arg-type]
 
 
@@ -153,28 +157,25 @@ def _component(buffer: NDArray[np.uint8], at: int, value: float) -> int:
 @compiled
 def _write(
     buffer: NDArray[np.uint8],
-    attitude: Samples,
+    stamps: NDArray[np.int64],
+    angles: NDArray[np.float64],
+    wraps: NDArray[np.bool_],
     gravity: Samples,
     index: NDArray[np.int64],
     text: NDArray[np.uint8],
     starts: NDArray[np.int64],
 ) -> int:
-    at = 0
-    for i in range(len(attitude)):
-        row, down = attitude[i], gravity[i]
-        stamp = row["stamp_ns"]
+    at, count = 0, angles.shape[1] // 2
+    for i in range(len(stamps)):
+        down, stamp = gravity[i], stamps[i]
         if stamp < 0:
             buffer[at] = 45  # minus
             at += 1
             stamp = -stamp
         at = _whole(buffer, at, stamp)
-        tilt, around, about = row["sigma_inclination"], row["sigma_azimuth"], row["sigma_gravity_toolface"]
-        at = _angle(buffer, at, row["inclination"], tilt >= 0.0, False)
-        at = _angle(buffer, at, row["azimuth"], around >= 0.0, True)
-        at = _angle(buffer, at, row["gravity_toolface"], about >= 0.0, True)
-        at = _angle(buffer, at, tilt, tilt >= 0.0, False)
-        at = _angle(buffer, at, around, around >= 0.0, False)
-        at = _angle(buffer, at, about, about >= 0.0, False)
+        # The sigmas follow the angles, in the same order.
+        for j in range(angles.shape[1]):
+            at = _angle(buffer, at, angles[i, j], angles[i, count + j % count] >= 0.0, wraps[j])
         known = down["sigma"] >= 0.0
         vector = down["gravity"]
         for c in range(3):

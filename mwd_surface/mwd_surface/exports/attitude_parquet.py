@@ -16,19 +16,15 @@ from numpy.typing import NDArray
 from mwd_estimation.core.status import words
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES
 from mwd_sensors.core.arrays import Samples
+from mwd_surface.signals.table import ATTITUDE
 
 _DEG = 180.0 / math.pi
-_ANGLES = (
-    ("inclination_deg", "inclination"),
-    ("azimuth_deg", "azimuth"),
-    ("toolface_deg", "gravity_toolface"),
-)
 _WORDS = pa.dictionary(pa.int32(), pa.string())
 SCHEMA = pa.schema(
     [
         ("stamp_ns", pa.int64()),
-        *((name, pa.float64()) for name, _ in _ANGLES),
-        *((f"sigma_{name}", pa.float64()) for name, _ in _ANGLES),
+        *((column.key, pa.float64()) for _, column in ATTITUDE),
+        *((f"sigma_{column.key}", pa.float64()) for _, column in ATTITUDE),
         *((f"gravity_{axis}", pa.float64()) for axis in "xyz"),
         ("status", _WORDS),
         ("north", _WORDS),
@@ -68,8 +64,11 @@ class Writer:
         if not len(attitude):
             return
         columns = [pa.array(np.ascontiguousarray(attitude["stamp_ns"]))]
-        columns += [_known(attitude[name] * _DEG, attitude[f"sigma_{name}"]) for _, name in _ANGLES]
-        columns += [_known(attitude[f"sigma_{name}"] * _DEG, attitude[f"sigma_{name}"]) for _, name in _ANGLES]
+        for prefix in ("", "sigma_"):
+            columns += [
+                _known(attitude[prefix + signal.field] * _DEG, attitude[f"sigma_{signal.field}"])
+                for signal, _ in ATTITUDE
+            ]
         columns += [_known(gravity["gravity"][:, k], gravity["sigma"]) for k in range(3)]
         columns.append(_named(attitude["status"], words))
         names = {code: name for name, code in NORTH_CODES.items()}

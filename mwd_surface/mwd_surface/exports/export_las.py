@@ -19,25 +19,6 @@ from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.survey_record import Verdict
 
 NULL = -999.25
-# Mnemonic and unit of each column; LAS has no other place for the rest of a name.
-_CURVES = {
-    "md_m": ("DEPT", "M"),
-    "inclination_deg": ("INC", "DEG"),
-    "azimuth_deg": ("AZI", "DEG"),
-    "tvd_m": ("TVD", "M"),
-    "north_m": ("NS", "M"),
-    "east_m": ("EW", "M"),
-    "vertical_section_m": ("VS", "M"),
-    "dls_deg_per_30m": ("DLS", "DEG/30M"),
-    "build_deg_per_30m": ("BUILD", "DEG/30M"),
-    "turn_deg_per_30m": ("TURN", "DEG/30M"),
-    "sigma_north_m": ("SIGN", "M"),
-    "sigma_east_m": ("SIGE", "M"),
-    "sigma_vertical_m": ("SIGV", "M"),
-    "to_plan_m": ("TOPLAN", "M"),
-    "above_plan_m": ("ABOVE", "M"),
-    "right_of_plan_m": ("RIGHT", "M"),
-}
 # Numbers of the Survey message.
 _VERDICTS = {verdict.word: int(verdict) for verdict in Verdict}
 _VERDICT_WORDS = ", ".join(f"{number} {word}" for word, number in _VERDICTS.items())
@@ -73,11 +54,11 @@ def las(table: SurveyTable) -> str:
     for column in table.columns:
         if all(v is None for v in column.values):
             continue
-        mnemonic, unit = _CURVES[column.key]
         printed = [column.cell(k) for k in table.rows]
-        formats[len(formats)] = f"%.{column.decimals}f"
+        formats[len(formats)] = f"%.{column.listed.decimals}f"
         data = np.array([float(p) if p else np.nan for p in printed])
-        file.append_curve(mnemonic, data, unit=unit, descr=column.title.replace("σ", "sigma"))
+        unit = column.unit.replace(" ", "").upper()
+        file.append_curve(column.listed.las, data, unit=unit, descr=column.listed.title.replace("σ", "sigma"))
     for place, (mnemonic, what) in enumerate((("VINC", "inclination"), ("VAZI", "azimuth"), ("VTF", "toolface"))):
         given = [r.survey.verdicts[place] if r is not None else "" for r in table.records]
         formats[len(formats)] = "%.0f"

@@ -17,25 +17,16 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
 
 NAMESPACE = "http://www.witsml.org/schemas/1series"
 _DEG = 180.0 / math.pi
 _NAME, _COMMENT, _UID = 64, 4000, 64
-_STATION = {
-    "tvd_m": ("tvd", "m"),
-    "inclination_deg": ("incl", "dega"),
-    "azimuth_deg": ("azi", "dega"),
-}
-_PLACE = {
-    "north_m": ("dispNs", "m"),
-    "east_m": ("dispEw", "m"),
-    "vertical_section_m": ("vertSect", "m"),
-    "dls_deg_per_30m": ("dls", "dega/30m"),
-    "turn_deg_per_30m": ("rateTurn", "dega/30m"),
-    "build_deg_per_30m": ("rateBuild", "dega/30m"),
-}
+# Elements of a station in the order of the schema; those between the two groups are not in every list.
+STATION = ("md", "tvd", "incl", "azi")
+PLACE = ("dispNs", "dispEw", "vertSect", "dls", "rateTurn", "rateBuild")
 
 
 def witsml(table: SurveyTable, uid: str = "") -> str:
@@ -110,8 +101,11 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
         parts.append(_text("dTimStn", utc(record.survey.stamp_ns)))
     parts.append(_text("typeTrajStation", _type(table, record, kind)))
     parts.append(_text("calcAlgorithm", "minimum curvature"))
-    parts.append(_measure("md", table.column("md_m").cell(k), "m"))
-    parts += [_measure(tag, table.column(key).cell(k), uom) for key, (tag, uom) in _STATION.items()]
+    numbers = {
+        column.listed.witsml: _measure(column.listed.witsml, column.cell(k), UNITS[column.signal.unit].witsml)
+        for column in table.columns
+    }
+    parts += [numbers[tag] for tag in STATION]
     # Of an imported station only the angles are known.
     measured = record if record is not None and record.survey.has_readings else None
     if measured is not None:
@@ -119,7 +113,7 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
         for tag, toolface in (("mtf", magnetic), ("gtf", gravity)):
             if toolface is not None:
                 parts.append(_measure(tag, fixed(toolface * _DEG, 4, 360.0), "dega"))
-    parts += [_measure(tag, table.column(key).cell(k), uom) for key, (tag, uom) in _PLACE.items()]
+    parts += [numbers[tag] for tag in PLACE]
     if table.surveys.well.error_model and record is not None:
         parts.append(_text("modelToolError", table.surveys.well.error_model, _COMMENT))
     if measured is not None:

@@ -68,7 +68,7 @@ def definitive(table: SurveyTable) -> Section:
         marks.append("projected" if kind == "projected" else row_mark(record))
     sheet = sheet_of(
         "Definitive survey",
-        (("Survey", ""), *((c.title, c.unit) for c in shown), ("Flags", "")),
+        (("Survey", ""), *((c.listed.title, c.unit) for c in shown), ("Flags", "")),
         rows,
         marks,
         legend="Shaded lines: projected, not surveyed, or used on a person's word." if any(marks) else "",

@@ -11,13 +11,16 @@ from __future__ import annotations
 import dataclasses
 import datetime as dt
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Section
+from mwd_surface.signals.signal import PLAN, POSITION, SURVEY, Listed, Signal
+from mwd_surface.signals.table import LISTED
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord
 from mwd_surface.surveys.well import Well
@@ -27,29 +30,34 @@ from mwd_surface.trajectory.slide_sheet import Stretch
 from mwd_surface.trajectory.well_path import Definitive
 
 _DEG = 180.0 / math.pi
-_DEG_30 = 30.0 * _DEG
 _FEW = 12  # numbers in a sentence
 
 
 @dataclasses.dataclass(frozen=True)
 class Column:
     """
-    One column of numbers: name in files, title and unit for people, decimals in files and on paper.
+    One column of numbers: its signal, where it stands in files, and one value per station, None where not known.
 
-    values: one per station, None where not known. wrap: numbers that turn over at this one (360 for azimuths).
+    The values are in the unit of people.
     """
 
-    key: str
-    title: str
-    unit: str
-    decimals: int
-    shown: int
+    signal: Signal
+    listed: Listed
     values: tuple[float | None, ...]
-    wrap: float = 0.0
+
+    @property
+    def key(self) -> str:
+        """Name in files."""
+        return self.listed.key
+
+    @property
+    def unit(self) -> str:
+        """Of people."""
+        return self.signal.people.symbol
 
     def cell(self, k: int, paper: bool = False) -> str:
         """The number of a station as printed in files or on paper; empty where not known."""
-        return fixed(self.values[k], self.shown if paper else self.decimals, self.wrap)
+        return fixed(self.values[k], self.listed.shown if paper else self.listed.decimals, self.signal.wrap)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -155,36 +163,10 @@ def table_of(
     reference = next((s for s in reversed(used) if s.has_reference), None)
     known = uncertain(surveys, path, records)
     covariance, note = known.covariance, known.note
-    columns = [
-        Column("md_m", "MD", "m", 3, 2, _numbers(path.md)),
-        Column("inclination_deg", "Inc", "deg", 4, 2, _numbers(path.inclination * _DEG)),
-        Column("azimuth_deg", "Azi", "deg", 4, 2, _numbers(path.azimuth * _DEG), wrap=360.0),
-        Column("tvd_m", "TVD", "m", 3, 2, _numbers(path.positions[:, 2])),
-        Column("north_m", "N/S", "m", 3, 2, _numbers(path.positions[:, 0])),
-        Column("east_m", "E/W", "m", 3, 2, _numbers(path.positions[:, 1])),
-        Column("vertical_section_m", "VS", "m", 3, 2, _numbers(path.vertical_section)),
-        Column("dls_deg_per_30m", "DLS", "deg/30 m", 4, 2, _numbers(path.dogleg_severity * _DEG_30)),
-        Column("build_deg_per_30m", "Build", "deg/30 m", 4, 2, _numbers(path.build_rate * _DEG_30)),
-        Column("turn_deg_per_30m", "Turn", "deg/30 m", 4, 2, _numbers(path.turn_rate * _DEG_30)),
-    ]
-    sigmas = [(None, None, None)] * len(records) if covariance is None else [_sigmas(c) for c in covariance]
-    for k, (key, title) in enumerate(
-        (("sigma_north_m", "1σ N"), ("sigma_east_m", "1σ E"), ("sigma_vertical_m", "1σ V"))
-    ):
-        columns.append(Column(key, title, "m", 3, 2, tuple(s[k] for s in sigmas)))
-    if plan is not None:
-        offsets = [
-            offset_from(plan, p, float(i), float(a))
-            for p, i, a in zip(path.positions, path.inclination, path.azimuth, strict=True)
-        ]
-        columns += [
-            Column("to_plan_m", "To plan", "m", 3, 2, tuple(o.distance for o in offsets)),
-            Column("above_plan_m", "Above", "m", 3, 2, tuple(o.up for o in offsets)),
-            Column("right_of_plan_m", "Right", "m", 3, 2, tuple(o.right for o in offsets)),
-        ]
+    columns = _columns(path, covariance, plan)
     header = _header(surveys, path, reference, made_ns, note, plan, software)
     return SurveyTable(
-        surveys, path, records, tuple(columns), header, covariance, note, plan, left_out, made_ns, tuple(stretches)
+        surveys, path, records, columns, header, covariance, note, plan, left_out, made_ns, tuple(stretches)
     )
 
 
@@ -216,8 +198,25 @@ def plain(text: str) -> str:
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
-def _numbers(values: Iterable[float]) -> tuple[float | None, ...]:
-    return tuple(float(v) for v in values)
+def _columns(path: Definitive, covariance: Array | None, plan: Plan | None) -> tuple[Column, ...]:
+    """The columns of the signal table whose source is there."""
+    stations = range(len(path.md))
+    sources: dict[str, Sequence[Any]] = {
+        SURVEY: [{s.field: getattr(path, s.field)[k] for s, _ in LISTED if s.source == SURVEY} for k in stations],
+        POSITION: [{} for _ in stations] if covariance is None else [_sigmas(c) for c in covariance],
+    }
+    if plan is not None:
+        angles = zip(path.positions, path.inclination, path.azimuth, strict=True)
+        sources[PLAN] = [vars(offset_from(plan, p, float(i), float(a))) for p, i, a in angles]
+    return tuple(
+        Column(signal, listed, tuple(_people(signal, one.get(signal.field)) for one in sources[signal.source]))
+        for signal, listed in LISTED
+        if signal.source in sources
+    )
+
+
+def _people(signal: Signal, value: float | None) -> float | None:
+    return None if value is None else signal.people.of(float(value))
 
 
 def _without_depth(surveys: SurveyList) -> tuple[str, ...]:
@@ -231,18 +230,7 @@ def _without_depth(surveys: SurveyList) -> tuple[str, ...]:
 
 
 def _finite(path: Definitive) -> tuple[Definitive, tuple[str, ...]]:
-    numbers = np.column_stack(
-        [
-            path.md,
-            path.inclination,
-            path.azimuth,
-            path.positions,
-            path.vertical_section,
-            path.dogleg_severity,
-            path.build_rate,
-            path.turn_rate,
-        ]
-    )
+    numbers = np.column_stack([getattr(path, signal.field) for signal, _ in LISTED if signal.source == SURVEY])
     good = np.all(np.isfinite(numbers), axis=1)
     if np.all(good):
         return path, ()
@@ -262,11 +250,11 @@ def _finite(path: Definitive) -> tuple[Definitive, tuple[str, ...]]:
     return dataclasses.replace(path, **arrays, kind=kind, sequence=sequence), why
 
 
-def _sigmas(covariance: Array) -> tuple[float | None, float | None, float | None]:
+def _sigmas(covariance: Array) -> dict[str, float]:
     if not np.all(np.isfinite(covariance)):
-        return None, None, None
-    n, e, v = np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    return float(n), float(e), float(v)
+        return {}
+    names = ("sigma_north", "sigma_east", "sigma_vertical")
+    return dict(zip(names, np.sqrt(np.maximum(np.diagonal(covariance), 0.0)), strict=True))
 
 
 def _header(

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,44 +21,41 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.exports.survey_table import fixed, utc
+from mwd_surface.signals import signal
+from mwd_surface.signals.table import SERIES
+from mwd_surface.signals.units import Scale
 
 ATTITUDE, RIG = "attitude", "rig/state"
 NORTHS = ("", "magnetic", "true", "grid")
 
-_DEG, _RPM = 180.0 / math.pi, 30.0 / math.pi
 # Samples of two topics, or of one that reports late, meet in the same row if they are read within so many seconds.
 _OPEN_S = 30
 _BATCH = 3600
 _S = 10**9
 
 
-@dataclasses.dataclass(frozen=True)
-class Quantity:
-    """One column: its name, the field it comes from, a factor, decimals, and what turns over (360 for azimuths)."""
+class Quantity(NamedTuple):
+    """One column: its name, the field it comes from and its unit there, decimals, and what turns over (360)."""
 
     key: str
     field: str
-    factor: float
+    unit: Scale
     decimals: int
     wrap: float = 0.0
 
 
+def _quantities(source: str) -> tuple[Quantity, ...]:
+    return tuple(
+        Quantity(column.key, one.field, one.people, column.decimals, one.wrap)
+        for one, column in SERIES
+        if one.source == source
+    )
+
+
 # A bit of RigState.valid vouches for each of these; for the attitude the sigma does that.
-_RIG_QUANTITIES = (
-    Quantity("bit_depth_m", "bit_depth", 1.0, 3),
-    Quantity("hole_depth_m", "hole_depth", 1.0, 3),
-    Quantity("rpm", "rotary_speed", _RPM, 2),
-    Quantity("flow_l_per_min", "flow_rate", 60_000.0, 1),
-    Quantity("pressure_kpa", "pressure", 1e-3, 1),
-    Quantity("hookload_kn", "hookload", 1e-3, 2),
-)
-_ANGLES = (
-    ("sigma_inclination", Quantity("inc_deg", "inclination", _DEG, 4)),
-    ("sigma_azimuth", Quantity("azi_deg", "azimuth", _DEG, 4, 360.0)),
-    ("sigma_gravity_toolface", Quantity("toolface_deg", "gravity_toolface", _DEG, 3, 360.0)),
-)
-_SIGMAS = tuple((sigma, Quantity(f"sigma_{q.key}", sigma, _DEG, q.decimals)) for sigma, q in _ANGLES)
-QUANTITIES = (*_RIG_QUANTITIES, *(q for _, q in (*_ANGLES, *_SIGMAS)))
+_RIG_QUANTITIES, _ANGLES = _quantities(signal.RIG), _quantities(signal.ESTIMATOR)
+_SIGMAS = tuple(q._replace(key=f"sigma_{q.key}", field=f"sigma_{q.field}", wrap=0.0) for q in _ANGLES)
+QUANTITIES = (*_RIG_QUANTITIES, *_ANGLES, *_SIGMAS)
 COLUMNS = ("timestamp_utc_iso", *(q.key for q in QUANTITIES), "azimuth_north")
 
 
@@ -217,8 +213,8 @@ def _rig(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) 
 
 
 def _attitude(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
-    for (sigma, angle), (_, doubt) in zip(_ANGLES, _SIGMAS, strict=True):
-        known = samples[sigma] >= 0.0
+    for angle, doubt in zip(_ANGLES, _SIGMAS, strict=True):
+        known = samples[doubt.field] >= 0.0
         which = _take(samples, seconds, known, (angle, doubt), waiting)
         if angle.field == "azimuth":
             for k in which:
@@ -244,7 +240,7 @@ def _take(
     for k in places:
         row = waiting.setdefault(int(seconds[k]), Row(int(seconds[k]), {}, ""))
         for quantity in quantities:
-            row.values[quantity.key] = float(samples[quantity.field][k]) * quantity.factor
+            row.values[quantity.key] = quantity.unit.of(float(samples[quantity.field][k]))
     return places
 
 

@@ -7,10 +7,8 @@ Nothing here reads a clock: every call takes `now`, s, of one steady clock.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import deque
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -33,49 +31,18 @@ from mwd_surface.live.well_state import (
     RigState,
     ToolfaceState,
 )
+from mwd_surface.signals.table import page_fields
 from mwd_surface.trajectory.north import North
 
-QUANTITIES = {
-    "inclination": Quantity("rad", "estimator"),
-    "azimuth": Quantity("rad", "estimator"),
-    "toolface": Quantity("rad", "estimator"),
-    "vibration": Quantity("m/s^2", "estimator"),
-    "rotary_speed": Quantity("rad/s", "estimator"),
-    "stick_slip": Quantity("", "dynamics"),
-    "axial_vibration": Quantity("m/s^2", "dynamics"),
-    "lateral_vibration": Quantity("m/s^2", "dynamics"),
-    "shocks": Quantity("", "dynamics"),
-    "shock_peak": Quantity("m/s^2", "dynamics"),
-    "rotary_least": Quantity("rad/s", "dynamics"),
-    "rotary_most": Quantity("rad/s", "dynamics"),
-    "temperature": Quantity("degC", "temperature"),
-    "total_field": Quantity("T", "magnetometer"),
-    "axial_interference": Quantity("T", "interference"),
-    "cross_axial_interference": Quantity("T", "interference"),
-    "field_deviation": Quantity("T", "interference"),
-    "dip_deviation": Quantity("rad", "interference"),
-    "bit_depth": Quantity("m", "rig"),
-    "hole_depth": Quantity("m", "rig"),
-    "block_position": Quantity("m", "rig"),
-    "hookload": Quantity("N", "rig"),
-    "weight_on_bit": Quantity("N", "rig"),
-    "torque": Quantity("N m", "rig"),
-    "rig_rotary_speed": Quantity("rad/s", "rig"),
-    "flow_rate": Quantity("m^3/s", "rig"),
-    "pressure": Quantity("Pa", "rig"),
-    "rate_of_penetration": Quantity("m/s", "rig"),
+_SECTIONS = {section: page_fields(section) for section in ("attitude", "toolface", "drilling", "rig")}
+_QUANTITIES = {
+    signal.name: Quantity(signal.unit, signal.source) for part in _SECTIONS.values() for signal in part.values()
 }
 _COLDEST, _HOTTEST = -60.0, 250.0  # degC, from a winter's rack to beyond the hottest electronics in use
-_ANGLES = ("inclination", "azimuth")
-_DRILLING = tuple(field.name for field in dataclasses.fields(DrillingState))
-_RIG = tuple(name for name, quantity in QUANTITIES.items() if quantity.stream == "rig")
-_RIG_FIELDS = tuple(name.removeprefix("rig_") for name in _RIG)
-_PART_OF = {
-    "toolface": "toolface",
-    **dict.fromkeys(_ANGLES, "attitude"),
-    **dict.fromkeys(_DRILLING, "drilling"),
-    **dict.fromkeys(_RIG, "rig"),
-}
+_ANGLES = tuple(signal.name for signal in _SECTIONS["attitude"].values())
+_PART_OF = {signal.name: part for part, signals in _SECTIONS.items() for signal in signals.values()}
+# Of rig/state, by its fields.
+_RIG = {signal.field: signal.name for signal in _SECTIONS["rig"].values()}
 # Charts over time, and what becomes of several values within one interval.
 _HISTORY = {
     "vibration": "max",
@@ -132,7 +99,7 @@ class LiveStreams:
         self.toolface_reading: ToolfaceReading | None = None
         self._selector = ToolfaceSelector()
         periods = {name: float(getattr(self.settings, f"{name}_period")) for name in _STREAMS}
-        self._values = LatestValues(QUANTITIES, periods)
+        self._values = LatestValues(_QUANTITIES, periods)
         self._readings: deque[DialReading] = deque(maxlen=self.settings.readings)
         self._history = StripHistory(_HISTORY, self.settings.history_seconds, self.settings.history_rate)
         self._log = StripHistory(_LOGGED, self.settings.log_length, 1.0 / self.settings.log_step)
@@ -264,9 +231,9 @@ class LiveStreams:
         self.on_stream("rig", len(samples), now)
         last = samples[-1]
         valid = int(last["valid"])
-        for field in _RIG_FIELDS:
+        for field, name in _RIG.items():
             if valid & RIG_VALID[field]:
-                self._put("rig_rotary_speed" if field == "rotary_speed" else field, float(last[field]), None, now)
+                self._put(name, float(last[field]), None, now)
         self._in_slips = bool(last["in_slips"]) if valid & RIG_VALID["in_slips"] else None
 
     def on_log_depth(self, depth: float | None) -> None:
@@ -319,11 +286,11 @@ class LiveStreams:
 
     def drilling(self, now: float) -> DrillingState:
         """Return dynamics, temperature and interference as of `now`."""
-        return DrillingState(**self._all(_DRILLING, now))
+        return DrillingState(**self._fields("drilling", now))
 
     def rig(self, now: float) -> RigState:
         """Return the measurements of the rig as of `now`."""
-        return RigState(**self._all(_RIG, now), in_slips=self._in_slips)
+        return RigState(**self._fields("rig", now), in_slips=self._in_slips)
 
     def streams(self, now: float) -> dict[str, StreamState]:
         """Return the streams by name as of `now`."""
@@ -341,8 +308,8 @@ class LiveStreams:
             return False
         return bool(int(self._sample[0]["status"]) & Status.NO_MAG)
 
-    def _all(self, names: Iterable[str], now: float) -> dict[str, LiveValue]:
-        return {name: self._values.value(name, now) for name in names}
+    def _fields(self, section: str, now: float) -> dict[str, LiveValue]:
+        return {signal.field: self._values.value(signal.name, now) for signal in _SECTIONS[section].values()}
 
     def _advisory_of(self, angle: LiveValue) -> Advisory | None:
         if self._advisory is None:

@@ -124,7 +124,7 @@ class ToolfaceState:
 
 @dataclasses.dataclass(frozen=True)
 class DrillingState:
-    """Drilling dynamics, temperature and interference; the units are those of `live_state.QUANTITIES`."""
+    """Drilling dynamics, temperature and interference; units as in the signal table."""
 
     vibration: LiveValue
     rotary_speed: LiveValue
@@ -153,7 +153,7 @@ class RigState:
     hookload: LiveValue
     weight_on_bit: LiveValue
     torque: LiveValue
-    rig_rotary_speed: LiveValue
+    rotary_speed: LiveValue
     flow_rate: LiveValue
     pressure: LiveValue
     rate_of_penetration: LiveValue
@@ -311,6 +311,11 @@ class WellState:
     advice: Advice = dataclasses.field(default_factory=Advice)
     downlink: DownlinkStatus | None = None
     inputs: InputTable = dataclasses.field(default_factory=InputTable)
+
+    @property
+    def against_plan(self) -> dict[str, float | None]:
+        """Fields of the offset from the plan, and the dogleg severity to the target; empty where there is none."""
+        return {} if self.offset is None else {**vars(self.offset), "dogleg_to_target": self.dogleg_to_target}
 
     def change(self, part: str) -> Change:
         """Return how often a part changed, and when."""

@@ -133,7 +133,7 @@ class ControlServer:
             return
         self._updated_at = now
         rig, authority = self._live.rig(now), self.authority
-        achieved = Achieved(_known(rig.rig_rotary_speed), _known(rig.torque), _known(rig.flow_rate))
+        achieved = Achieved(_known(rig.rotary_speed), _known(rig.torque), _known(rig.flow_rate))
         authority.on_rig(achieved, now)
         authority.on_mwd(self._live.streams(now)["estimator"].state == Freshness.LIVE)
         for point in authority.update(now):

@@ -8,6 +8,7 @@ from typing import Any
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.status import ControlState, ControlStatus
 from mwd_surface.page.plain import number
+from mwd_surface.signals.table import page_fields
 from mwd_surface.trajectory.advice import Advice
 
 _ASKED = {
@@ -38,8 +39,8 @@ def control_table(status: ControlStatus) -> dict[str, Any]:
         "reason": status.reason,
         "refusal": status.refusal,
         "asked": _ASKED[status.mode],
-        "speed": number(status.rotary_speed) if status.mode == Mode.ROTATE else None,
-        "turn": number(status.turn) if status.mode == Mode.ORIENT else None,
+        "speed": number(status.asked_speed),
+        "turn": number(status.asked_turn),
         "flow": number(status.flow_rate),
         "acknowledged": status.sequence > 0 and status.acknowledged == status.sequence,
         "achieved_speed": number(achieved.speed),
@@ -52,15 +53,11 @@ def control_table(status: ControlStatus) -> dict[str, Any]:
 
 def advice_table(advice: Advice) -> dict[str, Any]:
     """Return the advice; None where something is not known."""
-    fields = (
-        *("toolface", "limit", "sigma", "confidence", "from_depth", "slide_to_depth", "to_depth"),
-        *("dogleg_severity", "motor_yield"),
-    )
     return {
         "mode": advice.mode.name.lower(),
         "magnetic": advice.magnetic,
         "source": advice.source,
         "reason": advice.reason,
         "survey": advice.survey,
-        **{name: number(getattr(advice, name)) for name in fields},
+        **{name: number(getattr(advice, signal.field)) for name, signal in page_fields("advice").items()},
     }

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ from mwd_surface.page.input_table import input_table
 from mwd_surface.page.link_table import link_table
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.page.survey_panel import NORTH_WORDS, path_table, quality_lights, survey_row
+from mwd_surface.signals.table import page_fields
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan
 
@@ -94,15 +95,15 @@ class StateJson:
         north = NORTH_WORDS[attitude.north]
         tables = {
             "attitude": {
-                **_values({"inclination": attitude.inclination, "azimuth": attitude.azimuth}),
+                **_values("attitude", attitude),
                 "status": [word for word in words(attitude.status).split("|") if word],
                 "north": north,
                 "stamp_ns": attitude.stamp_ns,
             },
             "toolface": _toolface(toolface, north),
-            "drilling": _values(vars(state.drilling)),
+            "drilling": _values("drilling", state.drilling),
             "rig": {
-                **_values({k: v for k, v in vars(state.rig).items() if k != "in_slips"}),
+                **_values("rig", state.rig),
                 "in_slips": state.rig.in_slips,
                 "pumps_on": state.rig.pumps_on,
             },
@@ -191,8 +192,9 @@ def _dated(table: Table, state: WellState, part: str) -> Table:
     return {**table, "since": number(state.change(part).at), "age": number(state.age(part))}
 
 
-def _values(values: Mapping[str, LiveValue]) -> Table:
-    return {name: _value(value) for name, value in values.items()}
+def _values(section: str, part: Any) -> Table:
+    """Live values of a section of the page, as the signal table names them."""
+    return {name: _value(getattr(part, signal.field)) for name, signal in page_fields(section).items()}
 
 
 def _value(value: LiveValue) -> Table:
@@ -312,8 +314,9 @@ def _plan(plan: Plan | None, section: float, most: int) -> Table:
 def _offset(state: WellState) -> Table:
     if state.offset is None:
         return {"known": False}
-    table = {key: number(value) for key, value in dataclasses.asdict(state.offset).items()}
-    return {"known": True, **table, "dogleg_to_target": number(state.dogleg_to_target)}
+    against = state.against_plan
+    table = {name: number(against.get(signal.field)) for name, signal in page_fields("offset").items()}
+    return {"known": True, **table}
 
 
 def _near(one: Clearance) -> Table:

@@ -13,6 +13,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.page.plain import number, numbers
+from mwd_surface.signals.table import LISTED, page_fields
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import QualityLimits, totals
 from mwd_surface.surveys.survey_record import ROTARY, Judgement, Survey, SurveyRecord, Verdict
@@ -21,14 +22,12 @@ from mwd_surface.trajectory.well_path import Definitive
 from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 
 NORTH_WORDS = ("", "magnetic", "true", "grid")
-_PLACED = (
-    "north",
-    "east",
-    "vertical_depth",
-    "vertical_section",
-    "dogleg_severity",
-    "build_rate",
-    "turn_rate",
+_ON_PATH = {signal.name for signal, _ in LISTED}
+# What a record has of the path, beside the depth and angles of the survey itself.
+_PLACED = tuple(
+    name
+    for name, signal in page_fields("surveys").items()
+    if signal.name in _ON_PATH and name not in ("measured_depth", "inclination", "azimuth")
 )
 
 
@@ -152,32 +151,12 @@ def path_table(path: Definitive | None, section: float, covariance: Array | None
     section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): of the first m positions, m^2, for the
     ellipses. most: number of stations kept, the last ones.
     """
-    names = (
-        "measured_depth",
-        "inclination",
-        "azimuth",
-        "north",
-        "east",
-        "vertical_depth",
-        "vertical_section",
-        "dogleg_severity",
-    )
+    columns = {name: signal.field for name, signal in page_fields("path").items() if signal.name in _ON_PATH}
     if path is None:
-        return {**{name: [] for name in names}, "kind": [], "north_reference": "", "ellipses": [], "left_out": 0}
+        return {**{name: [] for name in columns}, "kind": [], "north_reference": "", "ellipses": [], "left_out": 0}
     first = max(0, len(path.md) - most)
-    n, e, d = path.positions[first:].T
-    columns = (
-        path.md[first:],
-        path.inclination[first:],
-        path.azimuth[first:],
-        n,
-        e,
-        d,
-        path.vertical_section[first:],
-        path.dogleg_severity[first:],
-    )
     return {
-        **{name: numbers(column) for name, column in zip(names, columns, strict=True)},
+        **{name: numbers(getattr(path, field)[first:]) for name, field in columns.items()},
         "kind": list(path.kind[first:]),
         "north_reference": path.north.name.lower(),
         "section_azimuth": number(section),

@@ -7,46 +7,31 @@ import dataclasses
 import math
 
 from mwd_sensors.core.wire import NANOSECONDS
-from mwd_surface.control.set_point import Mode
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.live.inputs import HAND, SONDE, InputState, InputTable, Role
 from mwd_surface.live.well_state import WellState
-from mwd_surface.rig.signals import FROM_ADVICE, FROM_PLAN
 from mwd_surface.rig.value import Condition, RigValue
+from mwd_surface.signals.table import FROM_ADVICE, FROM_CONTROL, FROM_PLAN
 from mwd_surface.trajectory.advice import AdviceMode
 
 
 def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
     """Return what follows from path and plan; as old as the path itself."""
-    path, offset, values = state.path, state.offset, {}
+    path, values = state.path, {}
     beyond = path is not None and len(path.kind) > 0 and path.kind[-1] != "tie-on"
     for name in ("inclination", "azimuth"):
         value = float(getattr(path, name)[-1]) if beyond else None
         values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
-    plan: dict[str, float | None] = dict.fromkeys(FROM_PLAN)
-    if offset is not None:
-        plan = {
-            "plan_distance": offset.distance,
-            "plan_up": offset.up,
-            "plan_right": offset.right,
-            "plan_toolface": offset.toolface,
-            "target_dogleg": state.dogleg_to_target,
-        }
-    for name, number in plan.items():
-        values[name] = _derived(number, state.age("offset"), now_ns)
+    against = state.against_plan
+    for signal in FROM_PLAN:
+        values[signal.name] = _derived(against.get(signal.field), state.age("offset"), now_ns)
     return values
 
 
 def control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
     """Return set-points in force and limits; a set-point that is the driller's is not known."""
-    asked: dict[str, float | None] = {
-        "set_speed": control.rotary_speed if control.mode == Mode.ROTATE else None,
-        "set_turn": control.turn if control.mode == Mode.ORIENT else None,
-        "set_flow": control.flow_rate,
-        "speed_limit": control.limits.speed if control.enabled else None,
-        "flow_limit": control.limits.flow if control.enabled else None,
-    }
     waiting = RigValue(reason="the driller's" if control.enabled else "control is switched off")
+    asked = {signal.name: getattr(control, signal.field) for signal in FROM_CONTROL}
     return {
         name: waiting if value is None else RigValue(value, Condition.GOOD, now_ns, 0.0)
         for name, value in asked.items()
@@ -57,14 +42,11 @@ def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     """Return the advice on the next interval, as old as the advice."""
     advice = state.advice
     slides = advice.mode == AdviceMode.SLIDE
-    table = {
-        "advised_toolface": advice.toolface if slides else None,
-        "advised_from": advice.from_depth,
-        "advised_slide_to": advice.slide_to_depth if slides else advice.from_depth,
-        "advised_to": advice.to_depth,
-    }
+    # Where to rotate there is no toolface, and the slide ends where it begins.
+    bare = {} if slides else {"advised_toolface": None, "advised_slide_to": advice.from_depth}
+    table = {signal.name: getattr(advice, signal.field) for signal in FROM_ADVICE} | bare
     age = state.age("advice")
-    values = {name: _derived(table[name], age, now_ns) for name in FROM_ADVICE}
+    values = {name: _derived(value, age, now_ns) for name, value in table.items()}
     reason = advice.reason or "no advice"
     values = {
         k: v if v.condition == Condition.GOOD else dataclasses.replace(v, reason=reason) for k, v in values.items()

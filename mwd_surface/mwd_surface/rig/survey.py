@@ -46,6 +46,7 @@ class AcceptedSurvey:
     position_east: float
     vertical_section: float
     dogleg_severity: float
+    build_rate: float
     turn_rate: float
     azimuth_uncorrected: float | None
     sigma_inclination: float | None
@@ -66,6 +67,11 @@ class AcceptedSurvey:
     def key(self) -> tuple[str, int]:
         """What makes it news: another survey, or the same one decided anew."""
         return self.uuid, self.decided_ns
+
+    @property
+    def gyro_share(self) -> float | None:
+        """Share of the gyro in the azimuth, 0 to 1; None where it is not known."""
+        return self.source.gyro_share if self.source.known else None
 
 
 def accepted_surveys(surveys: SurveyList, last: int = LAST) -> tuple[AcceptedSurvey, ...]:
@@ -96,6 +102,7 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
         position_east=e,
         vertical_section=float(path.vertical_section[k]),
         dogleg_severity=float(path.dogleg_severity[k]),
+        build_rate=float(path.build_rate[k]),
         turn_rate=float(path.turn_rate[k]),
         azimuth_uncorrected=_uncorrected(s),
         sigma_inclination=_known(s.sigma_inclination),

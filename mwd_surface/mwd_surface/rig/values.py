@@ -22,25 +22,22 @@ from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.live.well_state import Angle, WellState
 from mwd_surface.rig.derived_values import advice_values, control_values, input_values, projection
-from mwd_surface.rig.signals import BY_NAME, FROM_TOOL, OF_SURVEY
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.value import Condition, RigValue
+from mwd_surface.signals.signal import Signal
+from mwd_surface.signals.table import FROM_TOOL, OF_SURVEY, TO_RIG, page_fields
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.advice import Advice
 
-# Status bits of the estimator that make a quantity doubtful, and the reason to give.
-_DOUBTS: tuple[tuple[Status, tuple[str, ...], str], ...] = (
-    (
-        Status.ROTATING,
-        ("gravity_toolface", "magnetic_toolface"),
-        "the string rotates: the toolface is that of one moment",
-    ),
-    (Status.MAG_DISTURBED, ("azimuth", "magnetic_toolface"), "the magnetic field is off its reference"),
-    (Status.CORRECTION_REFUSED, ("azimuth",), "interference cannot be corrected at this attitude"),
-    (Status.UNCORRECTED, ("azimuth",), "not corrected for interference"),
-    (Status.ALIASED, ("inclination", "gravity_toolface"), "vibration aliases into the samples"),
-    (Status.CLIPPED, ("inclination", "gravity_toolface", "rotary_speed"), "a sensor is at its limit"),
-)
+# Reasons for the doubts that the signal table names.
+_DOUBTS = {
+    Status.ROTATING: "the string rotates: the toolface is that of one moment",
+    Status.MAG_DISTURBED: "the magnetic field is off its reference",
+    Status.CORRECTION_REFUSED: "interference cannot be corrected at this attitude",
+    Status.UNCORRECTED: "not corrected for interference",
+    Status.ALIASED: "vibration aliases into the samples",
+    Status.CLIPPED: "a sensor is at its limit",
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,8 +110,8 @@ def rig_values(
     for name in ("gravity_toolface", "magnetic_toolface"):
         values[name] = _held(values[name], previous.values[name] if previous else None, now_ns)
     link, ever = _link(state.streams)
-    for name in FROM_TOOL:
-        values[name] = _judged(name, values[name], state.attitude.status, lost=ever and not link)
+    for signal in FROM_TOOL:
+        values[signal.name] = _judged(signal, values[signal.name], state.attitude.status, lost=ever and not link)
     values.update(projection(state, now_ns))
     values.update(control_values(state.control, now_ns))
     values.update(advice_values(state, now_ns))
@@ -162,31 +159,29 @@ def silenced(values: RigValues, age: float, reason: str) -> RigValues:
 
 def nothing_yet(now_ns: int = 0) -> RigValues:
     """The table before anything is known."""
-    return RigValues(now_ns, 0, {name: RigValue() for name in BY_NAME}, active=False)
+    return RigValues(now_ns, 0, {signal.name: RigValue() for signal in TO_RIG}, active=False)
 
 
 def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    attitude, drilling = state.attitude, state.drilling
+    attitude = state.attitude
     in_force = _aged(_of_value(state.toolface.angle, now_ns, state.toolface.stamp_ns), state, now_ns)
     gravity, magnetic = (
         _of_angle(angle, attitude.stamp_ns, state.streams["estimator"], now_ns)
         for angle in (attitude.gravity_toolface, attitude.magnetic_toolface)
     )
-    return {
-        "inclination": _of_value(attitude.inclination, now_ns, attitude.stamp_ns),
-        "azimuth": _of_value(attitude.azimuth, now_ns, attitude.stamp_ns),
+    values = {
         "gravity_toolface": in_force if state.toolface.mode == GRAVITY else gravity,
         "magnetic_toolface": magnetic if state.toolface.mode == GRAVITY else in_force,
-        "rotary_speed": _of_value(drilling.rotary_speed, now_ns),
-        "vibration": _of_value(drilling.vibration, now_ns),
-        "temperature": _of_value(drilling.temperature, now_ns),
-        "axial_interference": _of_value(drilling.axial_interference, now_ns),
-        "bit_depth": _of_value(state.rig.bit_depth, now_ns),
-        "hole_depth": _of_value(state.rig.hole_depth, now_ns),
-        "top_drive_speed": _of_value(state.rig.rig_rotary_speed, now_ns),
-        "top_drive_torque": _of_value(state.rig.torque, now_ns),
-        "flow": _of_value(state.rig.flow_rate, now_ns),
     }
+    sent = {signal.name for signal in TO_RIG}
+    for section, part in (("attitude", attitude), ("drilling", state.drilling), ("rig", state.rig)):
+        stamp_ns = attitude.stamp_ns if part is attitude else None
+        values |= {
+            signal.name: _of_value(getattr(part, signal.field), now_ns, stamp_ns)
+            for signal in page_fields(section).values()
+            if signal.name in sent
+        }
+    return values
 
 
 def _aged(toolface: RigValue, state: WellState, now_ns: int) -> RigValue:
@@ -245,7 +240,7 @@ def _held(value: RigValue, before: RigValue | None, now_ns: int) -> RigValue:
     return dataclasses.replace(before, condition=Condition.STALE, age=age, reason=value.reason)
 
 
-def _judged(name: str, value: RigValue, status: Status, *, lost: bool) -> RigValue:
+def _judged(signal: Signal, value: RigValue, status: Status, *, lost: bool) -> RigValue:
     """Return the value with the condition that the link to the sonde and the status of the estimator give it."""
     if lost:
         return dataclasses.replace(value, condition=Condition.NO_LINK, reason="nothing comes from the sonde")
@@ -253,10 +248,10 @@ def _judged(name: str, value: RigValue, status: Status, *, lost: bool) -> RigVal
         return dataclasses.replace(value, condition=Condition.FAULT, reason="a sensor is judged faulty")
     if value.condition != Condition.GOOD:
         return value
-    for bit, names, reason in _DOUBTS:
+    for bit, reason in _DOUBTS.items():
         # An azimuth aided by the gyro needs no correction for interference.
         aided = bit == Status.UNCORRECTED and status & Status.GYRO_AIDED
-        if status & bit and name in names and not aided:
+        if status & bit and bit.name in signal.doubts and not aided:
             return dataclasses.replace(value, condition=Condition.DOUBTFUL, reason=reason)
     return value
 
@@ -264,32 +259,18 @@ def _judged(name: str, value: RigValue, status: Status, *, lost: bool) -> RigVal
 def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigValue]:
     """Values of the quantities that a survey has, by their names; now_ns: time of the node."""
     if survey is None:
-        return {name: RigValue(reason="no survey is accepted yet") for name in OF_SURVEY}
-    numbers: dict[str, tuple[float | None, float | None]] = {
-        "survey_inclination": (survey.inclination, survey.sigma_inclination),
-        "survey_azimuth": (survey.azimuth, survey.sigma_azimuth),
-        "survey_depth": (survey.measured_depth, None),
-        "survey_vertical_depth": (survey.vertical_depth, None),
-        "survey_north": (survey.position_north, None),
-        "survey_east": (survey.position_east, None),
-        "survey_dogleg": (survey.dogleg_severity, None),
-        "survey_gravity": (survey.g_total, None),
-        "survey_field": (survey.b_total, None),
-        "survey_dip": (survey.dip, None),
-        "survey_sigma_inclination": (survey.sigma_inclination, None),
-        "survey_sigma_azimuth": (survey.sigma_azimuth, None),
-        "survey_interference": (survey.axial_interference, None),
-        "survey_gyro_share": (survey.source.gyro_share if survey.source.known else None, None),
-    }
+        return {signal.name: RigValue(reason="no survey is accepted yet") for signal in OF_SURVEY}
     age = max(0.0, (now_ns - survey.stamp_ns) / NANOSECONDS)
     whole = Condition.OVERRIDE if survey.overridden else Condition.GOOD
     if whole == Condition.GOOD and survey.verdict != Verdict.ACCEPT:
         whole = Condition.DOUBTFUL
     values = {}
-    for name, (value, sigma) in numbers.items():
+    for signal in OF_SURVEY:
+        name, value = signal.name, getattr(survey, signal.field)
         if value is None or not math.isfinite(value):
             values[name] = RigValue(stamp_ns=0, reason="not known of this survey")
             continue
+        sigma = getattr(survey, f"sigma_{signal.field}") if signal.sigma else None
         condition, reason = whole, "in use on a person's word" if survey.overridden else ""
         if name == "survey_azimuth" and survey.remark and whole == Condition.GOOD:
             condition, reason = Condition.DOUBTFUL, survey.remark

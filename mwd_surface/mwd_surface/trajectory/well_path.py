@@ -42,6 +42,26 @@ class Definitive:
     kind: tuple[str, ...]
     sequence: tuple[int, ...]
 
+    @property
+    def measured_depth(self) -> Array:
+        """m, shape (n,); as `md`."""
+        return self.md
+
+    @property
+    def position_north(self) -> Array:
+        """m, shape (n,)."""
+        return self.positions[:, 0]
+
+    @property
+    def position_east(self) -> Array:
+        """m, shape (n,)."""
+        return self.positions[:, 1]
+
+    @property
+    def vertical_depth(self) -> Array:
+        """m, shape (n,)."""
+        return self.positions[:, 2]
+
     def at(self, md: float) -> tuple[float, float, Array]:
         """
         Inclination and azimuth, rad, and position, shape (3,), m, at any measured depth of the path.

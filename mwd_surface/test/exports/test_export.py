@@ -82,7 +82,7 @@ def test_every_number_of_the_path_agrees_in_all_exports_and_on_the_page(files):
     for k, (row, station, cells) in enumerate(zip(rows, stations, report, strict=True)):
         printed = dict(cells)
         for key, mnemonic, tag, name, title, factor in AGREE:
-            decimals, shown = table.column(key).decimals, table.column(key).shown
+            decimals, shown = table.column(key).listed.decimals, table.column(key).listed.shown
             assert float(row[key]) == las[mnemonic][k], (key, k)
             assert row[key] == station.findtext(W + tag), (key, k)
             exact = []

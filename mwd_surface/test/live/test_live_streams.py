@@ -55,7 +55,7 @@ def test_rig_values_count_only_while_their_bit_vouches_for_them():
     state.on_rig_state(rig(valid=1 | 64, bit_depth=0.0, rotary_speed=12.0, hookload=5.0), 0.0)
     got = state.rig(0.0)
     assert (got.bit_depth.value, got.bit_depth.state) == (0.0, "live")
-    assert got.rig_rotary_speed.value == 12.0
+    assert got.rotary_speed.value == 12.0
     assert got.hookload.value is None
     assert got.in_slips is None
     state.on_rig_state(rig(in_slips=True), 0.1)

@@ -11,10 +11,11 @@ from example_surveys import START, S, survey, surveys
 from mwd_estimation.core.status import Status
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC
-from mwd_surface.rig.signals import BY_NAME, LIVE, OF_SURVEY
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import nothing_yet, rig_values, silenced
+from mwd_surface.signals.signal import PLAN
+from mwd_surface.signals.table import OF_SURVEY, TO_RIG
 from mwd_surface.surveys.survey_list import SurveyList
 
 TOOL = ("inclination", "azimuth", "gravity_toolface", "magnetic_toolface", "rotary_speed", "temperature")
@@ -22,10 +23,11 @@ TOOL = ("inclination", "azimuth", "gravity_toolface", "magnetic_toolface", "rota
 
 def test_every_quantity_is_there_and_good_when_everything_came():
     table = values()
-    assert set(table.values) == set(BY_NAME)
+    names = {signal.name for signal in TO_RIG}
+    assert set(table.values) == names
     good = {name: v for name, v in table.values.items() if v.condition == Condition.GOOD}
     # There is no plan in the example, and its set-point is no turn.
-    assert set(BY_NAME) - set(good) == {n for n in LIVE if n.startswith(("plan", "target"))} | {"set_turn"}
+    assert names - set(good) == {signal.name for signal in TO_RIG if signal.source == PLAN} | {"set_turn"}
     assert all(v.age is not None and v.age >= 0.0 and v.stamp_ns > 0 for v in good.values())
     assert table.values["inclination"].value == pytest.approx(math.radians(40.12))
     assert table.values["gravity_toolface"].value == pytest.approx(math.radians(123.456))
@@ -57,7 +59,7 @@ def test_a_silent_sonde_is_no_link_and_an_accepted_survey_does_not_age_away():
     table = values(later=100.0)
     assert not table.sonde_link
     assert all(table.values[name].condition == Condition.NO_LINK for name in TOOL)
-    assert all(table.values[name].condition == Condition.GOOD for name in OF_SURVEY)
+    assert all(table.values[signal.name].condition == Condition.GOOD for signal in OF_SURVEY)
 
 
 def test_a_sensor_fault_marks_every_value_of_the_tool():
@@ -112,7 +114,7 @@ def test_a_survey_by_a_persons_word_is_an_override_and_an_uncorrected_azimuth_is
     whole = SurveyList().add(survey(1, 30.0, 75.0, verdict=1, north=2), 300.0, 0.0)
     whole = whole.accept(1, "Bo", "gyro agrees", START + S)
     table = values(whole)
-    assert {table.values[n].condition for n in OF_SURVEY} == {Condition.OVERRIDE}
+    assert {table.values[signal.name].condition for signal in OF_SURVEY} == {Condition.OVERRIDE}
     raw = survey(1, 30.0, 75.0, north=2, azimuth_method="raw", status=int(Status.UNCORRECTED))
     table = values(SurveyList().add(raw, 300.0, 0.0))
     assert table.values["survey_azimuth"].condition == Condition.DOUBTFUL

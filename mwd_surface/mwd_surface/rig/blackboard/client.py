@@ -38,8 +38,8 @@ from mwd_surface.rig.interface import (
 )
 from mwd_surface.rig.opcua.address_space import STATUS_CODES, VariableValue
 from mwd_surface.rig.opcua.data_value import data_value
-from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.values import RigValues
+from mwd_surface.signals.table import TO_RIG
 
 # Rig data that are read, by the noun that the vocabulary has for each.
 NOUNS = {"bit_depth": "BitDepth", "hole_depth": "HoleDepth"}
@@ -169,7 +169,7 @@ class Blackboard(LoopInterface):
         if not result.get("Success"):
             raise BlackboardError("the blackboard refused the manifest: read its log")
         made = _made(result)
-        missing = [signal.opcua for signal in SIGNALS if signal.opcua not in made]
+        missing = [signal.opcua for signal in TO_RIG if signal.opcua not in made]
         if missing:
             raise BlackboardError(f"the blackboard made no variable for {', '.join(missing[:3])}")
         self._injections += 1
@@ -343,7 +343,7 @@ def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:
 def readings(values: RigValues) -> dict[str, VariableValue]:
     """Every signal as the blackboard holds it, in SI: temperatures in kelvin."""
     table = {}
-    for signal in SIGNALS:
+    for signal in TO_RIG:
         v = values.values[signal.name]
         number = v.value + CELSIUS_ZERO if signal.unit == "degC" else v.value
         table[signal.opcua] = VariableValue(number, STATUS_CODES[v.condition], v.stamp_ns)

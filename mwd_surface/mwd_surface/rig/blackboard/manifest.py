@@ -14,9 +14,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from mwd_surface.rig.opcua.address_space import MANIFEST
-from mwd_surface.rig.signal import Signal
-from mwd_surface.rig.signals import SIGNALS
-from mwd_surface.rig.units import UNITS
+from mwd_surface.signals.signal import Signal
+from mwd_surface.signals.table import TO_RIG
+from mwd_surface.signals.units import UNITS
 
 PREFIX = "http://ddhub.no/"
 NODES, VARIABLES = "Nodes", "ProvidedVariables"  # aliases within the manifest
@@ -28,7 +28,7 @@ _DEPTH = "DepthDrillingQuantity"
 _REFERRED = {"NorthEastTVDFrame": "HasReferenceFrame", "BitReferenceLocation": "IsPhysicallyLocatedAt"}
 
 
-def manifest(signals: Iterable[Signal] = SIGNALS, provider: str = MANIFEST) -> dict[str, Any]:
+def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> dict[str, Any]:
     """
     Manifest of signals, ready for JSON.
 

@@ -15,7 +15,7 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import SetPoint
 from mwd_surface.control.status import Decision, Permission, Request
 from mwd_surface.rig.modbus.map import CONTROLLER, ModbusForm, float_of, long_of, long_words
-from mwd_surface.rig.units import UNITS
+from mwd_surface.signals.units import UNITS
 
 REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4
 COMMAND, COMMAND_COUNT = 120, 12

@@ -19,9 +19,9 @@ from mwd_surface.live.inputs import BLOCK, HAND, SONDE, InputTable
 from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.derived_values import rig_input
-from mwd_surface.rig.signals import SIGNALS
-from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.values import RigValues
+from mwd_surface.signals.table import TO_RIG
+from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.advice import AdviceMode
 
@@ -37,8 +37,8 @@ _LARGEST = 3.4e38
 _NAN: tuple[int, ...] = (0x7FC0, 0x0000)
 # Address of a float: the value it holds, factor to its unit, and where it turns over.
 FLOATS: dict[int, tuple[str, float, float]] = {
-    signal.modbus: (signal.name, UNITS[signal.unit].modbus.factor, 360.0 if signal.circle else 0.0)
-    for signal in SIGNALS
+    signal.modbus: (signal.name, UNITS[signal.unit].modbus.factor, signal.wrap)
+    for signal in TO_RIG
     if signal.modbus is not None
 }
 _AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78

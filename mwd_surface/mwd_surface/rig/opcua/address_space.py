@@ -13,10 +13,10 @@ import dataclasses
 from mwd_surface.live.inputs import SONDE
 from mwd_surface.live.toolface import GRAVITY
 from mwd_surface.rig.derived_values import rig_input
-from mwd_surface.rig.signals import SIGNALS
-from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import RigValues
+from mwd_surface.signals.table import FACTS, TO_RIG
+from mwd_surface.signals.units import UNITS
 
 MANIFEST = "MWDSurveyManifest"
 NAMESPACE = f"http://ddhub.no/{MANIFEST}/Variables/"
@@ -53,36 +53,8 @@ class VariableValue:
     stamp_ns: int
 
 
-VARIABLES: tuple[Variable, ...] = (
-    *(Variable(signal.opcua, "Double", signal.unit, signal.meaning) for signal in SIGNALS),
-    Variable("ToolfaceMode", "String", "", "toolface in force: gravity or magnetic"),
-    Variable("ToolfaceAge", "Double", "s", "age of the toolface in force"),
-    Variable("Rotating", "Boolean", "", "the string rotates: the toolface is that of one moment"),
-    Variable("SurveySequence", "UInt32", "", "number of the last accepted survey"),
-    Variable("SurveyAzimuthSource", "String", "", "what the azimuth of the last accepted survey is made of"),
-    Variable("SurveyQuality", "UInt32", "", "verdict on the last accepted survey: 0 good, 1 doubtful, 2 bad"),
-    Variable("NorthReference", "String", "", "north of azimuths: magnetic, true or grid"),
-    Variable("SondeLink", "Boolean", "", "data of the sonde arrives"),
-    Variable("Circulating", "Boolean", "", "mud flows, so that telemetry can be valid"),
-    Variable("InSlips", "Boolean", "", "the string hangs in the slips"),
-    Variable("Recording", "Boolean", "", "everything is being recorded"),
-    Variable("Simulated", "Boolean", "", "the tool is a simulation"),
-    Variable("ControlState", "UInt32", "", "control: 0 idle, 1 pending, 2 granted, 3 fault"),
-    Variable("ControlOwner", "String", "", "controller that owns the lease; empty: the driller"),
-    Variable("ControlLease", "UInt32", "", "number of the lease in force; 0: none"),
-    Variable("ControlPending", "UInt32", "", "number of the request that waits; 0: none"),
-    Variable("ControlPendingOf", "String", "", "controller whose request waits; empty: none"),
-    Variable("ControlReason", "String", "", "why the state of control is what it is"),
-    Variable("ControlRefusal", "String", "", "why the last set-point was refused; empty: it was taken"),
-    Variable("SetPointSequence", "UInt32", "", "last set-point that was taken; 0: none"),
-    Variable("SetPointAcknowledged", "UInt32", "", "last set-point that the rig obeys; 0: none"),
-    Variable("SetPointMode", "UInt32", "", "top drive: 0 hold, 1 rotate, 2 orient, 4 the driller's"),
-    Variable("AdvisedMode", "UInt32", "", "advice: 0 none, 1 rotate, 2 slide"),
-    Variable("AdviceReason", "String", "", "what the advice follows from, or why there is none"),
-    Variable("DepthSource", "String", "", "source of the bit depth in force; empty: none"),
-    Variable("SondeClock", "String", "", "clock that stamps the data of the sonde: host, tool, rig, simulated"),
-    Variable("RigClock", "String", "", "clock that stamps the rig data in force"),
-    Variable("Heartbeat", "UInt32", "", "grows by one each second; where it stops, the node has stopped"),
+VARIABLES: tuple[Variable, ...] = tuple(
+    Variable(signal.opcua, signal.type, signal.unit, signal.meaning) for signal in (*TO_RIG, *FACTS)
 )
 
 
@@ -98,7 +70,7 @@ def variable_values(values: RigValues) -> dict[str, VariableValue]:
     """What every variable holds at a moment."""
     table = {
         name: VariableValue(v.value, STATUS_CODES[v.condition], v.stamp_ns)
-        for name, v in ((signal.opcua, values.values[signal.name]) for signal in SIGNALS)
+        for name, v in ((signal.opcua, values.values[signal.name]) for signal in TO_RIG)
     }
     toolface, survey = values.toolface, values.survey
     state = STATUS_CODES[Condition.GOOD if values.active else Condition.INACTIVE]

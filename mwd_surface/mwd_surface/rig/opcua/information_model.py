@@ -16,8 +16,8 @@ from mwd_surface.rig.opcua.address_space import (
     variable_values,
 )
 from mwd_surface.rig.opcua.data_value import EPOCH
-from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.values import nothing_yet
+from mwd_surface.signals.units import UNITS
 
 SAMPLING_MS = 100.0  # values are written at most that often
 

@@ -9,11 +9,11 @@ from typing import Any
 
 from mwd_surface.rig.opcua.address_space import STATUS_CODES, VariableValue
 from mwd_surface.rig.opcua.data_value import data_value
-from mwd_surface.rig.signals import BY_NAME, OF_SURVEY
 from mwd_surface.rig.survey import AcceptedSurvey
 from mwd_surface.rig.values import survey_values
+from mwd_surface.signals.table import OF_SURVEY
 
-SURVEY_VARIABLES = {BY_NAME[name].opcua: name for name in OF_SURVEY}
+SURVEY_VARIABLES = {signal.opcua: signal.name for signal in OF_SURVEY}
 
 
 class SurveyHistory:

@@ -11,38 +11,25 @@ from __future__ import annotations
 
 import dataclasses
 import datetime as dt
-import math
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.exports.survey_table import fixed
 from mwd_surface.live.toolface import GRAVITY
-from mwd_surface.rig.signal import SURVEY, Wits
-from mwd_surface.rig.signals import SIGNALS
 from mwd_surface.rig.survey import AcceptedSurvey
-from mwd_surface.rig.units import FOOT, GALLON, POUND_FORCE, UNITS
 from mwd_surface.rig.value import Condition, RigValue
 from mwd_surface.rig.values import RigValues, survey_values
 from mwd_surface.rig.wits.format import Frame, checked_text, plain_text
+from mwd_surface.signals.signal import SURVEY, Signal, Wits
+from mwd_surface.signals.table import BY_NAME, SIGNALS, TO_RIG
+from mwd_surface.signals.units import UNITS, Scale
 from mwd_surface.surveys.azimuth_source import AzimuthSource
 
 SYSTEMS = ("metric", "fps")
 SPARES = ("totals", "mwdstd-raw6", "none")
-_RPM = 30.0 / math.pi
-# Of record 1: code, name in RigState, and what one unit of it is in SI, metric and FPS.
-RECORD_1: dict[int, tuple[str, float, float]] = {
-    108: ("bit_depth", 1.0, FOOT),
-    110: ("hole_depth", 1.0, FOOT),
-    112: ("block_position", 1.0, FOOT),
-    113: ("rate_of_penetration", 1.0 / 3600.0, FOOT / 3600.0),
-    114: ("hookload", 1e4, 1e3 * POUND_FORCE),
-    116: ("weight_on_bit", 1e4, 1e3 * POUND_FORCE),
-    118: ("torque", 1e3, 1e3 * POUND_FORCE * FOOT),
-    120: ("rotary_speed", 1.0 / _RPM, 1.0 / _RPM),
-    121: ("pressure", 1e3, 6894.757293168),
-    130: ("flow_rate", 1e-3 / 60.0, GALLON / 60.0),
-}
+# Of record 1: the signal that an item brings.
+RECORD_1: dict[int, Signal] = {s.reads: s for s in SIGNALS if s.reads is not None}
 # Items without a value: code and short name.
 TEXTS: dict[int, str] = {
     701: "WID",
@@ -54,19 +41,17 @@ TEXTS: dict[int, str] = {
     707: "ACTC",
     712: "STYP",
 }
-_WITS_SIGNALS = tuple(s for s in SIGNALS if s.wits is not None)
-# Values that we send, by code: unit, item, and whether it goes round a full circle.
-SENT: dict[int, tuple[str, Wits, bool]] = {s.wits.code: (s.unit, s.wits, s.circle) for s in _WITS_SIGNALS if s.wits} | {
-    711: ("m", Wits(711, "DMEA", 2), False),
-    714: ("rad", Wits(714, "SAZU", 2), True),
-    721: ("rad/m", Wits(721, "SWLK", 2), False),
+_ITEMS = tuple((s.wits, s) for s in TO_RIG if s.wits is not None)
+_HOLE = Wits(711, "DMEA", 2)  # also in the record of a survey
+# Values that we send, by code: item and signal.
+SENT: dict[int, tuple[Wits, Signal]] = {item.code: (item, s) for item, s in _ITEMS} | {
+    _HOLE.code: (_HOLE, BY_NAME["hole_depth"])
 }
 # Of the accepted survey, in its record; spare items follow what the session agreed on.
-_OF_SURVEY = {s.wits.code: s.name for s in _WITS_SIGNALS if s.wits and s.wits.name and s.source == SURVEY}
+_OF_SURVEY = {item.code: s.name for item, s in _ITEMS if item.name and s.source == SURVEY}
 # Records of live signals: codes and names of values, by their numbers.
 _LIVE_ITEMS = {
-    record: sorted((s.wits.code, s.name) for s in _WITS_SIGNALS if s.wits and s.wits.code // 100 == record)
-    for record in (8, 9)
+    record: sorted((item.code, s.name) for item, s in _ITEMS if item.code // 100 == record) for record in (8, 9)
 }
 _SAME_TIME_NS = 600 * NANOSECONDS
 _DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7
@@ -121,8 +106,7 @@ class RecordWriter:
         hole = values.values["hole_depth"]
         # The hole depth of now does not belong to an old survey.
         if hole.condition.usable and abs(hole.stamp_ns - survey.stamp_ns) < _SAME_TIME_NS:
-            numbers[711] = hole.value
-        numbers |= {714: survey.azimuth_uncorrected, 721: survey.turn_rate}
+            numbers[_HOLE.code] = hole.value
         items = self._head(7, values, survey.stamp_ns, None)
         found = [(712, _survey_type(survey.source))]
         for code, number in numbers.items():
@@ -186,11 +170,10 @@ class RecordWriter:
 
     def _number(self, code: int, value: float | None) -> Items:
         """A value in SI as an item in the unit of the session; None: left out, or the null of the session."""
-        unit, item, circle = SENT[code]
-        scale = UNITS[unit].metric if self.form.units == "metric" else UNITS[unit].fps
+        item, signal = SENT[code]
+        scale = _scale(signal, self.form.units)
         # What rounds to 360 deg is 0.
-        text = fixed(None if value is None else scale.of(value), item.decimals, 360.0 if circle else 0.0)
-        return self._item(code, text)
+        return self._item(code, fixed(None if value is None else scale.of(value), item.decimals, signal.wrap))
 
     def _item(self, code: int, text: str) -> Items:
         """Text as an item; empty: left out, or the null of the session."""
@@ -240,11 +223,16 @@ def activity_code(values: RigValues) -> int | None:
 def rig_readings(frame: Frame, units: str) -> dict[str, float]:
     """Rig values of a frame of record 1, by the names of RigState, in SI; nulls and other records are left out."""
     readings = {}
-    for code, (name, metric, fps) in RECORD_1.items():
+    for code, signal in RECORD_1.items():
         number = frame.number(code)
         if number is not None:
-            readings[name] = number * (metric if units == "metric" else fps)
+            readings[signal.field] = _scale(signal, units).si(number)
     return readings
+
+
+def _scale(signal: Signal, units: str) -> Scale:
+    """Unit of a signal in a session's system of units."""
+    return UNITS[signal.unit].metric if units == "metric" else UNITS[signal.unit].fps
 
 
 def shown(value: RigValue) -> str:

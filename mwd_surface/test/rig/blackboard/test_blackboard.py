@@ -19,7 +19,7 @@ from mwd_surface.rig.blackboard.client import Blackboard, BlackboardSettings
 from mwd_surface.rig.input import RigInputSettings
 from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.opcua.address_space import MANIFEST
-from mwd_surface.rig.signals import SIGNALS
+from mwd_surface.signals.table import TO_RIG
 
 ua = asyncua.ua
 OTHERS = "http://ddhub.no/TopDrive/Variables/"
@@ -131,8 +131,8 @@ def test_every_signal_is_written_with_its_number_status_and_time(board):
     table = values()
     with started(client(board)) as one:
         one.publish(table)
-        eventually(lambda: one.status().sent >= len(SIGNALS))
-        for signal in SIGNALS:
+        eventually(lambda: one.status().sent >= len(TO_RIG))
+        for signal in TO_RIG:
             given, found = table.values[signal.name], board.value(signal.opcua)
             assert found.StatusCode.is_good() == given.condition.usable
             if given.condition.usable:
@@ -147,12 +147,12 @@ def test_what_did_not_change_is_not_written_again(board):
     table = values()
     with started(client(board)) as one:
         one.publish(table)
-        eventually(lambda: one.status().sent >= len(SIGNALS))
+        eventually(lambda: one.status().sent >= len(TO_RIG))
         one.publish(table)
         later = one.status().sent
         one.publish(values(later=0.5))
         eventually(lambda: one.status().sent > later)
-        assert later == len(SIGNALS)
+        assert later == len(TO_RIG)
 
 
 def test_a_blackboard_that_was_restarted_gets_the_manifest_again():
@@ -161,13 +161,13 @@ def test_a_blackboard_that_was_restarted_gets_the_manifest_again():
         one = client(board)
         one.start()
         one.publish(values())
-        eventually(lambda: one.status().sent >= len(SIGNALS))
+        eventually(lambda: one.status().sent >= len(TO_RIG))
     try:
         eventually(lambda: one.status().state == "connecting" and one.status().reason)
         board.nodes.clear()
         with board.served():
             eventually(lambda: len(board.manifests) == 2 and one.status().state == "connected")
-            eventually(lambda: one.status().sent >= 2 * len(SIGNALS))
+            eventually(lambda: one.status().sent >= 2 * len(TO_RIG))
     finally:
         one.stop()
 
@@ -198,7 +198,7 @@ def test_depths_of_others_are_read_by_what_they_are_and_only_while_they_are_new(
 def placed(namespace):
     """Answer to the manifest with every variable in this namespace."""
     row = '{{"ManifestItemID": "{}", "InjectedID": {{"NameSpaceIndex": {}, "ID": "x"}}}}'
-    rows = ", ".join(row.format(signal.opcua, namespace) for signal in SIGNALS)
+    rows = ", ".join(row.format(signal.opcua, namespace) for signal in TO_RIG)
     return f'{{"Success": true, "ProvidedVariables": [{rows}]}}'
 
 

@@ -7,8 +7,8 @@ import re
 import pytest
 
 from mwd_surface.rig.blackboard.manifest import NODES, PREFIX, VARIABLES, manifest, quantity_of, query
-from mwd_surface.rig.signals import BY_NAME, SIGNALS
-from mwd_surface.rig.units import UNITS
+from mwd_surface.signals.table import BY_NAME, TO_RIG
+from mwd_surface.signals.units import UNITS
 
 # Nouns and verbs of the DDHub vocabulary that are used here.
 NOUNS = {
@@ -45,10 +45,10 @@ def test_every_sentence_is_of_the_vocabulary_and_about_what_the_manifest_has():
         place, name = row["Object"]["NameSpace"], row["Object"]["ID"]
         assert name in {NODES: nodes, VARIABLES: variables, PREFIX: {PREFIX + noun for noun in NOUNS}}[place]
     assert {node["TypeDictionaryURI"].removeprefix(PREFIX) for node in TABLE["InjectedNodes"]} <= NOUNS
-    assert variables == {signal.opcua for signal in SIGNALS}
+    assert variables == {signal.opcua for signal in TO_RIG}
 
 
-@pytest.mark.parametrize("signal", SIGNALS, ids=lambda signal: signal.name)
+@pytest.mark.parametrize("signal", TO_RIG, ids=lambda signal: signal.name)
 def test_every_signal_has_a_value_a_provider_and_a_quantity(signal):
     said = sentences(f"{signal.opcua}_DataPoint")
     assert ("HasDynamicValue", signal.opcua) in said

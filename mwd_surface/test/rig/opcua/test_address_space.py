@@ -9,10 +9,10 @@ from example_surveys import S
 
 from mwd_estimation.core.status import Status
 from mwd_surface.rig.opcua.address_space import STATUS_CODES, VARIABLES, unit_id, variable_values
-from mwd_surface.rig.signals import SIGNALS
-from mwd_surface.rig.units import UNITS
 from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import nothing_yet
+from mwd_surface.signals.table import TO_RIG
+from mwd_surface.signals.units import UNITS
 
 ASKED = (
     "Inclination",
@@ -45,7 +45,7 @@ def test_every_variable_of_the_manifest_is_there_once_and_read_at_every_moment()
 
 def test_every_quantity_is_published():
     numbers = {variable.name for variable in VARIABLES if variable.kind == "Double"}
-    assert numbers == {signal.opcua for signal in SIGNALS} | {"ToolfaceAge"}
+    assert numbers == {signal.opcua for signal in TO_RIG} | {"ToolfaceAge"}
 
 
 @pytest.mark.parametrize(("unit", "number"), [("rad", 4405297), ("m", 5067858), ("T", 4469555), ("degC", 4408652)])

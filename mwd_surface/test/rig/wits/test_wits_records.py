@@ -13,6 +13,7 @@ from example_surveys import S, survey, surveys
 from mwd_estimation.core.status import Status
 from mwd_surface.rig.wits.format import Decoder, encode
 from mwd_surface.rig.wits.records import RECORD_1, SENT, TEXTS, RecordWriter, Wits0Format, activity_code, rig_readings
+from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.survey_list import SurveyList
 from project import REFERENCE_DATA
 
@@ -153,12 +154,12 @@ def test_codes_names_and_units_are_those_of_the_specification():
         rows = {int(row["code"]): row for row in csv.DictReader(file)}
     for code, name in TEXTS.items():
         assert (rows[code]["name"], rows[code]["data_type"] == "F") == (name, False)
-    for code, (_, item, _) in SENT.items():
+    for code, (item, _) in SENT.items():
         if code // 100 in (7, 8) and item.name:
             assert (rows[code]["name"], rows[code]["data_type"]) == (item.name, "F")
     units = {"M": 1.0, "M/HR": 1 / 3600, "KDN": 1e4, "KNM": 1e3, "RPM": math.pi / 30, "KPA": 1e3, "L/M": 1e-3 / 60}
-    for code, (_, metric, _) in RECORD_1.items():
-        assert metric == pytest.approx(units[rows[code]["metric_unit"]])
+    for code, signal in RECORD_1.items():
+        assert UNITS[signal.unit].metric.si(1.0) == pytest.approx(units[rows[code]["metric_unit"]])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The signal table, `table.csv`: every quantity once, with its name on the page and in each protocol and file.
+
+WITS items, Modbus registers, OPC UA variables, the D-WIS manifest, columns of the definitive survey in CSV, LAS, WITSML
+and on paper, columns of attitude and recordings in CSV and Parquet, live quantities of the page and the page of signals
+in the documents are made from it. The D-WIS nouns are those of the DDHub vocabulary (definition sets
+DrillingDataSemantics, PhysicalLocation and Uncertainty); it has no noun for a toolface, for gravity or for a magnetic
+field, and those rows name only what kind of data they are.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+
+from mwd_surface.signals.signal import ADVICE, CONTROL, PLAN, SOURCES, SURFACE, SURVEY, Column, Listed, Signal, Wits
+
+FILE = Path(__file__).with_name("table.csv")
+
+
+def read_signals(path: Path = FILE) -> tuple[Signal, ...]:
+    """
+    The signals of a table, in its order.
+
+    Raises
+    ------
+    ValueError
+        A row that is no signal; the message names it.
+    """
+    with path.open(encoding="utf-8", newline="") as file:
+        return tuple(_signal(row) for row in csv.DictReader(file, strict=True))
+
+
+def page_fields(section: str) -> dict[str, Signal]:
+    """Signals of a section of the page, by their names there."""
+    places = ((place.partition("."), signal) for signal in SIGNALS for place in signal.page)
+    return {name: signal for (part, _, name), signal in places if part == section}
+
+
+def _signal(row: Mapping[str, str]) -> Signal:
+    page = tuple(row["page"].split())
+    try:
+        code, _, wits = row["wits"].partition(" ")
+        name, _, decimals = wits.partition(" ")
+        return Signal(
+            name=row["name"],
+            unit=row["unit"],
+            meaning=row["meaning"],
+            source=row["source"],
+            type=row["type"],
+            circle=_flag(row["circle"]),
+            sigma=_flag(row["sigma"]),
+            doubts=tuple(row["doubts"].split()),
+            field=row["field"] or (page[0].rpartition(".")[2] if page else ""),
+            page=page,
+            opcua=row["opcua"],
+            dwis=tuple(row["dwis"].split()),
+            modbus=int(row["modbus"]) if row["modbus"] else None,
+            wits=Wits(int(code), name.replace("-", ""), int(decimals)) if code else None,
+            reads=int(row["reads"]) if row["reads"] else None,
+            listed=Listed(*_column(row["list"]), row["title"], row["las"], row["witsml"]) if row["list"] else None,
+            series=_column(row["series"]) if row["series"] else None,
+            attitude=_column(row["attitude"]) if row["attitude"] else None,
+        )
+    except (AttributeError, ValueError) as error:
+        raise ValueError(f"{FILE.name}, signal {row['name']}: {error}") from error
+
+
+def _column(text: str) -> Column:
+    key, _, decimals = text.partition(" ")
+    return Column(key, int(decimals))
+
+
+def _flag(text: str) -> bool:
+    if text not in ("", "yes"):
+        raise ValueError(f"expected yes or nothing, got {text!r}")
+    return bool(text)
+
+
+SIGNALS = read_signals()
+BY_NAME = {signal.name: signal for signal in SIGNALS}
+# Numbers that go to a rig, by OPC UA at least, and what the surface says of itself beside them.
+TO_RIG = tuple(signal for signal in SIGNALS if signal.opcua and signal.source != SURFACE)
+FACTS = tuple(signal for signal in SIGNALS if signal.source == SURFACE)
+OF_SURVEY = tuple(signal for signal in TO_RIG if signal.source == SURVEY)
+FROM_TOOL = tuple(signal for signal in TO_RIG if SOURCES[signal.source].tool)
+FROM_PLAN = tuple(signal for signal in TO_RIG if signal.source == PLAN)
+FROM_CONTROL = tuple(signal for signal in TO_RIG if signal.source == CONTROL)
+FROM_ADVICE = tuple(signal for signal in TO_RIG if signal.source == ADVICE)
+# Columns of the definitive survey, of a recording and of attitude files, in their order.
+LISTED = tuple((signal, signal.listed) for signal in SIGNALS if signal.listed is not None)
+SERIES = tuple((signal, signal.series) for signal in SIGNALS if signal.series is not None)
+ATTITUDE = tuple((signal, signal.attitude) for signal in SIGNALS if signal.attitude is not None)

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The units of signals, once, with what each protocol makes of them.
+
+A signal whose unit is not listed is refused when the signal table is read, so that no protocol can send a number in a
+unit that nobody chose.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+
+FOOT = 0.3048  # m
+POUND_FORCE = 4.4482216152605  # N
+GALLON = 3.785411784e-3  # m^3
+PSI = 6894.757293168  # Pa
+_DEG = 180.0 / math.pi
+_RPM = 30.0 / math.pi
+
+
+class Scale(NamedTuple):
+    """A unit of a protocol: its number is `factor` times the SI number plus `offset`."""
+
+    symbol: str
+    factor: float
+    offset: float = 0.0
+
+    def of(self, value: float) -> float:
+        """The number in this unit, of one in SI."""
+        return value * self.factor + self.offset
+
+    def si(self, number: float) -> float:
+        """The number in SI, of one in this unit."""
+        return (number - self.offset) / self.factor
+
+
+@dataclasses.dataclass(frozen=True)
+class Unit:
+    """
+    What protocols and files make of one SI unit.
+
+    Attributes
+    ----------
+    unece, name : str
+        For OPC UA: UNECE common code (OPC 10000-8, section 5.6.3), and the unit in full.
+    quantity : str
+        Of the DDHub vocabulary.
+    people : Scale
+        In files and on paper.
+    modbus, metric, fps : Scale
+        Of a register, and of a WITS item in each unit system.
+    witsml : str
+        Symbol of `people` in WITSML; empty where no element of ours has it.
+    """
+
+    unece: str
+    name: str
+    quantity: str
+    people: Scale
+    modbus: Scale
+    metric: Scale
+    fps: Scale
+    witsml: str = ""
+
+
+def _same(unece: str, name: str, quantity: str, scale: Scale, witsml: str = "") -> Unit:
+    """A unit that all but OPC UA convert alike."""
+    return Unit(unece, name, quantity, scale, scale, scale, scale, witsml)
+
+
+UNITS: dict[str, Unit] = {
+    "1": _same("C62", "one", "ProportionStandardQuantity", Scale("1", 1.0)),
+    "rad": _same("C81", "radian", "PlaneAngleDrillingQuantity", Scale("deg", _DEG), "dega"),
+    "rad/m": Unit(
+        "C84",
+        "radian per metre",
+        "CurvatureDrillingQuantity",
+        people=Scale("deg/30 m", 30.0 * _DEG),
+        modbus=Scale("deg/30m", 30.0 * _DEG),
+        metric=Scale("deg/30m", 30.0 * _DEG),
+        fps=Scale("deg/100ft", 100.0 * FOOT * _DEG),
+        witsml="dega/30m",
+    ),
+    "rad/s": _same("2A", "radian per second", "AngularVelocityDrillingQuantity", Scale("rpm", _RPM)),
+    "m": Unit(
+        "MTR",
+        "metre",
+        "LengthStandardQuantity",
+        people=Scale("m", 1.0),
+        modbus=Scale("m", 1.0),
+        metric=Scale("m", 1.0),
+        fps=Scale("ft", 1.0 / FOOT),
+        witsml="m",
+    ),
+    "m/s": Unit(
+        "MTS",
+        "metre per second",
+        "RateOfPenetrationDrillingQuantity",
+        people=Scale("m/h", 3600.0),
+        modbus=Scale("m/h", 3600.0),
+        metric=Scale("m/h", 3600.0),
+        fps=Scale("ft/h", 3600.0 / FOOT),
+    ),
+    "m/s^2": Unit(
+        "MSK",
+        "metre per second squared",
+        "AccelerationDrillingQuantity",
+        people=Scale("m/s^2", 1.0),
+        modbus=Scale("g", 1.0 / STANDARD_GRAVITY),
+        metric=Scale("g", 1.0 / STANDARD_GRAVITY),
+        fps=Scale("g", 1.0 / STANDARD_GRAVITY),
+    ),
+    "T": _same("D33", "tesla", "EarthMagneticFluxDensityQuantity", Scale("nT", 1e9)),
+    "degC": Unit(
+        "CEL",
+        "degree Celsius",
+        "TemperatureDrillingQuantity",
+        people=Scale("degC", 1.0),
+        modbus=Scale("degC", 1.0),
+        metric=Scale("degC", 1.0),
+        fps=Scale("degF", 1.8, 32.0),
+    ),
+    "s": _same("SEC", "second", "DurationDrillingQuantity", Scale("s", 1.0)),
+    "N": Unit(
+        "NEW",
+        "newton",
+        "ForceDrillingQuantity",
+        people=Scale("kN", 1e-3),
+        modbus=Scale("kN", 1e-3),
+        metric=Scale("kdaN", 1e-4),
+        fps=Scale("klbf", 1e-3 / POUND_FORCE),
+    ),
+    "N m": Unit(
+        "NU",
+        "newton metre",
+        "TorqueDrillingQuantity",
+        people=Scale("kN m", 1e-3),
+        modbus=Scale("N m", 1.0),
+        metric=Scale("kN m", 1e-3),
+        fps=Scale("klbf ft", 1e-3 / (POUND_FORCE * FOOT)),
+    ),
+    "Pa": Unit(
+        "PAL",
+        "pascal",
+        "PressureDrillingQuantity",
+        people=Scale("kPa", 1e-3),
+        modbus=Scale("kPa", 1e-3),
+        metric=Scale("kPa", 1e-3),
+        fps=Scale("psi", 1.0 / PSI),
+    ),
+    "m^3/s": Unit(
+        "MQS",
+        "cubic metre per second",
+        "VolumetricFlowrateDrillingQuantity",
+        people=Scale("L/min", 60000.0),
+        modbus=Scale("L/min", 60000.0),
+        metric=Scale("L/min", 60000.0),
+        fps=Scale("gal/min", 60.0 / GALLON),
+    ),
+}
