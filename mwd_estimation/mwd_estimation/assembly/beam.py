@@ -25,31 +25,14 @@ _MOST_STEPS = 60
 
 @dataclass(frozen=True)
 class Beam:
-    """
-    A beam cut into n elements.
+    """A beam cut into n elements."""
 
-    Attributes
-    ----------
-    at : ndarray, shape (n + 1,)
-        Nodes from the bit, m, increasing from 0.
-    stiffness : ndarray, shape (n,)
-        Bending stiffness of the elements, N m^2.
-    load : ndarray, shape (n,)
-        Weight across the hole per metre, towards the low side, N/m.
-    tension : ndarray, shape (n,)
-        Axial force, N; negative where it compresses.
-    clearance : ndarray, shape (n + 1,)
-        How far each node may leave the axis of the hole, m.
-    curvature : float
-        Of the hole in the plane of gravity, building positive, rad/m.
-    """
-
-    at: Array
-    stiffness: Array
-    load: Array
-    tension: Array
-    clearance: Array
-    curvature: float = 0.0
+    at: Array  #: shape (n + 1,); nodes from the bit, m, increasing from 0
+    stiffness: Array  #: shape (n,); bending stiffness of the elements, N m^2
+    load: Array  #: shape (n,); weight across the hole per metre, towards the low side, N/m
+    tension: Array  #: shape (n,); axial force, N; negative where it compresses
+    clearance: Array  #: shape (n + 1,); how far each node may leave the axis of the hole, m
+    curvature: float = 0.0  #: of the hole in the plane of gravity, building positive, rad/m
 
 
 @dataclass(frozen=True)

@@ -30,23 +30,11 @@ _LONGEST = 300.0
 
 @dataclass(frozen=True)
 class Steel:
-    """
-    A magnetised piece of the string on one side of the sensors.
+    """A magnetised piece of the string on one side of the sensors."""
 
-    Attributes
-    ----------
-    near : float
-        Distance of its nearer end from the sensors, m.
-    length : float
-        m; infinite for a string that goes on.
-    pole : float
-        Strength of its poles, Wb.
-    name : str
-    """
-
-    near: float
-    length: float
-    pole: float
+    near: float  #: distance of its nearer end from the sensors, m
+    length: float  #: m; infinite for a string that goes on
+    pole: float  #: strength of its poles, Wb
     name: str = ""
 
     def __post_init__(self) -> None:

@@ -26,19 +26,11 @@ _TABLE_DEG = np.arange(0.0, 122.5, 2.5)
 
 @dataclass(frozen=True)
 class SagCorrection:
-    """
-    What is added to a measured inclination.
+    """What is added to a measured inclination."""
 
-    Attributes
-    ----------
-    horizontal : float
-        Correction in a horizontal hole, rad, times the sine of the inclination elsewhere. Not used with a table.
-    table : tuple of (float, float)
-        Inclination, rad, increasing, and correction, rad.
-    """
-
+    #: Correction in a horizontal hole, rad, times the sine of the inclination elsewhere. Not used with a table.
     horizontal: float = 0.0
-    table: tuple[tuple[float, float], ...] = ()
+    table: tuple[tuple[float, float], ...] = ()  #: inclination, rad, increasing, and correction, rad
 
     def at(self, inclination: float) -> float:
         """Correction at an inclination, rad."""

@@ -33,22 +33,10 @@ class LastMagnetic:
 
 
 class Sources(NamedTuple):
-    """
-    What the samples of a stretch are written from, n samples and k magnetic azimuths.
+    """What the samples of a stretch are written from, n samples and k magnetic azimuths."""
 
-    Attributes
-    ----------
-    stamp_ns, g_t, sigma_inclination, sigma_toolface, non_gravity, rotary_speed, status : ndarray
-        Stamps, and gravity as in `core.track.Track`.
-    suspect : ndarray of uint8, shape (n,)
-        Sensors in doubt.
-    plain : ndarray of dtype `time_alignment_state.ATTITUDE_ROW`, shape (n,)
-    azimuth : ndarray of dtype `gyro_azimuth_state.AZIMUTH_ROW`, shape (n,)
-    propagated : ndarray of dtype `rejected_samples.PROPAGATED_ROW`, shape (n,)
-    magnetic : ndarray of dtype `gyro_azimuth_state.MAGNETIC_AZIMUTH`, shape (k,)
-        Taken in the stretch.
-    """
-
+    #: `stamp_ns`, `g_t`, `sigma_inclination`, `sigma_toolface`, `non_gravity`, `rotary_speed`, `status`: stamps, and
+    #: gravity as in `core.track.Track`.
     stamp_ns: Stamps
     g_t: Array
     sigma_inclination: Array
@@ -56,62 +44,39 @@ class Sources(NamedTuple):
     non_gravity: Array
     rotary_speed: Array
     status: NDArray[np.uint32]
-    suspect: NDArray[np.uint8]
-    plain: Samples
-    azimuth: Samples
-    propagated: Samples
-    magnetic: Samples
+    suspect: NDArray[np.uint8]  #: uint8, shape (n,); sensors in doubt
+    plain: Samples  #: dtype `time_alignment_state.ATTITUDE_ROW`, shape (n,)
+    azimuth: Samples  #: dtype `gyro_azimuth_state.AZIMUTH_ROW`, shape (n,)
+    propagated: Samples  #: dtype `rejected_samples.PROPAGATED_ROW`, shape (n,)
+    magnetic: Samples  #: dtype `gyro_azimuth_state.MAGNETIC_AZIMUTH`, shape (k,); taken in the stretch
 
 
 class GravitySample(NamedTuple):
-    """
-    Gravity and status of one sample, by their numbers, as `time_alignment_state.Gravity`.
-
-    Attributes
-    ----------
-    stamp_ns : int
-    x, y, z : float
-        Unit vector down in tool axes.
-    sigma_inclination, sigma_toolface : float
-        1 sigma, rad.
-    non_gravity, rotary_speed : float
-        As in `core.track.Track`.
-    status, suspect : int
-        Bits of `Status`; sensors in doubt.
-    """
+    """Gravity and status of one sample, by their numbers, as `time_alignment_state.Gravity`."""
 
     stamp_ns: int
+    #: `x`, `y`, `z`: unit vector down in tool axes.
     x: float
     y: float
     z: float
+    #: `sigma_inclination`, `sigma_toolface`: 1 sigma, rad.
     sigma_inclination: float
     sigma_toolface: float
+    #: `non_gravity`, `rotary_speed`: as in `core.track.Track`.
     non_gravity: float
     rotary_speed: float
+    #: `status`, `suspect`: bits of `Status`; sensors in doubt.
     status: int
     suspect: int
 
 
 class Stretch(NamedTuple):
-    """
-    What holds for all samples of a stretch.
+    """What holds for all samples of a stretch."""
 
-    Attributes
-    ----------
-    start : int
-        Its first sample in the block.
-    north : int
-        Code of the north.
-    status : int
-        Bits of `Status` to add.
-    gyro_only : bool
-        No azimuth is given but one that the gyros alone have propagated.
-    """
-
-    start: int
-    north: int
-    status: int
-    gyro_only: bool
+    start: int  #: its first sample in the block
+    north: int  #: code of the north
+    status: int  #: bits of `Status` to add
+    gyro_only: bool  #: no azimuth is given but one that the gyros alone have propagated
 
 
 LAST_MAGNETIC = dtype_of(LastMagnetic)

@@ -30,34 +30,15 @@ _NONE = np.iinfo(np.int64).min
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """
-    Settings of the summary.
+    """Settings of the summary."""
 
-    Attributes
-    ----------
-    period_s : float
-        A summary every so often, s.
-    window_s : float
-        Time it looks back, in whole periods, s.
-    shock_threshold : float
-        Non-gravity acceleration that counts as a shock, m/s^2.
-    shock_separation_s : float
-        Excursions closer than this are one shock, s.
-    speed_smoothing_s : float
-        Mean over which rotary speed is read, s.
-    least_speed : float
-        Slower than this there is no stick-slip to name, rad/s.
-    gravity : float
-        Magnitude of local gravity, m/s^2.
-    """
-
-    period_s: float = 1.0
-    window_s: float = 10.0
-    shock_threshold: float = 25.0 * STANDARD_GRAVITY
-    shock_separation_s: float = 0.01
-    speed_smoothing_s: float = 0.05
-    least_speed: float = 0.5
-    gravity: float = STANDARD_GRAVITY
+    period_s: float = 1.0  #: a summary every so often, s
+    window_s: float = 10.0  #: time it looks back, in whole periods, s
+    shock_threshold: float = 25.0 * STANDARD_GRAVITY  #: non-gravity acceleration that counts as a shock, m/s^2
+    shock_separation_s: float = 0.01  #: excursions closer than this are one shock, s
+    speed_smoothing_s: float = 0.05  #: mean over which rotary speed is read, s
+    least_speed: float = 0.5  #: slower than this there is no stick-slip to name, rad/s
+    gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
 
 
 class KernelParams(NamedTuple):
@@ -117,20 +98,13 @@ NOW, PERIOD = dtype_of(Now), dtype_of(Period)
 
 
 class State(NamedTuple):
-    """
-    All that changes; a copy resumes.
+    """All that changes; a copy resumes."""
 
-    Attributes
-    ----------
-    now : ndarray of dtype NOW, shape (1,)
-    speeds : ndarray, shape (slots,)
-        Mean rotary speed of the slots of the open period, rad/s; nan where a slot had no sample.
-    periods, period_speeds : ndarray of dtype PERIOD, shape (periods,), and ndarray, shape (periods, slots)
-        The periods of a window that are over, each at its index modulo their number, and their speeds.
-    """
-
-    now: Samples
+    now: Samples  #: dtype NOW, shape (1,)
+    #: shape (slots,); mean rotary speed of the slots of the open period, rad/s; nan where a slot had no sample.
     speeds: Array
+    #: `periods`, `period_speeds`: dtype PERIOD, shape (periods,), and ndarray, shape (periods, slots); the periods of a
+    #: window that are over, each at its index modulo their number, and their speeds.
     periods: Samples
     period_speeds: Array
 

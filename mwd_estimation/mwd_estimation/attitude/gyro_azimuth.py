@@ -73,44 +73,20 @@ TACTICAL = UnitErrors(0.05, 5.0, 0.3)
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """
-    Settings.
+    """Settings."""
 
-    Attributes
-    ----------
-    conventional, precision : UnitErrors
-        Of the two units.
-    slow_share : float
-        Share of the magnetic sigma that stays, without a reference to separate its parts.
-    slow_error_time_s : float
-        Time constant of the slow error of the magnetic azimuth, s.
-    held_time_s : float
-        Time for which an error of the vertical stays in the magnetic azimuth, s.
-    reset_time_s : float
-        Time for which good azimuths must be rejected before the azimuth is reset to them, s.
-    mag_timeout_s : float
-        Age of the last magnetic azimuth used, beyond which the azimuth is gyro-aided, s.
-    vertical_below_deg : float
-        Inclination without an azimuth, deg.
-    gap_rate_dps : float
-        Rate at which the axis may turn during a data gap, 1 sigma, deg/s.
-    tilt_memory_s : float
-        Correlation time of the error of the gravity direction, s.
-    max_sigma_deg : float
-        Largest sigma with which an azimuth is given, deg.
-    """
-
+    #: `conventional`, `precision`: of the two units.
     conventional: UnitErrors = CONVENTIONAL
     precision: UnitErrors = TACTICAL
-    slow_share: float = 0.95
-    slow_error_time_s: float = 14400.0
-    held_time_s: float = 10.0
-    reset_time_s: float = 60.0
-    mag_timeout_s: float = 2.0
-    vertical_below_deg: float = 3.0
-    gap_rate_dps: float = 0.05
-    tilt_memory_s: float = 5.0
-    max_sigma_deg: float = 45.0
+    slow_share: float = 0.95  #: share of the magnetic sigma that stays, without a reference to separate its parts
+    slow_error_time_s: float = 14400.0  #: time constant of the slow error of the magnetic azimuth, s
+    held_time_s: float = 10.0  #: time for which an error of the vertical stays in the magnetic azimuth, s
+    reset_time_s: float = 60.0  #: time for which good azimuths must be rejected before the azimuth is reset to them, s
+    mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth used, beyond which the azimuth is gyro-aided, s
+    vertical_below_deg: float = 3.0  #: inclination without an azimuth, deg
+    gap_rate_dps: float = 0.05  #: rate at which the axis may turn during a data gap, 1 sigma, deg/s
+    tilt_memory_s: float = 5.0  #: correlation time of the error of the gravity direction, s
+    max_sigma_deg: float = 45.0  #: largest sigma with which an azimuth is given, deg
 
 
 def kernel_params(params: Params, bin_ns: int, latitude_deg: float | None, interval_s: float = 0.2) -> KernelParams:

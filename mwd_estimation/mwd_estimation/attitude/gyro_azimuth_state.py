@@ -50,78 +50,33 @@ NO_BIN = np.iinfo(np.int64).min
 
 
 class GyroUnit(NamedTuple):
-    """
-    Error model of the y and z gyros of one unit, each 1 sigma.
+    """Error model of the y and z gyros of one unit, each 1 sigma."""
 
-    Attributes
-    ----------
-    noise : float
-        White noise, rad/sqrt(s).
-    bias : float
-        rad/s.
-    walk : float
-        Random walk of the bias, rad/s per sqrt(s).
-    leakage : float
-        Share of the x rate that y and z read.
-    drift : float
-        Rate about the vertical that g-sensitivity (and an unknown latitude) make, rad/s.
-    lag : float
-        Of the rates behind the gravity vector, s.
-    """
-
-    noise: float
-    bias: float
-    walk: float
-    leakage: float
-    drift: float
-    lag: float
+    noise: float  #: white noise, rad/sqrt(s)
+    bias: float  #: rad/s
+    walk: float  #: random walk of the bias, rad/s per sqrt(s)
+    leakage: float  #: share of the x rate that y and z read
+    drift: float  #: rate about the vertical that g-sensitivity (and an unknown latitude) make, rad/s
+    lag: float  #: of the rates behind the gravity vector, s
 
 
 class KernelParams(NamedTuple):
-    """
-    Settings in SI units.
+    """Settings in SI units."""
 
-    Attributes
-    ----------
-    bin_ns : int
-        Length of a bin.
-    earth_north, earth_down : float
-        The Earth's rotation, rad/s; 0 where the latitude is not known.
-    held_repeats : float
-        Magnetic azimuths over which an error of the vertical repeats itself.
-    slow_error_time_s : float
-        Time constant of the slow error of the magnetic azimuth.
-    reset_time_s : float
-        After good azimuths were rejected for so long, the filter takes the next one in.
-    mag_timeout_s : float
-        Age of the last magnetic azimuth from which on the azimuth is called gyro-aided.
-    vertical_sin2 : float
-        Squared sine of the inclination below which there is no azimuth.
-    gap_rate : float
-        Rate at which the axis may turn during a data gap, rad/s, 1 sigma.
-    tilt_memory_s : float
-        Correlation time of the error of the gravity direction.
-    max_sigma : float
-        An azimuth with a larger sigma is not given, rad.
-    precision_range : float
-        Range of the precision unit, rad/s.
-    units : tuple of GyroUnit
-        Conventional, then precision.
-    """
-
-    bin_ns: int
+    bin_ns: int  #: length of a bin
+    #: `earth_north`, `earth_down`: the Earth's rotation, rad/s; 0 where the latitude is not known.
     earth_north: float
     earth_down: float
-    held_repeats: float
-    slow_error_time_s: float
-    reset_time_s: float
-    mag_timeout_s: float
-    vertical_sin2: float
-    gap_rate: float
-    tilt_memory_s: float
-    max_sigma: float
-    precision_range: float
-    units: tuple[GyroUnit, GyroUnit]
+    held_repeats: float  #: magnetic azimuths over which an error of the vertical repeats itself
+    slow_error_time_s: float  #: time constant of the slow error of the magnetic azimuth
+    reset_time_s: float  #: after good azimuths were rejected for so long, the filter takes the next one in
+    mag_timeout_s: float  #: age of the last magnetic azimuth from which on the azimuth is called gyro-aided
+    vertical_sin2: float  #: squared sine of the inclination below which there is no azimuth
+    gap_rate: float  #: rate at which the axis may turn during a data gap, rad/s, 1 sigma
+    tilt_memory_s: float  #: correlation time of the error of the gravity direction
+    max_sigma: float  #: an azimuth with a larger sigma is not given, rad
+    precision_range: float  #: range of the precision unit, rad/s
+    units: tuple[GyroUnit, GyroUnit]  #: conventional, then precision
 
 
 class BinSums:
@@ -271,22 +226,13 @@ class BinStep:
 
 
 class PropagatedAzimuth(NamedTuple):
-    """
-    Azimuths propagated to the end of a bin, rad from the named north; nan where there is none.
+    """Azimuths propagated to the end of a bin, rad from the named north; nan where there is none."""
 
-    Attributes
-    ----------
-    station_azimuth, station_sigma : float
-        Of the last accepted station, by the gyros alone.
-    station_constant_sigma : float
-        The part of that sigma that every magnetic azimuth shares.
-    azimuth, sigma : float
-        Of the samples.
-    """
-
+    #: `station_azimuth`, `station_sigma`: of the last accepted station, by the gyros alone.
     station_azimuth: float
     station_sigma: float
-    station_constant_sigma: float
+    station_constant_sigma: float  #: the part of that sigma that every magnetic azimuth shares
+    #: `azimuth`, `sigma`: of the samples.
     azimuth: float
     sigma: float
 
@@ -307,49 +253,27 @@ class AzimuthRow:
 
 
 class GyroSample(NamedTuple):
-    """
-    One sample of the conventional unit, by its numbers, as `time_alignment_state.Gravity`.
-
-    Attributes
-    ----------
-    stamp_ns : int
-    w_x, w_y, w_z : float
-        Angular rate in tool axes, rad/s.
-    d_x, d_y, d_z : float
-        Unit vector down in tool axes.
-    sigma_tilt : float
-        Its 1 sigma, rad.
-    """
+    """One sample of the conventional unit, by its numbers, as `time_alignment_state.Gravity`."""
 
     stamp_ns: int
+    #: `w_x`, `w_y`, `w_z`: angular rate in tool axes, rad/s.
     w_x: float
     w_y: float
     w_z: float
+    #: `d_x`, `d_y`, `d_z`: unit vector down in tool axes.
     d_x: float
     d_y: float
     d_z: float
-    sigma_tilt: float
+    sigma_tilt: float  #: its 1 sigma, rad
 
 
 class GyroBlock(NamedTuple):
-    """
-    Samples of the conventional unit, n of them.
+    """Samples of the conventional unit, n of them."""
 
-    Attributes
-    ----------
-    stamp_ns : ndarray of int64, shape (n,)
-    gyro_t : ndarray, shape (n, 3)
-        Angular rate, rad/s, in tool axes; x counts only for its leakage into y and z.
-    g_t : ndarray, shape (n, 3)
-        Unit vector down in tool axes; nan before a gravity method has one.
-    sigma_tilt : ndarray, shape (n,)
-        Its 1 sigma, rad.
-    """
-
-    stamp_ns: Stamps
-    gyro_t: Array
-    g_t: Array
-    sigma_tilt: Array
+    stamp_ns: Stamps  #: int64, shape (n,)
+    gyro_t: Array  #: shape (n, 3); angular rate, rad/s, in tool axes; x counts only for its leakage into y and z
+    g_t: Array  #: shape (n, 3); unit vector down in tool axes; nan before a gravity method has one
+    sigma_tilt: Array  #: shape (n,); its 1 sigma, rad
 
 
 class PrecisionRates(NamedTuple):

@@ -16,55 +16,29 @@ RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
 
 
 class Params(NamedTuple):
-    """
-    How magnetic samples become a continuous azimuth.
+    """How magnetic samples become a continuous azimuth."""
 
-    Attributes
-    ----------
-    mag_lag_ns : int
-        Delay after which a magnetic sample is paired with gravity.
-    mag_timeout_ns : int
-        Age of the magnetic field beyond which there is no azimuth.
-    interval_ns : int
-        Interval in which one magnetic sample updates the interference filter and the azimuth.
-    smoothing_s : float
-        Time constant of azimuth and magnetic toolface.
-    vertical_enter, vertical_leave : float
-        Inclination below which azimuth and high side are undefined, and above which they are defined again, rad.
-    latency_s : float
-        Age of a reading at its stamp, over which both toolfaces are propagated by the x gyro.
-    """
-
-    mag_lag_ns: int = 20_000_000
-    mag_timeout_ns: int = 2_000_000_000
+    mag_lag_ns: int = 20_000_000  #: delay after which a magnetic sample is paired with gravity
+    mag_timeout_ns: int = 2_000_000_000  #: age of the magnetic field beyond which there is no azimuth
+    #: Interval in which one magnetic sample updates the interference filter and the azimuth.
     interval_ns: int = 200_000_000
-    smoothing_s: float = 1.0
+    smoothing_s: float = 1.0  #: time constant of azimuth and magnetic toolface
+    #: `vertical_enter`, `vertical_leave`: inclination below which azimuth and high side are undefined, and above which
+    #: they are defined again, rad.
     vertical_enter: float = math.radians(3.0)
     vertical_leave: float = math.radians(4.0)
-    latency_s: float = 0.0
+    latency_s: float = 0.0  #: age of a reading at its stamp, over which both toolfaces are propagated by the x gyro
 
 
 class FieldModel(NamedTuple):
-    """
-    What the magnetic samples are to be read with; it changes at surveys, not at samples.
+    """What the magnetic samples are to be read with; it changes at surveys, not at samples."""
 
-    Attributes
-    ----------
-    interference : tuple of float
-        Field in tool axes that is not the Earth's, T, taken off before use.
-    sigma_axial, sigma_cross : float
-        1 sigma of what is left of it along and across the axis, T.
-    north_correction : float
-        Added to the magnetic azimuth to give the named north, rad.
-    sigma_north : float
-        Its 1 sigma, rad.
-    """
-
-    interference: tuple[float, float, float]
+    interference: tuple[float, float, float]  #: field in tool axes that is not the Earth's, T, taken off before use
+    #: `sigma_axial`, `sigma_cross`: 1 sigma of what is left of it along and across the axis, T.
     sigma_axial: float
     sigma_cross: float
-    north_correction: float = 0.0
-    sigma_north: float = 0.0
+    north_correction: float = 0.0  #: added to the magnetic azimuth to give the named north, rad
+    sigma_north: float = 0.0  #: its 1 sigma, rad
 
 
 class GravitySample:
@@ -153,45 +127,24 @@ class Gravity(NamedTuple):
 
     Its numbers, and not the columns of its block, are passed from kernel to kernel: numba counts the references of an
     array at each call, which costs more than most calls do.
-
-    Attributes
-    ----------
-    stamp_ns : int
-    x, y, z : float
-        Unit vector down in tool axes, nan while unknown.
-    rate_x : float
-        Rate about the axis, rad/s.
-    sigma_tilt : float
-        1 sigma of the tilt, rad.
     """
 
     stamp_ns: int
+    #: `x`, `y`, `z`: unit vector down in tool axes, nan while unknown.
     x: float
     y: float
     z: float
-    rate_x: float
-    sigma_tilt: float
+    rate_x: float  #: rate about the axis, rad/s
+    sigma_tilt: float  #: 1 sigma of the tilt, rad
 
 
 class GravityBlock(NamedTuple):
-    """
-    Samples of gravity, n of them.
+    """Samples of gravity, n of them."""
 
-    Attributes
-    ----------
-    stamp_ns : ndarray of int64, shape (n,)
-    g_t : ndarray, shape (n, 3)
-        Unit vector down in tool axes, nan while unknown.
-    rate_x : ndarray, shape (n,)
-        Rate about the axis, rad/s.
-    sigma_tilt : ndarray, shape (n,)
-        1 sigma of the tilt, rad.
-    """
-
-    stamp_ns: Stamps
-    g_t: Array
-    rate_x: Array
-    sigma_tilt: Array
+    stamp_ns: Stamps  #: int64, shape (n,)
+    g_t: Array  #: shape (n, 3); unit vector down in tool axes, nan while unknown
+    rate_x: Array  #: shape (n,); rate about the axis, rad/s
+    sigma_tilt: Array  #: shape (n,); 1 sigma of the tilt, rad
 
 
 class MagBlock(NamedTuple):

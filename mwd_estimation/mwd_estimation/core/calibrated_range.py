@@ -20,17 +20,13 @@ class CalibratedRange:
 
     A bias that calibration has brought to zero at all temperatures of a range departs from it with distance, to first
     order in proportion; the slope of a unit is not known, only its size: it is the 1 sigma.
-
-    Attributes
-    ----------
-    low_c, high_c : float
-        degC.
-    accelerometer_mps2_per_c, magnetometer_t_per_c : float
-        1 sigma of the slope of the bias of each axis, m/s^2/degC and T/degC.
     """
 
+    #: `low_c`, `high_c`: degC.
     low_c: float = -273.0
     high_c: float = 1000.0
+    #: `accelerometer_mps2_per_c`, `magnetometer_t_per_c`: 1 sigma of the slope of the bias of each axis, m/s^2/degC and
+    #: T/degC.
     accelerometer_mps2_per_c: float = 0.0
     magnetometer_t_per_c: float = 0.0
 

@@ -21,37 +21,18 @@ from mwd_sensors.core.arrays import Array
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """
-    1 sigma of the errors that do not average out within one station.
+    """1 sigma of the errors that do not average out within one station."""
 
-    Attributes
-    ----------
-    accelerometer_bias_mps2 : float
-        Accelerometer bias of each axis, m/s^2.
-    accelerometer_scale : float
-        Accelerometer scale error of each axis.
-    magnetometer_bias_nt : float
-        Magnetometer bias of each axis, nT.
-    magnetometer_scale : float
-        Magnetometer scale error of each axis.
-    axial_interference_nt : float
-        Axial field of the drill string above and below, expected with a proper collar, nT.
-    misalignment_deg : float
-        Tool axis against hole axis, each way, the same all along (XYM1, XYM2), deg.
-    course_misalignment_deg : float
-        Hole axis at the station against the mean hole, other at each station (XYM3E, XYM4E), deg.
-    sag_deg : float
-        Sag of the assembly in a horizontal hole, uncorrected (SAGE), deg.
-    """
-
-    accelerometer_bias_mps2: float = 0.004
-    accelerometer_scale: float = 0.0005
-    magnetometer_bias_nt: float = 70.0
-    magnetometer_scale: float = 0.0016
+    accelerometer_bias_mps2: float = 0.004  #: accelerometer bias of each axis, m/s^2
+    accelerometer_scale: float = 0.0005  #: accelerometer scale error of each axis
+    magnetometer_bias_nt: float = 70.0  #: magnetometer bias of each axis, nT
+    magnetometer_scale: float = 0.0016  #: magnetometer scale error of each axis
+    #: Axial field of the drill string above and below, expected with a proper collar, nT.
     axial_interference_nt: float = 220.0
-    misalignment_deg: float = 0.1
+    misalignment_deg: float = 0.1  #: tool axis against hole axis, each way, the same all along (XYM1, XYM2), deg
+    #: Hole axis at the station against the mean hole, other at each station (XYM3E, XYM4E), deg.
     course_misalignment_deg: float = 0.3
-    sag_deg: float = 0.2
+    sag_deg: float = 0.2  #: sag of the assembly in a horizontal hole, uncorrected (SAGE), deg
 
     def covariance(self, f_t: ArrayLike, b_t: ArrayLike) -> Array:
         """

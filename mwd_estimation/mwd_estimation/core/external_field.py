@@ -33,25 +33,12 @@ _MINUTE = math.radians(1.0 / 60.0)
 
 @dataclasses.dataclass(frozen=True)
 class ObservatoryRecord:
-    """
-    Field at an observatory over time.
+    """Field at an observatory over time."""
 
-    Attributes
-    ----------
-    station : str
-        IAGA code.
-    stamps_ns : ndarray, shape (n,)
-        UTC, increasing.
-    field_n : ndarray, shape (n, 3)
-        North, east, down (geographic), T; only complete samples.
-    quiet_n : ndarray, shape (3,)
-        Quiet level, T.
-    """
-
-    station: str
-    stamps_ns: Stamps
-    field_n: Array
-    quiet_n: Array
+    station: str  #: IAGA code
+    stamps_ns: Stamps  #: shape (n,); UTC, increasing
+    field_n: Array  #: shape (n, 3); north, east, down (geographic), T; only complete samples
+    quiet_n: Array  #: shape (3,); quiet level, T
 
     def disturbance(self, stamp_ns: int) -> Array | None:
         """Difference from the quiet level in north, east, down, T, shape (3,); None in a gap and outside the record."""

@@ -44,29 +44,17 @@ _CONFIDENCE = {
 
 @dataclasses.dataclass(frozen=True)
 class FaultText:
-    """
-    A fault in words.
+    """A fault in words."""
 
-    Attributes
-    ----------
-    kind : str
-        stuck, saturated, invalid, dead, noise, absent, held, rate, stamps, unit, swapped, flipped, frame, mount,
-        mismatch or gravity; several possible ones are joined by "/".
-    sensor, axis : str
-        Which; several possible ones are joined by "/" ("" where no single axis is meant).
-    severity : str
-        "error": the sensor must not be used; "warning": it may, with care.
-    confidence : float
-        0 to 1: share of the possible explanations that is named, less where the evidence is indirect.
-    message, remedy : str
-        What is wrong, and what to do about it ("" for a fault that has ended).
-    """
-
+    #: stuck, saturated, invalid, dead, noise, absent, held, rate, stamps, unit, swapped, flipped, frame, mount,
+    #: mismatch or gravity; several possible ones are joined by "/".
     kind: str
+    #: `sensor`, `axis`: which; several possible ones are joined by "/" ("" where no single axis is meant).
     sensor: str
     axis: str
-    severity: str
-    confidence: float
+    severity: str  #: "error": the sensor must not be used; "warning": it may, with care
+    confidence: float  #: 0 to 1: share of the possible explanations that is named, less where the evidence is indirect
+    #: `message`, `remedy`: what is wrong, and what to do about it ("" for a fault that has ended).
     message: str
     remedy: str
 

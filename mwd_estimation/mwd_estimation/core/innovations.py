@@ -8,23 +8,14 @@ from typing import NamedTuple
 
 
 class Innovation(NamedTuple):
-    """
-    One source; fields as in mwd_msgs/Innovation.
-
-    Attributes
-    ----------
-    source : str
-    innovation : float
-        Last one over its 1 sigma, or their root mean square where there is no gate; -1: none yet.
-    gate : float
-        Sigma beyond which a measurement is rejected; 0: there is none.
-    used, rejected, disturbed : int
-        Measurements taken in, beyond the gate, and left out because the field was not the reference's.
-    """
+    """One source; fields as in mwd_msgs/Innovation."""
 
     source: str
+    #: Last one over its 1 sigma, or their root mean square where there is no gate; -1: none yet.
     innovation: float = -1.0
-    gate: float = 0.0
+    gate: float = 0.0  #: sigma beyond which a measurement is rejected; 0: there is none
+    #: `used`, `rejected`, `disturbed`: measurements taken in, beyond the gate, and left out because the field was not
+    #: the reference's.
     used: int = 0
     rejected: int = 0
     disturbed: int = 0

@@ -126,28 +126,13 @@ class ReasonCode(StrEnum):
 
 @dataclass(frozen=True)
 class Reason:
-    """
-    One reason; its meaning is `code`, the rest are the numbers and names that its sentence states.
-
-    Attributes
-    ----------
-    code : ReasonCode
-    value, limit : float or None
-        What was found and the limit it was judged by, in SI units; None where the code has none.
-    values : tuple of float
-        Further numbers of the code, SI.
-    names : tuple of str
-        Sensors, methods, norths or units that the code is about.
-    causes : tuple of Reason
-        Reasons from which this one follows.
-    fault : SensorFault or None
-        Fault of a sensor that the code is about.
-    """
+    """One reason; its meaning is `code`, the rest are the numbers and names that its sentence states."""
 
     code: ReasonCode
+    #: `value`, `limit`: what was found and the limit it was judged by, in SI units; None where the code has none.
     value: float | None = None
     limit: float | None = None
-    values: tuple[float, ...] = ()
-    names: tuple[str, ...] = ()
-    causes: tuple[Reason, ...] = ()
-    fault: SensorFault | None = None
+    values: tuple[float, ...] = ()  #: further numbers of the code, SI
+    names: tuple[str, ...] = ()  #: sensors, methods, norths or units that the code is about
+    causes: tuple[Reason, ...] = ()  #: reasons from which this one follows
+    fault: SensorFault | None = None  #: fault of a sensor that the code is about

@@ -83,39 +83,26 @@ class ExternalField:
 
 @dataclass(frozen=True)
 class Reference:
-    """
-    Local field, gravity and north; what is not known is None.
+    """Local field, gravity and north; what is not known is None."""
 
-    Attributes
-    ----------
-    total, dip : float or None
-        Field strength, T, and its angle below the horizontal, rad. Given together or not at all.
-    declination, convergence : float or None
-        True north to magnetic north, rad, east positive; true north to grid north, rad, east positive (S0 note: true =
-        magnetic + declination; grid = true - convergence).
-    gravity : float or None
-        Local gravity, m/s^2.
-    source : str
-        Where it comes from, in words.
-    sigma_total, sigma_dip, sigma_declination, sigma_gravity : float
-        1 sigma, T, rad, rad, m/s^2. `sigma_declination` leaves out the part that grows with a weak horizontal field.
-    sigma_declination_field : float
-        That part, rad T: divided by the horizontal field it adds in squares to `sigma_declination`.
-    external : ExternalField or None
-        What strength, dip and declination contain of an observatory's disturbance; None where none was added.
-    """
-
+    #: `total`, `dip`: field strength, T, and its angle below the horizontal, rad. Given together or not at all.
     total: float | None = None
     dip: float | None = None
+    #: `declination`, `convergence`: true north to magnetic north, rad, east positive; true north to grid north, rad,
+    #: east positive (S0 note: true = magnetic + declination; grid = true - convergence).
     declination: float | None = None
     convergence: float | None = None
-    gravity: float | None = None
-    source: str = "none"
+    gravity: float | None = None  #: local gravity, m/s^2
+    source: str = "none"  #: where it comes from, in words
+    #: `sigma_total`, `sigma_dip`, `sigma_declination`, `sigma_gravity`: 1 sigma, T, rad, rad, m/s^2.
+    #: `sigma_declination` leaves out the part that grows with a weak horizontal field.
     sigma_total: float = SIGMA_TOTAL
     sigma_dip: float = SIGMA_DIP
     sigma_declination: float = SIGMA_DECLINATION
+    #: That part, rad T: divided by the horizontal field it adds in squares to `sigma_declination`.
     sigma_declination_field: float = SIGMA_DECLINATION_FIELD
     sigma_gravity: float = SIGMA_GRAVITY
+    #: What strength, dip and declination contain of an observatory's disturbance; None where none was added.
     external: ExternalField | None = None
 
     def __post_init__(self) -> None:

@@ -60,38 +60,20 @@ class FaultCode(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class SensorFault:
-    """
-    One fault, or its end.
-
-    Attributes
-    ----------
-    code : FaultCode
-    unit : Unit
-    place : int
-        Row of the check: three times the sensor (0 gyro, 1 accelerometer, 2 magnetometer), plus the axis.
-    value, limit : float
-        What was seen and what a healthy sensor keeps, in SI units; a share where samples are counted.
-    which : tuple of int
-        As the check keeps it; `mappings`, `axes`, `sensors`, `other_unit` and `mount` read it by the code.
-    unusable : int
-        Bits GYRO, ACCEL, MAG, PRECISION of what must not be used while it lasts.
-    since_ns : int
-        Stamp from which on the evidence stands.
-    cleared_ns : int
-        Stamp at which it was gone; 0 while it lasts.
-    declared : bool
-        INVALID, DEAD: the sensor's own messages declare it not provided (covariance -1), so that it is not broken.
-    """
+    """One fault, or its end."""
 
     code: FaultCode
     unit: Unit
-    place: int
+    place: int  #: row of the check: three times the sensor (0 gyro, 1 accelerometer, 2 magnetometer), plus the axis
+    #: `value`, `limit`: what was seen and what a healthy sensor keeps, in SI units; a share where samples are counted.
     value: float
     limit: float
+    #: As the check keeps it; `mappings`, `axes`, `sensors`, `other_unit` and `mount` read it by the code.
     which: tuple[int, int, int]
-    unusable: int
-    since_ns: int
-    cleared_ns: int = 0
+    unusable: int  #: bits GYRO, ACCEL, MAG, PRECISION of what must not be used while it lasts
+    since_ns: int  #: stamp from which on the evidence stands
+    cleared_ns: int = 0  #: stamp at which it was gone; 0 while it lasts
+    #: INVALID, DEAD: the sensor's own messages declare it not provided (covariance -1), so that it is not broken.
     declared: bool = False
 
     @property

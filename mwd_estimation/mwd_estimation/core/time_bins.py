@@ -25,27 +25,13 @@ _LARGEST = 1e6  # no sensor reads that in its SI unit; squares of it still leave
 
 @dataclasses.dataclass(frozen=True)
 class Bin:
-    """
-    One closed bin of a stream with c channels.
+    """One closed bin of a stream with c channels."""
 
-    Attributes
-    ----------
-    index : int
-        Start of the bin over its length, both in ns since the epoch.
-    count : int
-        Samples in it.
-    mean : ndarray, shape (c,)
-        In the channels' units.
-    scatter : ndarray, shape (c, c)
-        Sum of outer products about the mean, in the units' squares.
-    low, high : ndarray, shape (c,)
-        Extremes.
-    """
-
-    index: int
-    count: int
-    mean: Array
-    scatter: Array
+    index: int  #: start of the bin over its length, both in ns since the epoch
+    count: int  #: samples in it
+    mean: Array  #: shape (c,); in the channels' units
+    scatter: Array  #: shape (c, c); sum of outer products about the mean, in the units' squares
+    #: `low`, `high`: shape (c,); extremes.
     low: Array
     high: Array
 
@@ -60,20 +46,12 @@ class Average:
 
 
 class Place:
-    """
-    Which bin, and where it closed.
+    """Which bin, and where it closed."""
 
-    Attributes
-    ----------
-    index, count : int
-        As of `Bin`; index is _NONE where no bin is open.
-    place : int
-        In the block, of the sample that closed it.
-    """
-
+    #: `index`, `count`: as of `Bin`; index is _NONE where no bin is open.
     index: int
     count: int
-    place: int
+    place: int  #: in the block, of the sample that closed it
 
 
 _PLACE = dtype_of(Place)

@@ -41,38 +41,22 @@ _NEAR_VERTICAL = int(Status.NEAR_VERTICAL)
 
 
 class Clock:
-    """
-    Stamps of the samples admitted so far; zeros before the first.
+    """Stamps of the samples admitted so far; zeros before the first."""
 
-    Attributes
-    ----------
-    last_ns : int
-        Stamp of the last sample admitted.
-    started : bool
-        Whether there is one.
-    backward_ns, backward_count : int
-        Last of the stamps that went back, and how many of these have advanced among themselves.
-    """
-
-    last_ns: int
-    started: bool
+    last_ns: int  #: stamp of the last sample admitted
+    started: bool  #: whether there is one
+    #: `backward_ns`, `backward_count`: last of the stamps that went back, and how many of these have advanced among
+    #: themselves.
     backward_ns: int
     backward_count: int
 
 
 class Motion:
-    """
-    Rotary speed and held peaks; zeros before the first sample.
+    """Rotary speed and held peaks; zeros before the first sample."""
 
-    Attributes
-    ----------
-    rotary_speed : float
-        Low-passed rate about the tool axis, rad/s.
-    peak_rate, peak_force : float
-        Peaks of the angular rate, rad/s, and of the non-gravity acceleration, m/s^2, forgotten over STILL_HOLD.
-    """
-
-    rotary_speed: float
+    rotary_speed: float  #: low-passed rate about the tool axis, rad/s
+    #: `peak_rate`, `peak_force`: peaks of the angular rate, rad/s, and of the non-gravity acceleration, m/s^2,
+    #: forgotten over STILL_HOLD.
     peak_rate: float
     peak_force: float
 
@@ -87,29 +71,16 @@ def clips(v: Vector, full: float) -> bool:
 
 
 class Track(NamedTuple):
-    """
-    Gravity followed through n samples; kernels fill it row by row.
+    """Gravity followed through n samples; kernels fill it row by row."""
 
-    Attributes
-    ----------
-    g_t : ndarray, shape (n, 3)
-        Unit vector down, in tool axes. NaN until a first estimate exists.
-    sigma_inclination, sigma_toolface : ndarray, shape (n,)
-        One sigma, rad, at most pi.
-    non_gravity : ndarray, shape (n,)
-        Largest magnitude of the specific force that is not gravity, forgotten over about a second, m/s^2.
-    rotary_speed : ndarray, shape (n,)
-        Low-passed rate about the tool axis, rad/s, positive clockwise looking down-hole.
-    status : ndarray of uint32, shape (n,)
-        Bits of `mwd_estimation.core.status.Status`.
-    """
-
-    g_t: Array
+    g_t: Array  #: shape (n, 3); unit vector down, in tool axes. NaN until a first estimate exists.
+    #: `sigma_inclination`, `sigma_toolface`: shape (n,); one sigma, rad, at most pi.
     sigma_inclination: Array
     sigma_toolface: Array
+    #: shape (n,); largest magnitude of the specific force that is not gravity, forgotten over about a second, m/s^2.
     non_gravity: Array
-    rotary_speed: Array
-    status: NDArray[np.uint32]
+    rotary_speed: Array  #: shape (n,); low-passed rate about the tool axis, rad/s, positive clockwise looking down-hole
+    status: NDArray[np.uint32]  #: uint32, shape (n,); bits of `mwd_estimation.core.status.Status`
 
     @classmethod
     def empty(cls, n: int) -> Track:

@@ -10,22 +10,11 @@ NANOSECONDS = 1_000_000_000
 
 @dataclasses.dataclass
 class Switch:
-    """
-    A condition that counts once it has held for a time.
+    """A condition that counts once it has held for a time."""
 
-    Attributes
-    ----------
-    hold_ns : int
-        Time for which it has to hold.
-    on : bool
-        The condition that counts.
-    since_ns : int
-        Since when it has held, ns; the start of the holding time, not its end.
-    """
-
-    hold_ns: int
-    on: bool = False
-    since_ns: int = 0
+    hold_ns: int  #: time for which it has to hold
+    on: bool = False  #: the condition that counts
+    since_ns: int = 0  #: since when it has held, ns; the start of the holding time, not its end
     _candidate_ns: int | None = None
 
     def update(self, stamp_ns: int, condition: bool) -> bool:

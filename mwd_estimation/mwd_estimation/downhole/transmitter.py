@@ -64,48 +64,22 @@ class TransmitterState(enum.StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Sent:
-    """
-    A sync, header or word that went on air.
-
-    Attributes
-    ----------
-    kind : Kind
-    frame : int
-        Counts the passes of sequences from 0.
-    sequence : int
-        Number of the sequence.
-    name : str
-        Of the word; empty for a sync or header.
-    raw, bits : int
-        Code without parity, and its length.
-    reading : Reading or None
-        What was measured, SI; None where there is no measurement.
-    start_ns : int
-        Begin on air, clock of the tool.
-    duration_s : float
-    edges_s : tuple of float
-        Begin of each pulse after the start, s.
-    tool : ToolConfiguration
-        In force.
-    phases : tuple of float
-        Of each symbol on a carrier, rad; empty but at the first word of a block.
-    octets : bytes
-        On a line; empty but at the first word of a frame.
-    """
+    """A sync, header or word that went on air."""
 
     kind: Kind
-    frame: int
-    sequence: int
-    name: str
+    frame: int  #: counts the passes of sequences from 0
+    sequence: int  #: number of the sequence
+    name: str  #: of the word; empty for a sync or header
+    #: `raw`, `bits`: code without parity, and its length.
     raw: int
     bits: int
-    reading: Reading | None
-    start_ns: int
+    reading: Reading | None  #: what was measured, SI; None where there is no measurement
+    start_ns: int  #: begin on air, clock of the tool
     duration_s: float
-    edges_s: tuple[float, ...]
-    tool: ToolConfiguration
-    phases: tuple[float, ...] = ()
-    octets: bytes = b""
+    edges_s: tuple[float, ...]  #: begin of each pulse after the start, s
+    tool: ToolConfiguration  #: in force
+    phases: tuple[float, ...] = ()  #: of each symbol on a carrier, rad; empty but at the first word of a block
+    octets: bytes = b""  #: on a line; empty but at the first word of a frame
 
 
 class _Part(NamedTuple):

@@ -30,25 +30,12 @@ State = NDArray[np.void]
 
 
 class Params(NamedTuple):
-    """
-    Settings of the accelerometer alone.
+    """Settings of the accelerometer alone."""
 
-    Attributes
-    ----------
-    gravity : float
-        Magnitude of local gravity, m/s^2.
-    memory : float
-        Time over which the disturbance is averaged for sigma, s.
-    accel_range : float
-        Force at which the accelerometer clips, m/s^2.
-    sigma_floor : float
-        Sigma is not given smaller, rad.
-    """
-
-    gravity: float = STANDARD_GRAVITY
-    memory: float = 2.0
-    accel_range: float = 16.0 * STANDARD_GRAVITY
-    sigma_floor: float = 0.003
+    gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
+    memory: float = 2.0  #: time over which the disturbance is averaged for sigma, s
+    accel_range: float = 16.0 * STANDARD_GRAVITY  #: force at which the accelerometer clips, m/s^2
+    sigma_floor: float = 0.003  #: sigma is not given smaller, rad
 
 
 class Record:

@@ -42,83 +42,47 @@ State = NDArray[np.void]
 
 
 class Params(NamedTuple):
-    """
-    Settings of the S3 method; `fuzzy` off makes it the plain PI filter (Mahony).
+    """Settings of the S3 method; `fuzzy` off makes it the plain PI filter (Mahony)."""
 
-    Attributes
-    ----------
-    k_p, k_i : float
-        Base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 leaves the gyro bias alone.
-    k_p_least : float
-        The fuzzy table lowers the gain no further, 1/s.
-    fuzzy : bool
-        Let the fuzzy table move k_p.
-    window : int
-        Samples whose largest non-gravity acceleration feeds the table, at most WINDOW_MOST.
-    coning : float
-        Share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates.
-    gravity : float
-        Magnitude of local gravity, m/s^2.
-    start_s : float
-        Mean in gyro axes that makes the first estimate, s.
-    gyro_range, accel_range : float
-        Rate, rad/s, and force, m/s^2, at which the sensors clip.
-    sigma_floor : float
-        Sigma is not given smaller, rad.
-    """
-
+    #: `k_p`, `k_i`: base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 leaves the gyro bias alone.
     k_p: float = 0.15
     k_i: float = 0.003
-    k_p_least: float = 0.01
-    fuzzy: bool = True
-    window: int = 20
-    coning: float = 0.0
-    gravity: float = STANDARD_GRAVITY
-    start_s: float = 2.0
+    k_p_least: float = 0.01  #: the fuzzy table lowers the gain no further, 1/s
+    fuzzy: bool = True  #: let the fuzzy table move k_p
+    window: int = 20  #: samples whose largest non-gravity acceleration feeds the table, at most WINDOW_MOST
+    coning: float = 0.0  #: share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates
+    gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
+    start_s: float = 2.0  #: mean in gyro axes that makes the first estimate, s
+    #: `gyro_range`, `accel_range`: rate, rad/s, and force, m/s^2, at which the sensors clip.
     gyro_range: float = math.radians(2000.0)
     accel_range: float = 16.0 * STANDARD_GRAVITY
-    sigma_floor: float = 0.003
+    sigma_floor: float = 0.003  #: sigma is not given smaller, rad
 
 
 class Record:
-    """
-    All that changes.
+    """All that changes."""
 
-    Attributes
-    ----------
-    clock, motion
-        Common to all methods, as `track.admit` and `track.follow_motion` keep them.
-    down : ndarray, shape (3,)
-        Unit vector down, tool axes.
-    integral : ndarray, shape (3,)
-        Correction of the rates that the integral has learnt, rad/s.
-    last_angle : ndarray, shape (3,)
-        Angle of the sample before, rad.
-    mean, mean_power : ndarray, shape (3,), and float
-        Integral of force over gravity in gyro axes while starting, s, and of the square of what disturbs it.
-    slow_error, slow_power : ndarray, shape (3,), and float
-        The error signal at the filter's own bandwidth, and its mean square.
-    start_power : float
-        Mean square error that the start has left, rad^2.
-    age, non_gravity, sigma : float
-        Time since the start, s; acceleration that is not gravity, m/s^2; sigma of the direction, rad.
-    ring, ring_at
-        Non-gravity acceleration of the last samples, m/s^2, and the place of the next.
-    """
-
+    #: `clock`, `motion`: common to all methods, as `track.admit` and `track.follow_motion` keep them.
     clock: track.Clock
     motion: track.Motion
-    down: Annotated[Array, 3]
-    integral: Annotated[Array, 3]
-    last_angle: Annotated[Array, 3]
+    down: Annotated[Array, 3]  #: unit vector down, tool axes
+    integral: Annotated[Array, 3]  #: correction of the rates that the integral has learnt, rad/s
+    last_angle: Annotated[Array, 3]  #: angle of the sample before, rad
+    #: `mean`, `mean_power`: shape (3,), and float; integral of force over gravity in gyro axes while starting, s, and
+    #: of the square of what disturbs it.
     mean: Annotated[Array, 3]
     mean_power: float
+    #: `slow_error`, `slow_power`: shape (3,), and float; the error signal at the filter's own bandwidth, and its mean
+    #: square.
     slow_error: Annotated[Array, 3]
     slow_power: float
-    start_power: float
+    start_power: float  #: mean square error that the start has left, rad^2
+    #: `age`, `non_gravity`, `sigma`: time since the start, s; acceleration that is not gravity, m/s^2; sigma of the
+    #: direction, rad.
     age: float
     non_gravity: float
     sigma: float
+    #: `ring`, `ring_at`: non-gravity acceleration of the last samples, m/s^2, and the place of the next.
     ring: Annotated[Array, WINDOW_MOST]
     ring_at: int
 

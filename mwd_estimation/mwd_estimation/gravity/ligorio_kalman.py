@@ -35,78 +35,42 @@ State = NDArray[np.void]
 
 
 class Params(NamedTuple):
-    """
-    Settings of the linear Kalman extraction.
+    """Settings of the linear Kalman extraction."""
 
-    Attributes
-    ----------
-    gravity : float
-        Magnitude of local gravity, m/s^2.
-    gyro_noise, rate_noise : float
-        Gyro white noise, rad/s/sqrt(Hz), and its growth with the rate.
-    accel_noise : float
-        Accelerometer noise of a sample, m/s^2.
-    motion, memory : float
-        Acceleration of the tool, m/s^2, and its correlation time, s.
-    bias_gain : float
-        Integral gain of the gyro bias beside the filter, 1/s^2.
-    coning : float
-        Share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates.
-    start_s : float
-        Time over which the estimate counts as starting, s.
-    gyro_range, accel_range : float
-        Rate, rad/s, and force, m/s^2, at which the sensors clip.
-    sigma_floor : float
-        Sigma is not given smaller, rad.
-    """
-
-    gravity: float = STANDARD_GRAVITY
+    gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
+    #: `gyro_noise`, `rate_noise`: gyro white noise, rad/s/sqrt(Hz), and its growth with the rate.
     gyro_noise: float = 0.01
     rate_noise: float = 0.005
-    accel_noise: float = 0.5
+    accel_noise: float = 0.5  #: accelerometer noise of a sample, m/s^2
+    #: `motion`, `memory`: acceleration of the tool, m/s^2, and its correlation time, s.
     motion: float = 10.0
     memory: float = 0.05
-    bias_gain: float = 0.005
-    coning: float = 0.0
-    start_s: float = 0.5
+    bias_gain: float = 0.005  #: integral gain of the gyro bias beside the filter, 1/s^2
+    coning: float = 0.0  #: share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates
+    start_s: float = 0.5  #: time over which the estimate counts as starting, s
+    #: `gyro_range`, `accel_range`: rate, rad/s, and force, m/s^2, at which the sensors clip.
     gyro_range: float = math.radians(2000.0)
     accel_range: float = 16.0 * STANDARD_GRAVITY
-    sigma_floor: float = 0.003
+    sigma_floor: float = 0.003  #: sigma is not given smaller, rad
 
 
 class Record:
-    """
-    All that changes.
+    """All that changes."""
 
-    Attributes
-    ----------
-    clock, motion
-        Common to all methods, as `track.admit` and `track.follow_motion` keep them.
-    gravity, acceleration : ndarray, shape (3,)
-        Gravity and acceleration of the tool, tool axes, m/s^2.
-    last_angle : ndarray, shape (3,)
-        Angle of the sample before, rad.
-    bias : ndarray, shape (3,)
-        Correction of the rates, rad/s.
-    p_gg, p_ga, p_aa : float
-        Covariances of gravity and acceleration on each axis, (m/s^2)^2.
-    age : float
-        Time since the start, s.
-    square : float
-        Mean square of the innovations over those expected by the covariance.
-    """
-
+    #: `clock`, `motion`: common to all methods, as `track.admit` and `track.follow_motion` keep them.
     clock: track.Clock
     motion: track.Motion
+    #: `gravity`, `acceleration`: shape (3,); gravity and acceleration of the tool, tool axes, m/s^2.
     gravity: Annotated[Array, 3]
     acceleration: Annotated[Array, 3]
-    last_angle: Annotated[Array, 3]
-    bias: Annotated[Array, 3]
+    last_angle: Annotated[Array, 3]  #: angle of the sample before, rad
+    bias: Annotated[Array, 3]  #: correction of the rates, rad/s
+    #: `p_gg`, `p_ga`, `p_aa`: covariances of gravity and acceleration on each axis, (m/s^2)^2.
     p_gg: float
     p_ga: float
     p_aa: float
-    age: float
-    square: float
+    age: float  #: time since the start, s
+    square: float  #: mean square of the innovations over those expected by the covariance
 
 
 RECORD = dtype_of(Record)

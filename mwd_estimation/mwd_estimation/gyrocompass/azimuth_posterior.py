@@ -20,47 +20,27 @@ from mwd_sensors.core.frames import wrap_pi
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """
-    Gaussian of the horizontal Earth rate and of an angle that is added to the azimuth found on the circle.
+    """Gaussian of the horizontal Earth rate and of an angle that is added to the azimuth found on the circle."""
 
-    Attributes
-    ----------
-    log_weight : float
-        Evidence for it against the other parts.
-    earth, S : ndarray, shapes (2,) and (2, 2)
-        Mean and covariance of the horizontal Earth rate in the level frame, rad/s.
-    cross, own : ndarray, shape (2,), and float
-        How the added angle follows the Earth rate, rad per rad/s, and its own variance, rad^2.
-    shift : float
-        Its mean, rad.
-    """
-
-    log_weight: float
+    log_weight: float  #: evidence for it against the other parts
+    #: `earth`, `S`: shapes (2,) and (2, 2); mean and covariance of the horizontal Earth rate in the level frame, rad/s.
     earth: Array
     S: Array
+    #: `cross`, `own`: shape (2,), and float; how the added angle follows the Earth rate, rad per rad/s, and its own
+    #: variance, rad^2.
     cross: Array
     own: float
-    shift: float
+    shift: float  #: its mean, rad
 
 
 @dataclasses.dataclass(frozen=True)
 class OnCircle:
-    """
-    Azimuth of the level frame (plus the added angle): mean and sigma, rad.
-
-    Attributes
-    ----------
-    mean, sigma : float
-    misfit : float
-        Squared distance of the first part from the circle, in sigmas.
-    several : tuple of float
-        The angles that fit alike, where there are several.
-    """
+    """Azimuth of the level frame (plus the added angle): mean and sigma, rad."""
 
     mean: float
     sigma: float
-    misfit: float
-    several: tuple[float, ...]
+    misfit: float  #: squared distance of the first part from the circle, in sigmas
+    several: tuple[float, ...]  #: the angles that fit alike, where there are several
 
 
 def part(log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0) -> Part:

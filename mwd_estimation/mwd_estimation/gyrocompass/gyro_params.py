@@ -43,24 +43,15 @@ TACTICAL = SeekParams(
 
 @dataclasses.dataclass(frozen=True)
 class GyroParams:
-    """
-    The precision unit, and when north is sought with it at a station; the figures are a tactical MEMS unit's.
+    """The precision unit, and when north is sought with it at a station; the figures are a tactical MEMS unit's."""
 
-    Attributes
-    ----------
-    unit : SeekParams
-        Figures of the unit, and what an azimuth must reach. White noise of 0: computed from the samples of the tool at
-        rest. Latitude and gravity are those of the place, and are set by `seek_params`.
-    method : str
-        Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool
-        that never moves and a gyro whose bias is small.
-    longest_turn_s : float
-        A turn between two rests that takes longer ends the seek, s.
-    """
-
+    #: Figures of the unit, and what an azimuth must reach. White noise of 0: computed from the samples of the tool at
+    #: rest. Latitude and gravity are those of the place, and are set by `seek_params`.
     unit: SeekParams = TACTICAL
+    #: Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool that
+    #: never moves and a gyro whose bias is small.
     method: str = SEEK
-    longest_turn_s: float = 30.0
+    longest_turn_s: float = 30.0  #: a turn between two rests that takes longer ends the seek, s
 
 
 def seek_params(

@@ -18,104 +18,45 @@ _DIRECTION_FLOOR, _CLIPS_FROM, _STILL_RATE = 1e-6, 0.98, 0.05
 
 @dataclasses.dataclass(frozen=True)
 class SeekParams:
-    """
-    Settings of a north seek. Noise and calibration figures are one sigma; y and z belong to the precision unit.
+    """Settings of a north seek. Noise and calibration figures are one sigma; y and z belong to the precision unit."""
 
-    Attributes
-    ----------
-    latitude_deg : float
-        Geodetic latitude, north positive, deg.
-    gravity : float
-        Magnitude of local gravity, m/s^2; S1's filter uses it.
-    mode : str
-        What the tool does while north is sought. auto judges by the motion; the others refuse another motion.
-    shortest : float
-        Shortest seek that gives an azimuth, s.
-    worst_sigma_deg : float
-        An azimuth with a larger sigma is refused, deg.
-    gyro_noise_deg_rth : float
-        White noise of y and z, deg/sqrt(h).
-    gyro_x_noise_deg_rth : float
-        White noise of x, deg/sqrt(h).
-    accel_noise_ug_rthz : float
-        White noise of the accelerometers, ug/sqrt(Hz).
-    gyro_bias_deg_h : float
-        Sigma of the bias of y and z, deg/h.
-    bias_scale : str
-        stated: the bias figures are sigmas. at_most: sigmas are those or less, as the fit to the latitude shows.
-    gyro_x_bias_deg_h : float
-        Sigma of the bias of x, deg/h.
-    accel_bias_ug : float
-        Sigma of the accelerometer bias, ug.
-    gyro_walk_deg_h_rth : float
-        Random walk of the gyro bias in an hour, deg/h.
-    gyro_ramp_deg_h2 : float
-        Sigma of the ramp of the gyro bias, as where the tool warms up, deg/h per hour.
-    scale_x_ppm : float
-        Sigma of the scale of the x gyro, ppm.
-    leak_urad : float
-        Sigma of the x rate that y and z measure after calibration, urad.
-    g_sensitivity_deg_h_g : float
-        Sigma of each element of the g-sensitivity of y and z after calibration, deg/h/g.
-    g_calibration_deg_h_g : tuple[float, float, float, float]
-        Calibrated g-sensitivity: along, across, stretch, shear, deg/h/g.
-    g_locked_deg_h_g : float | None
-        Sigma of along and across after calibration, where it is smaller than that of the elements, deg/h/g.
-    expected_azimuth_deg : float | None
-        Azimuth that chooses between several that fit equally, deg; it does not move the result.
-    lag_ms : float
-        Delay of the y and z gyros behind the x gyro, ms.
-    lag_sigma_ms : float
-        Sigma of that delay, ms.
-    lead_ms : float
-        Time by which the accelerometer is ahead of the x gyro, ms.
-    lead_sigma_ms : float
-        Sigma of that time, ms; a spin-up shows it.
-    sigma_velocity : float
-        Sigma of the tool's velocity, m/s.
-    axis_walk_deg_rth : float
-        Random walk of the direction of the hole axis, deg/sqrt(h). Large values make a filter that integrates for
-        hours.
-    block_seconds : float
-        Time between two Kalman steps, s.
-    level_seconds : float
-        Duration of the mean force that starts the filter, s.
-    gap : float
-        A longer data gap begins the seek anew, s.
-    gyro_range_dps : float
-        Rate at which y and z clip, deg/s.
-    """
-
-    latitude_deg: float = 34.0
-    gravity: float = STANDARD_GRAVITY
+    latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg
+    gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2; S1's filter uses it
+    #: What the tool does while north is sought. auto judges by the motion; the others refuse another motion.
     mode: str = "auto"
-    shortest: float = 30.0
-    worst_sigma_deg: float = 20.0
-    gyro_noise_deg_rth: float = 0.05
-    gyro_x_noise_deg_rth: float = 0.42
-    accel_noise_ug_rthz: float = 30.0
-    gyro_bias_deg_h: float = 1.0
+    shortest: float = 30.0  #: shortest seek that gives an azimuth, s
+    worst_sigma_deg: float = 20.0  #: an azimuth with a larger sigma is refused, deg
+    gyro_noise_deg_rth: float = 0.05  #: white noise of y and z, deg/sqrt(h)
+    gyro_x_noise_deg_rth: float = 0.42  #: white noise of x, deg/sqrt(h)
+    accel_noise_ug_rthz: float = 30.0  #: white noise of the accelerometers, ug/sqrt(Hz)
+    gyro_bias_deg_h: float = 1.0  #: sigma of the bias of y and z, deg/h
+    #: stated: the bias figures are sigmas. at_most: sigmas are those or less, as the fit to the latitude shows.
     bias_scale: str = "stated"
-    gyro_x_bias_deg_h: float = 36.0
-    accel_bias_ug: float = 100.0
-    gyro_walk_deg_h_rth: float = 0.02
-    gyro_ramp_deg_h2: float = 0.0
-    scale_x_ppm: float = 5000.0
-    leak_urad: float = 500.0
+    gyro_x_bias_deg_h: float = 36.0  #: sigma of the bias of x, deg/h
+    accel_bias_ug: float = 100.0  #: sigma of the accelerometer bias, ug
+    gyro_walk_deg_h_rth: float = 0.02  #: random walk of the gyro bias in an hour, deg/h
+    gyro_ramp_deg_h2: float = 0.0  #: sigma of the ramp of the gyro bias, as where the tool warms up, deg/h per hour
+    scale_x_ppm: float = 5000.0  #: sigma of the scale of the x gyro, ppm
+    leak_urad: float = 500.0  #: sigma of the x rate that y and z measure after calibration, urad
+    #: Sigma of each element of the g-sensitivity of y and z after calibration, deg/h/g.
     g_sensitivity_deg_h_g: float = 0.0
+    #: Calibrated g-sensitivity: along, across, stretch, shear, deg/h/g.
     g_calibration_deg_h_g: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    #: Sigma of along and across after calibration, where it is smaller than that of the elements, deg/h/g.
     g_locked_deg_h_g: float | None = None
+    #: Azimuth that chooses between several that fit equally, deg; it does not move the result.
     expected_azimuth_deg: float | None = None
-    lag_ms: float = 0.0
-    lag_sigma_ms: float = 0.05
-    lead_ms: float = 0.0
-    lead_sigma_ms: float = 3.0
-    sigma_velocity: float = 0.005
+    lag_ms: float = 0.0  #: delay of the y and z gyros behind the x gyro, ms
+    lag_sigma_ms: float = 0.05  #: sigma of that delay, ms
+    lead_ms: float = 0.0  #: time by which the accelerometer is ahead of the x gyro, ms
+    lead_sigma_ms: float = 3.0  #: sigma of that time, ms; a spin-up shows it
+    sigma_velocity: float = 0.005  #: sigma of the tool's velocity, m/s
+    #: Random walk of the direction of the hole axis, deg/sqrt(h). Large values make a filter that integrates for hours.
     axis_walk_deg_rth: float = 0.0005
-    block_seconds: float = 0.1
-    level_seconds: float = 2.0
-    gap: float = 1.0
-    gyro_range_dps: float = 400.0
+    block_seconds: float = 0.1  #: time between two Kalman steps, s
+    level_seconds: float = 2.0  #: duration of the mean force that starts the filter, s
+    gap: float = 1.0  #: a longer data gap begins the seek anew, s
+    gyro_range_dps: float = 400.0  #: rate at which y and z clip, deg/s
 
 
 def kernel_params(params: SeekParams) -> KernelParams:

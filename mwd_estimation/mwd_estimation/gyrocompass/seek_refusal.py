@@ -26,30 +26,16 @@ _MISFIT, _EXCESSIVE = 4.0, 5.0
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """
-    The filter's estimate of north.
+    """The filter's estimate of north."""
 
-    Attributes
-    ----------
-    method : str
-        What the tool did: still, two_position, rotating or continuous.
-    azimuth, sigma, inclination : float
-        Of the hole axis, rad.
-    sensitivity : float
-        Share of the horizontal Earth rate that this method sees at this attitude, 0 to 1.
-    misfit : float
-        Squared distance of the horizontal Earth rate from the latitude's, in sigmas.
-    azimuths : tuple of float
-        All that fit alike, rad, where there are several.
-    """
-
-    method: str
+    method: str  #: what the tool did: still, two_position, rotating or continuous
+    #: `azimuth`, `sigma`, `inclination`: of the hole axis, rad.
     azimuth: float
     sigma: float
     inclination: float
-    sensitivity: float
-    misfit: float
-    azimuths: tuple[float, ...]
+    sensitivity: float  #: share of the horizontal Earth rate that this method sees at this attitude, 0 to 1
+    misfit: float  #: squared distance of the horizontal Earth rate from the latitude's, in sigmas
+    azimuths: tuple[float, ...]  #: all that fit alike, rad, where there are several
 
 
 def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:

@@ -82,29 +82,18 @@ class KernelParams(NamedTuple):
 
 
 class Sums:
-    """
-    Integrals over one block: what the transition needs of the samples.
+    """Integrals over one block: what the transition needs of the samples."""
 
-    Attributes
-    ----------
-    time, turn : float
-        Duration, s, and turn about the tool axis, rad.
-    lost_turn, lost_velocity : float
-        Variance of what clipped samples hide of attitude, rad^2, and of velocity, (m/s)^2.
-    mat : ndarray, shape (3, 3)
-        Of the tool-to-level matrix.
-    force : ndarray, shape (3,)
-        Of the specific force in the level frame.
-    bias, leak, g_sensitivity, scale, lag, lead : ndarray
-        Of the columns by which each of these errors enters attitude (lead: velocity).
-    """
-
+    #: `time`, `turn`: duration, s, and turn about the tool axis, rad.
     time: float
     turn: float
+    #: `lost_turn`, `lost_velocity`: variance of what clipped samples hide of attitude, rad^2, and of velocity, (m/s)^2.
     lost_turn: float
     lost_velocity: float
-    mat: Annotated[Array, 3, 3]
-    force: Annotated[Array, 3]
+    mat: Annotated[Array, 3, 3]  #: of the tool-to-level matrix
+    force: Annotated[Array, 3]  #: of the specific force in the level frame
+    #: `bias`, `leak`, `g_sensitivity`, `scale`, `lag`, `lead`: of the columns by which each of these errors enters
+    #: attitude (lead: velocity).
     bias: Annotated[Array, 3, 2]
     scale: Annotated[Array, 3]
     leak: Annotated[Array, 3, 2]
@@ -114,78 +103,57 @@ class Sums:
 
 
 class State:
-    """
-    All that changes: one record.
+    """All that changes: one record."""
 
-    Attributes
-    ----------
-    clock : track.Clock
-        As of `mwd_estimation.core.track.admit`.
-    mat : ndarray, shape (3, 3)
-        Tool to level frame.
-    velocity, earth_rate : ndarray, shape (2,)
-        Horizontal, in the level frame, m/s and rad/s.
-    gyro_bias, scale_x, leak, g_sensitivity, lag, force_bias, lead, bias_ramp
-        Errors of the instrument, in the units of `KernelParams`.
-    axis, roll, wobble : ndarray, shape (2,), float, ndarray, shape (8,)
-        Where the hole axis lies beside its reference and the roll beside its own, and the axis' motion once and twice
-        per turn, rad.
-    P : ndarray, shape (36, 36)
-        Covariance of the error, in the order of `Error`.
-    sums : Sums
-        Of the block under way.
-    phase, settled, seen : int
-        `Phase`; blocks of settling and of seeking.
-    carried : bool
-        Whether the instrument's errors come from an earlier seek.
-    level_time, elapsed, still_time, turn_time : float
-        s of levelling, and of seeking: all, at rest and turning.
-    axis_reference, roll_reference : ndarray, shape (3,)
-        Hole axis and tool z in the level frame that `axis` and `roll` count from.
-    last_axis, axis_difference2 : ndarray, shapes (3,) and (2,)
-        Axis of the block before, and summed squares of its steps while settling, rad^2.
-    scatter : ndarray, shape (3,)
-        Variance by which high side and right side of the axis, and roll, scatter from block to block, rad^2.
-    still_run, positions, refused_blocks, moved : int
-        Blocks at rest in a row; rests that gave a roll; blocks in a row whose axis was refused; moves found so.
-    samples, clipped : int
-        Samples taken, and those in which a gyro clipped.
-    """
-
-    clock: track.Clock
-    mat: Annotated[Array, 3, 3]
+    clock: track.Clock  #: as of `mwd_estimation.core.track.admit`
+    mat: Annotated[Array, 3, 3]  #: tool to level frame
+    #: `velocity`, `earth_rate`: shape (2,); horizontal, in the level frame, m/s and rad/s.
     velocity: Annotated[Array, 2]
     earth_rate: Annotated[Array, 2]
+    #: `gyro_bias`, `scale_x`, `leak`, `g_sensitivity`, `lag`, `force_bias`, `lead`, `bias_ramp`: errors of the
+    #: instrument, in the units of `KernelParams`.
     gyro_bias: Annotated[Array, 3]
     scale_x: float
     leak: Annotated[Array, 2]
     g_sensitivity: Annotated[Array, 4]
     lag: float
     force_bias: Annotated[Array, 3]
+    #: `axis`, `roll`, `wobble`: shape (2,), float, ndarray, shape (8,); where the hole axis lies beside its reference
+    #: and the roll beside its own, and the axis' motion once and twice per turn, rad.
     axis: Annotated[Array, 2]
     roll: float
     wobble: Annotated[Array, 8]
     lead: float
     bias_ramp: Annotated[Array, 3]
-    P: Annotated[Array, 36, 36]
-    sums: Sums
+    P: Annotated[Array, 36, 36]  #: covariance of the error, in the order of `Error`
+    sums: Sums  #: of the block under way
+    #: `phase`, `settled`, `seen`: `Phase`; blocks of settling and of seeking.
     phase: int
     settled: int
     seen: int
-    carried: bool
+    carried: bool  #: whether the instrument's errors come from an earlier seek
+    #: `level_time`, `elapsed`, `still_time`, `turn_time`: s of levelling, and of seeking: all, at rest and turning.
     level_time: float
     elapsed: float
     still_time: float
     turn_time: float
+    #: `axis_reference`, `roll_reference`: shape (3,); hole axis and tool z in the level frame that `axis` and `roll`
+    #: count from.
     axis_reference: Annotated[Array, 3]
     roll_reference: Annotated[Array, 3]
+    #: `last_axis`, `axis_difference2`: shapes (3,) and (2,); axis of the block before, and summed squares of its steps
+    #: while settling, rad^2.
     last_axis: Annotated[Array, 3]
     axis_difference2: Annotated[Array, 2]
+    #: shape (3,); variance by which high side and right side of the axis, and roll, scatter from block to block, rad^2.
     scatter: Annotated[Array, 3]
+    #: `still_run`, `positions`, `refused_blocks`, `moved`: blocks at rest in a row; rests that gave a roll; blocks in a
+    #: row whose axis was refused; moves found so.
     still_run: int
     positions: int
     refused_blocks: int
     moved: int
+    #: `samples`, `clipped`: samples taken, and those in which a gyro clipped.
     samples: int
     clipped: int
 
@@ -197,27 +165,17 @@ class State:
 
 
 class Work:
-    """
-    Scratch of a block.
+    """Scratch of a block."""
 
-    Attributes
-    ----------
-    half : ndarray, shape (3, 3)
-        Tool to level frame in the middle of a sample.
-    down, forward, level : ndarray
-        Vectors and matrix of levelling.
-    phi, rows : ndarray, shape (5, 36)
-        Moving rows of the transition, and of its product with P.
-    error, h, ph : ndarray, shape (36,)
-        Error found so far in a block; row of a measurement, and its product with P.
-    """
-
-    half: Annotated[Array, 3, 3]
+    half: Annotated[Array, 3, 3]  #: tool to level frame in the middle of a sample
+    #: `down`, `forward`, `level`: vectors and matrix of levelling.
     down: Annotated[Array, 3]
     forward: Annotated[Array, 3]
     level: Annotated[Array, 3, 3]
+    #: `phi`, `rows`: shape (5, 36); moving rows of the transition, and of its product with P.
     phi: Annotated[Array, 5, 36]
     rows: Annotated[Array, 5, 36]
+    #: `error`, `h`, `ph`: shape (36,); error found so far in a block; row of a measurement, and its product with P.
     error: Annotated[Array, 36]
     h: Annotated[Array, 36]
     ph: Annotated[Array, 36]

@@ -31,50 +31,27 @@ MODES = ("still", "two_position", "rotating")
 
 @dataclasses.dataclass(frozen=True)
 class SessionParams:
-    """
-    Duration of a north seek on request, and the conventional unit's x gyro, one sigma each.
+    """Duration of a north seek on request, and the conventional unit's x gyro, one sigma each."""
 
-    Attributes
-    ----------
-    duration_s : float
-        Duration of a seek where the request names none, s.
-    x_noise_deg_rth : float
-        White noise of the conventional unit's x gyro, which a fast turning string needs, deg/sqrt(h).
-    x_bias_deg_h : float
-        Sigma of that gyro's bias, deg/h.
-    x_scale_ppm : float
-        Sigma of that gyro's scale, ppm.
-    """
-
-    duration_s: float = 120.0
+    duration_s: float = 120.0  #: duration of a seek where the request names none, s
+    #: White noise of the conventional unit's x gyro, which a fast turning string needs, deg/sqrt(h).
     x_noise_deg_rth: float = 0.42
-    x_bias_deg_h: float = 400.0
-    x_scale_ppm: float = 5000.0
+    x_bias_deg_h: float = 400.0  #: sigma of that gyro's bias, deg/h
+    x_scale_ppm: float = 5000.0  #: sigma of that gyro's scale, ppm
 
 
 @dataclasses.dataclass(frozen=True)
 class NorthProgress:
-    """
-    Progress of a seek.
+    """Progress of a seek."""
 
-    Attributes
-    ----------
-    elapsed, remaining : float
-        s.
-    azimuth, sigma : float
-        rad from true north, and 1 sigma; NaN before there is one.
-    method : str
-        What the tool does.
-    reason : Reason or None
-        Why the azimuth could not be used yet; None where it could.
-    """
-
+    #: `elapsed`, `remaining`: s.
     elapsed: float
     remaining: float
+    #: `azimuth`, `sigma`: rad from true north, and 1 sigma; NaN before there is one.
     azimuth: float
     sigma: float
-    method: str
-    reason: Reason | None
+    method: str  #: what the tool does
+    reason: Reason | None  #: why the azimuth could not be used yet; None where it could
 
     @property
     def state(self) -> str:

@@ -11,38 +11,22 @@ from mwd_estimation.core.reasons import Reason
 
 @dataclasses.dataclass(frozen=True)
 class Solution:
-    """
-    A north seek so far.
+    """A north seek so far."""
 
-    Attributes
-    ----------
-    reason : Reason or None
-        Why it was refused; None on success.
-    method : str
-        What the tool did: still, two_position, rotating or continuous; s1 of `static_ekf`; the mode asked for while
-        that is unknown.
-    azimuth, sigma : float
-        Of the hole axis from true north and its one sigma, rad; given also when refused, NaN before the filter runs.
-    inclination : float
-        Of the hole axis from the vertical, rad.
-    toolface : float
-        Azimuth of the scribe line seen from above, from true north, rad; what a near-vertical hole has instead.
-    elapsed : float
-        s of data used.
-    limit : float
-        Sigma of an ideal estimator with this gyro noise, time, latitude and geometry, rad.
-    choices : tuple of (float, float)
-        Azimuths and sigmas, rad, of which only one can be right, where that is why it was refused.
-    """
-
-    reason: Reason | None
+    reason: Reason | None  #: why it was refused; None on success
+    #: What the tool did: still, two_position, rotating or continuous; s1 of `static_ekf`; the mode asked for while that
+    #: is unknown.
     method: str
+    #: `azimuth`, `sigma`: of the hole axis from true north and its one sigma, rad; given also when refused, NaN before
+    #: the filter runs.
     azimuth: float = math.nan
     sigma: float = math.nan
-    inclination: float = math.nan
+    inclination: float = math.nan  #: of the hole axis from the vertical, rad
+    #: Azimuth of the scribe line seen from above, from true north, rad; what a near-vertical hole has instead.
     toolface: float = math.nan
-    elapsed: float = 0.0
-    limit: float = math.nan
+    elapsed: float = 0.0  #: s of data used
+    limit: float = math.nan  #: sigma of an ideal estimator with this gyro noise, time, latitude and geometry, rad
+    #: Azimuths and sigmas, rad, of which only one can be right, where that is why it was refused.
     choices: tuple[tuple[float, float], ...] = ()
 
     @property

@@ -31,74 +31,38 @@ MAX_LATITUDE_DEG = 85.0
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """
-    Settings of the S1 filter. Noise figures are one sigma and belong to the precision unit.
+    """Settings of the S1 filter. Noise figures are one sigma and belong to the precision unit."""
 
-    Attributes
-    ----------
-    latitude_deg : float
-        Geodetic latitude, north positive, deg.
-    gravity : float
-        Magnitude of local gravity, m/s^2.
-    coarse_seconds : float
-        Duration of the mean that starts the filter, s.
-    gyro_noise_deg_rth : float
-        White noise of the gyros, deg/sqrt(h).
-    accel_noise_ug_rthz : float
-        White noise of the accelerometers, ug/sqrt(Hz).
-    gyro_bias_deg_h : float
-        Sigma of the gyro bias after calibration, deg/h; it stays in the azimuth's sigma.
-    accel_bias_ug : float
-        Sigma of the accelerometer bias after calibration, ug.
-    gyro_walk_deg_h_rth : float
-        Random walk of the gyro bias in an hour, deg/h.
-    sigma_position : float
-        Sigma of the tool's position about the place where it rests, m.
-    sigma_velocity : float
-        Sigma of the tool's velocity, m/s.
-    gap : float
-        A longer data gap starts the filter anew, s.
-    moved_ratio : float
-        Mean innovation ratio above which the tool has moved.
-    """
-
-    latitude_deg: float = 34.0
-    gravity: float = STANDARD_GRAVITY
-    coarse_seconds: float = 20.0
-    gyro_noise_deg_rth: float = 0.05
-    accel_noise_ug_rthz: float = 30.0
-    gyro_bias_deg_h: float = 0.1
-    accel_bias_ug: float = 100.0
-    gyro_walk_deg_h_rth: float = 0.0
-    sigma_position: float = 0.001
-    sigma_velocity: float = 0.001
-    gap: float = 0.5
-    moved_ratio: float = 5.0
+    latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg
+    gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
+    coarse_seconds: float = 20.0  #: duration of the mean that starts the filter, s
+    gyro_noise_deg_rth: float = 0.05  #: white noise of the gyros, deg/sqrt(h)
+    accel_noise_ug_rthz: float = 30.0  #: white noise of the accelerometers, ug/sqrt(Hz)
+    gyro_bias_deg_h: float = 0.1  #: sigma of the gyro bias after calibration, deg/h; it stays in the azimuth's sigma
+    accel_bias_ug: float = 100.0  #: sigma of the accelerometer bias after calibration, ug
+    gyro_walk_deg_h_rth: float = 0.0  #: random walk of the gyro bias in an hour, deg/h
+    sigma_position: float = 0.001  #: sigma of the tool's position about the place where it rests, m
+    sigma_velocity: float = 0.001  #: sigma of the tool's velocity, m/s
+    gap: float = 0.5  #: a longer data gap starts the filter anew, s
+    moved_ratio: float = 5.0  #: mean innovation ratio above which the tool has moved
 
 
 @dataclasses.dataclass(frozen=True)
 class North:
-    """
-    Attitude from true north, sample by sample.
+    """Attitude from true north, sample by sample."""
 
-    Attributes
-    ----------
-    azimuth, inclination, toolface : ndarray, shape (n,)
-        Rad; NaN until the coarse alignment is done.
-    sigma_azimuth, sigma_inclination : ndarray, shape (n,)
-        One sigma, rad, at most pi.
-    ratio : ndarray, shape (n,)
-        Mean normalised innovation squared of the zero-motion measurement; 1 when the tool keeps as still as stated.
-    status : ndarray of uint32, shape (n,)
-        Bits of `mwd_estimation.core.status.Status`; STILL is absent where `ratio` shows that the tool has moved.
-    """
-
+    #: `azimuth`, `inclination`, `toolface`: shape (n,); rad; NaN until the coarse alignment is done.
     azimuth: Array
     inclination: Array
     toolface: Array
+    #: `sigma_azimuth`, `sigma_inclination`: shape (n,); one sigma, rad, at most pi.
     sigma_azimuth: Array
     sigma_inclination: Array
+    #: shape (n,); mean normalised innovation squared of the zero-motion measurement; 1 when the tool keeps as still as
+    #: stated.
     ratio: Array
+    #: uint32, shape (n,); bits of `mwd_estimation.core.status.Status`; STILL is absent where `ratio` shows that the
+    #: tool has moved.
     status: NDArray[np.uint32]
 
 

@@ -63,42 +63,28 @@ class KernelParams(NamedTuple):
 
 
 class State:
-    """
-    All that changes: one record.
+    """All that changes: one record."""
 
-    Attributes
-    ----------
-    clock : track.Clock
-        As of `mwd_estimation.core.track.admit`.
-    aligned : bool
-        Whether the coarse alignment is done.
-    mean_time, rate, force : float, ndarray, shape (3,)
-        Duration, s, and integrals of rate, rad, and force, m/s, of the coarse alignment.
-    ratio : float
-        Slow mean of the innovation ratio.
-    position, velocity, gyro_bias, accel_bias : ndarray, shape (3,)
-        Estimate; m and m/s in NED, rad/s and m/s^2 in tool axes.
-    mat, mat_coarse : ndarray, shape (3, 3)
-        Tool to NED now, and at the coarse alignment. The tool keeps still, so every transition is taken at the latter:
-        taken at the latest one, the unobservable mix of azimuth and east gyro bias would turn with each correction and
-        sigma would shrink below the truth.
-    P : ndarray, shape (15, 15)
-        Covariance of the error, in the order of `Error`.
-    """
-
-    clock: track.Clock
-    aligned: bool
+    clock: track.Clock  #: as of `mwd_estimation.core.track.admit`
+    aligned: bool  #: whether the coarse alignment is done
+    #: `mean_time`, `rate`, `force`: float, ndarray, shape (3,); duration, s, and integrals of rate, rad, and force,
+    #: m/s, of the coarse alignment.
     mean_time: float
     rate: Annotated[Array, 3]
     force: Annotated[Array, 3]
-    ratio: float
+    ratio: float  #: slow mean of the innovation ratio
+    #: `position`, `velocity`, `gyro_bias`, `accel_bias`: shape (3,); estimate; m and m/s in NED, rad/s and m/s^2 in
+    #: tool axes.
     position: Annotated[Array, 3]
     velocity: Annotated[Array, 3]
+    #: `mat`, `mat_coarse`: shape (3, 3); tool to NED now, and at the coarse alignment. The tool keeps still, so every
+    #: transition is taken at the latter: taken at the latest one, the unobservable mix of azimuth and east gyro bias
+    #: would turn with each correction and sigma would shrink below the truth.
     mat: Annotated[Array, 3, 3]
     mat_coarse: Annotated[Array, 3, 3]
     gyro_bias: Annotated[Array, 3]
     accel_bias: Annotated[Array, 3]
-    P: Annotated[Array, 15, 15]
+    P: Annotated[Array, 15, 15]  #: covariance of the error, in the order of `Error`
 
     if TYPE_CHECKING:
 

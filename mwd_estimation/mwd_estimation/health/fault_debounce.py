@@ -48,25 +48,14 @@ CHECK = dtype_of(Check)
 
 
 class Rule(NamedTuple):
-    """
-    When a check becomes a fault and when it is gone.
+    """When a check becomes a fault and when it is gone."""
 
-    Attributes
-    ----------
-    need, clear : int
-        Observations in a row for the fault, and against it.
-    patient : int
-        1: a single observation against it does not begin the count anew.
-    narrows : int
-        1: a fault that stands and whose explanations become fewer is reported again.
-    accuses : int
-        1: the sensor of the check must not be used (AXES, SIGN and FRAME: those of the fault's own data).
-    """
-
+    #: `need`, `clear`: observations in a row for the fault, and against it.
     need: int
     clear: int
-    patient: int = 0
-    narrows: int = 0
+    patient: int = 0  #: 1: a single observation against it does not begin the count anew
+    narrows: int = 0  #: 1: a fault that stands and whose explanations become fewer is reported again
+    #: 1: the sensor of the check must not be used (AXES, SIGN and FRAME: those of the fault's own data).
     accuses: int = 1
 
 

@@ -32,27 +32,16 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """
-    Parameters of the health checks.
+    """Parameters of the health checks."""
 
-    Attributes
-    ----------
-    watch : bool
-        False: no fault is named.
-    gyro_range_deg_s, accel_range_g, mag_range_ut : float
-        Ends of the ranges; 0: not known, clipping is not seen.
-    mag_lag_s : float
-        Time that IMU samples wait for magnetic ones of their time; each fault is named later by as much.
-    mag_expected : bool
-        A magnetometer belongs to the tool: a missing one is a warning.
-    """
-
-    watch: bool = True
+    watch: bool = True  #: false: no fault is named
+    #: `gyro_range_deg_s`, `accel_range_g`, `mag_range_ut`: ends of the ranges; 0: not known, clipping is not seen.
     gyro_range_deg_s: float = 2000.0
     accel_range_g: float = 16.0
     mag_range_ut: float = 800.0
+    #: Time that IMU samples wait for magnetic ones of their time; each fault is named later by as much.
     mag_lag_s: float = 0.05
-    mag_expected: bool = True
+    mag_expected: bool = True  #: a magnetometer belongs to the tool: a missing one is a warning
 
 
 class HealthLimits(NamedTuple):
@@ -81,25 +70,13 @@ class State:
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """
-    What one block gave.
+    """What one block gave."""
 
-    Attributes
-    ----------
-    unusable : ndarray of uint8, shape (n,)
-        Bits GYRO, ACCEL, MAG as known at each sample of the block.
-    suspect : ndarray of uint8, shape (n,)
-        Bits of the sensors that something speaks against at that sample, though it is no fault yet.
-    changes : list of SensorFault
-        Faults found, narrowed down or cleared, in order.
-    places : list of int
-        Sample of the block that brought each change.
-    """
-
-    unusable: NDArray[np.uint8]
+    unusable: NDArray[np.uint8]  #: uint8, shape (n,); bits GYRO, ACCEL, MAG as known at each sample of the block
+    #: uint8, shape (n,); bits of the sensors that something speaks against at that sample, though it is no fault yet.
     suspect: NDArray[np.uint8]
-    changes: list[SensorFault]
-    places: list[int]
+    changes: list[SensorFault]  #: faults found, narrowed down or cleared, in order
+    places: list[int]  #: sample of the block that brought each change
 
 
 def initial(

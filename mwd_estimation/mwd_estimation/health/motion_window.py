@@ -95,23 +95,12 @@ class Expected(NamedTuple):
 
 
 class Consistency(NamedTuple):
-    """
-    How well a healthy window fits, below which it is judged in full: the narrowest limits of `window_checks`.
+    """How well a healthy window fits, below which it is judged in full: the narrowest limits of `window_checks`."""
 
-    Attributes
-    ----------
-    length : float
-        Gravity too short or too long, as a share of it, beyond `sigmas` of its noise.
-    field : float
-        Least share of the field that the gyros hold together.
-    dip : float
-        Dip off the reference, rad.
-    """
-
-    length: float = 0.02
+    length: float = 0.02  #: gravity too short or too long, as a share of it, beyond `sigmas` of its noise
     sigmas: float = 2.5
-    field: float = 0.9
-    dip: float = 0.2
+    field: float = 0.9  #: least share of the field that the gyros hold together
+    dip: float = 0.2  #: dip off the reference, rad
 
 
 @compiled

@@ -52,54 +52,27 @@ CHANNEL = dtype_of(Channel)
 
 
 class SignalLimits(NamedTuple):
-    """
-    Limits of the checks of samples; what each is good for: docs/methods/sensor_health_ablation.md.
+    """Limits of the checks of samples; what each is good for: docs/methods/sensor_health_ablation.md."""
 
-    Attributes
-    ----------
-    gyro_turns : float
-        Mean of a rate that shows motion to the other sensors, rad/s: above the bias of an AHRS.
-    shakes : float
-        Spread of a force that shows motion, m/s^2: ten times an accelerometer's noise at rest.
-    steps : float
-        Spread of an axis, in its own least steps, beyond which its neighbour should vary as well.
-    varied_bins : int
-        Balance of half seconds at rest in which an axis varied, from which on its silence counts.
-    missing : float
-        Share of values that are not finite.
-    clipped, saturated : float
-        Share of samples at the end of the range: shocks clip fewer than the first, a broken axis more than the second.
-    white : float
-        Mean square of the steps in variances: 2 for independent samples, far less for any motion.
-    noise_of_range : float
-        1 sigma of a force that is random numbers, in ranges of the sensor: uniform numbers have 0.58.
-    field_noise : float
-        1 sigma of a field that is random numbers, T: the Earth's is 7e-5 at most.
-    no_tesla : float
-        Field that is in another unit, T: `window_checks` names that.
-    off_pace, in_pace : float
-        Share of intervals that are too long or too short for the rate: a fault above, none below.
-    lost : float
-        Share of intervals that are too long, from which on the turn in between is not known.
-    repeated : float
-        Share of samples that repeat the one before.
-    """
-
-    gyro_turns: float = 0.1
-    shakes: float = 0.3
-    steps: float = 10.0
-    varied_bins: int = 6
-    missing: float = 0.06
+    gyro_turns: float = 0.1  #: mean of a rate that shows motion to the other sensors, rad/s: above the bias of an AHRS
+    shakes: float = 0.3  #: spread of a force that shows motion, m/s^2: ten times an accelerometer's noise at rest
+    steps: float = 10.0  #: spread of an axis, in its own least steps, beyond which its neighbour should vary as well
+    varied_bins: int = 6  #: balance of half seconds at rest in which an axis varied, from which on its silence counts
+    missing: float = 0.06  #: share of values that are not finite
+    #: `clipped`, `saturated`: share of samples at the end of the range: shocks clip fewer than the first, a broken axis
+    #: more than the second.
     clipped: float = 0.2
     saturated: float = 0.9
-    white: float = 1.4
+    white: float = 1.4  #: mean square of the steps in variances: 2 for independent samples, far less for any motion
+    #: 1 sigma of a force that is random numbers, in ranges of the sensor: uniform numbers have 0.58.
     noise_of_range: float = 0.36
-    field_noise: float = 1e-4
-    no_tesla: float = 3e-3
+    field_noise: float = 1e-4  #: 1 sigma of a field that is random numbers, T: the Earth's is 7e-5 at most
+    no_tesla: float = 3e-3  #: field that is in another unit, T: `window_checks` names that
+    #: `off_pace`, `in_pace`: share of intervals that are too long or too short for the rate: a fault above, none below.
     off_pace: float = 0.6
     in_pace: float = 0.2
-    lost: float = 0.75
-    repeated: float = 0.3
+    lost: float = 0.75  #: share of intervals that are too long, from which on the turn in between is not known
+    repeated: float = 0.3  #: share of samples that repeat the one before
 
 
 def blank() -> Any:

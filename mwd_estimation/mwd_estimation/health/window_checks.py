@@ -38,60 +38,37 @@ _PARTS_OF_ONE = 1e6  # of a direction's components, kept as whole numbers
 
 
 class WindowLimits(NamedTuple):
-    """
-    Limits of the checks of motion; what each is good for: docs/methods/sensor_health_ablation.md.
+    """Limits of the checks of motion; what each is good for: docs/methods/sensor_health_ablation.md."""
 
-    Attributes
-    ----------
-    fits, rejects : float
-        Length of the mean force, off gravity by this share of it and 3 (6) sigma: explains it, does not.
-    margin : float
-        What a better way is longer by, as a share of gravity squared, with 2.2 sigma of noise.
-    quiet : float
-        Noise of the mean force, as a share of gravity, below which it judges axes.
-    field_held, field_better : float
-        Share of the field that the best way holds together, and by how much it is better than the axes as they are.
-    dip, dip_frame : float
-        Dip off the reference: what interference may do, what a wrong frame or sign does, rad.
-    strength : float
-        Field off the reference, as a share, within which the dip is the sensors' own.
-    fastest : float
-        Rate beyond what a string turns, rad/s: gyros in deg/s.
-    no_gravity : float
-        Mean force off gravity, as a share of it, that is none; and its variances (`variances`).
-    pushed : float
-        Force that pushes along an axis for half a second, m/s^2: an alias of a vibration, which passes.
-    """
-
+    #: `fits`, `rejects`: length of the mean force, off gravity by this share of it and 3 (6) sigma: explains it, does
+    #: not.
     fits: float = 0.06
     rejects: float = 0.12
-    margin: float = 0.05
-    quiet: float = 0.08
+    margin: float = 0.05  #: what a better way is longer by, as a share of gravity squared, with 2.2 sigma of noise
+    quiet: float = 0.08  #: noise of the mean force, as a share of gravity, below which it judges axes
+    #: `field_held`, `field_better`: share of the field that the best way holds together, and by how much it is better
+    #: than the axes as they are.
     field_held: float = 0.93
     field_better: float = 0.1
+    #: `dip`, `dip_frame`: dip off the reference: what interference may do, what a wrong frame or sign does, rad.
     dip: float = 0.21
     dip_frame: float = 0.26
-    strength: float = 0.1
-    fastest: float = 50.0
-    no_gravity: float = 0.35
+    strength: float = 0.1  #: field off the reference, as a share, within which the dip is the sensors' own
+    fastest: float = 50.0  #: rate beyond what a string turns, rad/s: gyros in deg/s
+    no_gravity: float = 0.35  #: mean force off gravity, as a share of it, that is none; and its variances (`variances`)
     variances: float = 6.0
+    #: Force that pushes along an axis for half a second, m/s^2: an alias of a vibration, which passes.
     pushed: float = 15.0
 
 
 @dataclasses.dataclass
 class Shown:
-    """
-    What gravity or the field shows of the ways to exchange and reverse axes.
+    """What gravity or the field shows of the ways to exchange and reverse axes."""
 
-    Attributes
-    ----------
-    fits : ndarray of bool, shape (48,)
-        The ways that explain it.
-    judged, bad, confirms, degrees : bool
-        Whether it can be judged, rejects the axes as they are, confirms them, is explained by gyros in deg/s.
-    """
-
+    #: bool, shape (48,); the ways that explain it.
     fits: Flags = dataclasses.field(default_factory=lambda: np.zeros(48, dtype=np.bool_))
+    #: `judged`, `bad`, `confirms`, `degrees`: whether it can be judged, rejects the axes as they are, confirms them, is
+    #: explained by gyros in deg/s.
     judged: bool = False
     bad: bool = False
     confirms: bool = False

@@ -52,37 +52,26 @@ def hole_components(f_t: ArrayLike, b_t: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class AxialCorrection:
-    """
-    Azimuth freed of axial interference, and the interference itself; every array of the input's leading shape.
+    """Azimuth freed of axial interference, and the interference itself; every array of the input's leading shape."""
 
-    Attributes
-    ----------
-    azimuth, sigma_azimuth : ndarray
-        Magnetic azimuth, rad in [0, 2 pi), and 1 sigma, rad. Where the geometry is singular they are those of the
-        whole posterior, second solution included, up to pi / sqrt(3) = an angle of which nothing is known.
-    interference, sigma_interference : ndarray
-        Axial field not of the Earth, T, positive down-hole, and 1 sigma.
-    chi_square : ndarray
-        Misfit of the field against the reference, one degree of freedom (two with a finite prior): large means that
-        the disturbance is not axial, or that the reference is not this place's.
-    mirror : ndarray of bool
-        A second azimuth explains the readings nearly as well (a horizontal hole seen without the axial magnetometer).
-    both : ndarray, shape (..., 2)
-        The better of the two and the other, rad; nan where there is no mirror.
-    share : ndarray
-        Of the other, in the probability; 0 where there is none.
-    sensitivity : ndarray, shape (..., 6)
-        Derivative of the azimuth by (f_t, b_t), rad per m/s^2 and per T, for covariances with other angles.
-    """
-
+    #: `azimuth`, `sigma_azimuth`: magnetic azimuth, rad in [0, 2 pi), and 1 sigma, rad. Where the geometry is singular
+    #: they are those of the whole posterior, second solution included, up to pi / sqrt(3) = an angle of which nothing
+    #: is known.
     azimuth: Array
     sigma_azimuth: Array
+    #: `interference`, `sigma_interference`: axial field not of the Earth, T, positive down-hole, and 1 sigma.
     interference: Array
     sigma_interference: Array
+    #: Misfit of the field against the reference, one degree of freedom (two with a finite prior): large means that the
+    #: disturbance is not axial, or that the reference is not this place's.
     chi_square: Array
+    #: bool; a second azimuth explains the readings nearly as well (a horizontal hole seen without the axial
+    #: magnetometer).
     mirror: np.ndarray
-    both: Array
-    share: Array
+    both: Array  #: shape (..., 2); the better of the two and the other, rad; nan where there is no mirror
+    share: Array  #: of the other, in the probability; 0 where there is none
+    #: shape (..., 6); derivative of the azimuth by (f_t, b_t), rad per m/s^2 and per T, for covariances with other
+    #: angles.
     sensitivity: Array
 
 

@@ -32,38 +32,19 @@ STATES = 8
 
 
 class Params(NamedTuple):
-    """
-    Priors, noise and gates of the filter.
+    """Priors, noise and gates of the filter."""
 
-    Attributes
-    ----------
-    axial, cross_axial : float
-        Prior of the axial interference and of the cross-axial bias, 1 sigma, T.
-    scale : float
-        Scale error of each magnetometer, 1 sigma.
-    walk : float
-        Random walk of every bias, T^2/s.
-    field_walk : float
-        Random walk of the field along the hole, T^2/s.
-    varying : float
-        Error of a sample that lasts a correlation time, each of H and V, 1 sigma, T.
-    correlation_s : float
-        Correlation time of errors that are not white.
-    gate : float
-        Chi-square of two degrees of freedom beyond which a sample is rejected.
-    max_reset_time_s, min_reset_time_s : float
-        Longest and shortest time for which samples must be rejected before the filter restarts from its priors; a lower
-        shortest one restarts on short shocks.
-    """
-
+    #: `axial`, `cross_axial`: prior of the axial interference and of the cross-axial bias, 1 sigma, T.
     axial: float = 2000.0 * 1e-9
     cross_axial: float = 200.0 * 1e-9
-    scale: float = 0.0016
-    walk: float = 20.0**2 * 1e-18 / 3600.0
-    field_walk: float = 30.0**2 * 1e-18 / 3600.0
-    varying: float = 30.0 * 1e-9
-    correlation_s: float = 10.0
-    gate: float = 16.0
+    scale: float = 0.0016  #: scale error of each magnetometer, 1 sigma
+    walk: float = 20.0**2 * 1e-18 / 3600.0  #: random walk of every bias, T^2/s
+    field_walk: float = 30.0**2 * 1e-18 / 3600.0  #: random walk of the field along the hole, T^2/s
+    varying: float = 30.0 * 1e-9  #: error of a sample that lasts a correlation time, each of H and V, 1 sigma, T
+    correlation_s: float = 10.0  #: correlation time of errors that are not white
+    gate: float = 16.0  #: chi-square of two degrees of freedom beyond which a sample is rejected
+    #: `max_reset_time_s`, `min_reset_time_s`: longest and shortest time for which samples must be rejected before the
+    #: filter restarts from its priors; a lower shortest one restarts on short shocks.
     max_reset_time_s: float = 900.0
     min_reset_time_s: float = 10.0
 
@@ -112,28 +93,15 @@ class Interference:
 
 
 class FieldSamples(NamedTuple):
-    """
-    Magnetic samples with gravity at the same instants, n of them.
+    """Magnetic samples with gravity at the same instants, n of them."""
 
-    Attributes
-    ----------
-    stamp_ns : ndarray of int64, shape (n,)
-        Not falling; a sample at or before the last one is not learnt from.
-    g_t, b_t : ndarray, shape (n, 3)
-        Unit vector down and field, T, in tool axes.
-    sigma_g : ndarray, shape (n,)
-        1 sigma of the direction down, rad, which lasts a correlation time.
-    sigma_b : ndarray, shape (n,)
-        White noise of each magnetometer axis, T, 1 sigma.
-    usable : ndarray of bool, shape (n,)
-        False for samples not to learn from (clipped, shaken); their azimuth is given all the same.
-    """
-
-    stamp_ns: Stamps
+    stamp_ns: Stamps  #: int64, shape (n,); not falling; a sample at or before the last one is not learnt from
+    #: `g_t`, `b_t`: shape (n, 3); unit vector down and field, T, in tool axes.
     g_t: Array
     b_t: Array
-    sigma_g: Array
-    sigma_b: Array
+    sigma_g: Array  #: shape (n,); 1 sigma of the direction down, rad, which lasts a correlation time
+    sigma_b: Array  #: shape (n,); white noise of each magnetometer axis, T, 1 sigma
+    #: bool, shape (n,); false for samples not to learn from (clipped, shaken); their azimuth is given all the same.
     usable: NDArray[np.bool_]
 
 

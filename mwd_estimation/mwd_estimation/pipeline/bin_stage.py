@@ -50,21 +50,12 @@ class Numbering:
 
 @dataclasses.dataclass
 class Bins:
-    """
-    The bins closed within a stretch.
-
-    Attributes
-    ----------
-    events : list of BinEvent
-    models : list of (int, MagneticModelInForce)
-        How the field is read from a sample of the stretch on; the first from its start.
-    taken : list of (int, Provisional)
-        Surveys, each with the place of its bin in `events`.
-    """
+    """The bins closed within a stretch."""
 
     events: list[BinEvent]
+    #: How the field is read from a sample of the stretch on; the first from its start.
     models: list[tuple[int, MagneticModelInForce]]
-    taken: list[tuple[int, Provisional]]
+    taken: list[tuple[int, Provisional]]  #: surveys, each with the place of its bin in `events`
 
 
 class BinStage:

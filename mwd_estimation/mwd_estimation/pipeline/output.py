@@ -17,33 +17,20 @@ from mwd_sensors.core.arrays import Samples
 
 @dataclasses.dataclass
 class Output:
-    """
-    Attitude and gravity of every IMU sample of a block, and all that came in its time.
+    """Attitude and gravity of every IMU sample of a block, and all that came in its time."""
 
-    Attributes
-    ----------
-    attitude, gravity : ndarray of dtype `wire.ATTITUDE` and `wire.GRAVITY`
-        One row for each IMU sample.
-    interference, dynamics : ndarray of dtype `wire.INTERFERENCE` and `wire.DYNAMICS`
-    surveys : list of Survey
-    refusals : list of Refusal
-        Requests for a survey that could not be met.
-    health : list of SensorFault
-        Faults of sensors that were found, narrowed down or cleared.
-    north : list of Solution
-        Results of north seeks on request.
-    rotary : list of Survey or Refusal
-        Surveys taken while the string turned, or why there is none.
-    """
-
+    #: `attitude`, `gravity`: dtype `wire.ATTITUDE` and `wire.GRAVITY`; one row for each IMU sample.
     attitude: Samples
     gravity: Samples
+    #: `interference`, `dynamics`: dtype `wire.INTERFERENCE` and `wire.DYNAMICS`
     interference: Samples
     dynamics: Samples
     surveys: list[Survey] = dataclasses.field(default_factory=list)
-    refusals: list[Refusal] = dataclasses.field(default_factory=list)
+    refusals: list[Refusal] = dataclasses.field(default_factory=list)  #: requests for a survey that could not be met
+    #: Faults of sensors that were found, narrowed down or cleared.
     health: list[SensorFault] = dataclasses.field(default_factory=list)
-    north: list[Solution] = dataclasses.field(default_factory=list)
+    north: list[Solution] = dataclasses.field(default_factory=list)  #: results of north seeks on request
+    #: Surveys taken while the string turned, or why there is none.
     rotary: list[Survey | Refusal] = dataclasses.field(default_factory=list)
 
     @classmethod

@@ -25,22 +25,11 @@ from mwd_sensors.core.compiled import compiled
 
 @dataclasses.dataclass(frozen=True)
 class PrecisionBin:
-    """
-    The unit in one bin of time.
+    """The unit in one bin of time."""
 
-    Attributes
-    ----------
-    samples : UnitSamples
-        Not a number where the unit is faulty.
-    changes : list of SensorFault
-        Faults found, narrowed down or cleared.
-    fault : Reason or None
-        Why the unit is left out; None where it is used.
-    """
-
-    samples: UnitSamples
-    changes: list[SensorFault]
-    fault: Reason | None
+    samples: UnitSamples  #: not a number where the unit is faulty
+    changes: list[SensorFault]  #: faults found, narrowed down or cleared
+    fault: Reason | None  #: why the unit is left out; None where it is used
 
 
 class PrecisionUnit:

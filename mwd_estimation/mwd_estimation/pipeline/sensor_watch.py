@@ -29,34 +29,20 @@ _DECLARED_BINS = 240
 
 @dataclasses.dataclass(frozen=True)
 class Stretch:
-    """
-    Samples during which the same sensors are usable.
+    """Samples during which the same sensors are usable."""
 
-    Attributes
-    ----------
-    part : slice
-        Of the block.
-    stamps, gyro, accel : ndarray, shapes (n,), (n, 3) and (n, 3)
-        ns, rad/s and m/s^2.
-    suspect : ndarray of uint8, shape (n,)
-        Bits of the sensors in doubt at each sample.
-    unusable : int
-        Bits of the sensors that are unusable throughout.
-    begins_contamination, contaminated : bool
-        Whether the azimuth is found to have taken in wrong values of a faulty sensor here, or since before.
-    changes : list of SensorFault
-        Faults found, narrowed down or cleared at the first sample.
-    """
-
-    part: slice
+    part: slice  #: of the block
+    #: `stamps`, `gyro`, `accel`: shapes (n,), (n, 3) and (n, 3); ns, rad/s and m/s^2.
     stamps: Stamps
     gyro: Array
     accel: Array
-    suspect: NDArray[np.uint8]
-    unusable: int
+    suspect: NDArray[np.uint8]  #: uint8, shape (n,); bits of the sensors in doubt at each sample
+    unusable: int  #: bits of the sensors that are unusable throughout
+    #: `begins_contamination`, `contaminated`: whether the azimuth is found to have taken in wrong values of a faulty
+    #: sensor here, or since before.
     begins_contamination: bool
     contaminated: bool
-    changes: list[SensorFault]
+    changes: list[SensorFault]  #: faults found, narrowed down or cleared at the first sample
 
 
 class SensorWatch:

@@ -37,22 +37,11 @@ UPDATE = dtype_of(Update)
 
 
 class Log(NamedTuple):
-    """
-    Trace of a block.
+    """Trace of a block."""
 
-    Attributes
-    ----------
-    entries : ndarray of int64, shape (1,)
-        Updates written.
-    updates : structured ndarray of `Update`, shape (m,)
-        Room for them; none: no trace is kept.
-    north_t : ndarray, shape (n, 3)
-        First level axis in tool axes, sample by sample.
-    """
-
-    entries: NDArray[np.int64]
-    updates: Any
-    north_t: Array
+    entries: NDArray[np.int64]  #: int64, shape (1,); updates written
+    updates: Any  #: structured ndarray of `Update`, shape (m,); room for them; none: no trace is kept
+    north_t: Array  #: shape (n, 3); first level axis in tool axes, sample by sample
 
     @classmethod
     def room(cls, samples: int) -> Log:
