@@ -58,48 +58,25 @@ class Bias:
 
 @dataclass(frozen=True)
 class CheckShot:
-    """
-    Surveys at one depth.
+    """Surveys at one depth."""
 
-    Attributes
-    ----------
-    md : float
-        Mean depth, m.
-    rows : tuple of int
-        Places of the surveys in what was given.
-    tools : tuple of str
-        Tools they were taken with.
-    inclination, azimuth : float
-        Mean, rad; azimuth magnetic and uncorrected, nan where it is not compared.
-    spread_inclination, spread_azimuth : float
-        Standard deviation of the shots about the mean, rad.
-    expected_inclination, expected_azimuth : float
-        The same by the tool code, 1 sigma, rad.
-    chi_square : float
-        Of all differences.
-    degrees_of_freedom : int
-    probability : float
-        Of a larger chi-square by chance.
-    biases : tuple of Bias
-        Transverse biases; empty where the toolfaces do not show them.
-    verdict : str
-        pass, doubtful or fail.
-    """
-
-    md: float
-    rows: tuple[int, ...]
-    tools: tuple[str, ...]
+    md: float  #: mean depth, m
+    rows: tuple[int, ...]  #: places of the surveys in what was given
+    tools: tuple[str, ...]  #: tools they were taken with
+    #: `inclination`, `azimuth`: mean, rad; azimuth magnetic and uncorrected, nan where it is not compared.
     inclination: float
     azimuth: float
+    #: `spread_inclination`, `spread_azimuth`: standard deviation of the shots about the mean, rad.
     spread_inclination: float
     spread_azimuth: float
+    #: `expected_inclination`, `expected_azimuth`: the same by the tool code, 1 sigma, rad.
     expected_inclination: float
     expected_azimuth: float
-    chi_square: float
+    chi_square: float  #: of all differences
     degrees_of_freedom: int
-    probability: float
-    biases: tuple[Bias, ...]
-    verdict: str
+    probability: float  #: of a larger chi-square by chance
+    biases: tuple[Bias, ...]  #: transverse biases; empty where the toolfaces do not show them
+    verdict: str  #: pass, doubtful or fail
 
 
 def check_shots(

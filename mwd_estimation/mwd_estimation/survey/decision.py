@@ -63,29 +63,17 @@ class _Published(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Provisional:
-    """
-    A survey before its continuity is known, and what the estimate learns from it.
-
-    Attributes
-    ----------
-    survey : Survey
-    measured : Measured
-    finding : Finding or None
-        What the run says of its azimuth; None where nothing does.
-    shared : (ndarray (22,), ndarray (22, 22)) or None
-        What the run shows of the errors that its stations share, as `RunModel.shared`.
-    sound : bool
-        Whether no sensor was at fault while it was taken: only then anything is learnt from it.
-    against : Accusation or None
-        What was known of the sensors then. What later samples show has no say, for how many of them are known when a
-        survey is completed depends on how they were cut into blocks.
-    """
+    """A survey before its continuity is known, and what the estimate learns from it."""
 
     survey: Survey
     measured: Measured
-    finding: Finding | None = None
+    finding: Finding | None = None  #: what the run says of its azimuth; None where nothing does
+    #: (ndarray (22,), ndarray (22, 22)) or None; what the run shows of the errors that its stations share, as
+    #: `RunModel.shared`.
     shared: tuple[Array, Array] | None = None
-    sound: bool = True
+    sound: bool = True  #: whether no sensor was at fault while it was taken: only then anything is learnt from it
+    #: What was known of the sensors then. What later samples show has no say, for how many of them are known when a
+    #: survey is completed depends on how they were cut into blocks.
     against: Accusation | None = None
 
     @property

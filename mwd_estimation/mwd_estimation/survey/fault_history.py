@@ -38,21 +38,11 @@ _EVIDENCE_NS = 3_000_000_000
 
 
 class Accusation(NamedTuple):
-    """
-    What speaks against the sensors that a survey rests on.
+    """What speaks against the sensors that a survey rests on."""
 
-    Attributes
-    ----------
-    verdict : str
-        DOUBTFUL or REJECT.
-    reasons : tuple of Reason
-    inclination : bool
-        Whether it touches more than the azimuth.
-    """
-
-    verdict: str
+    verdict: str  #: DOUBTFUL or REJECT
     reasons: tuple[Reason, ...]
-    inclination: bool
+    inclination: bool  #: whether it touches more than the azimuth
 
     def judge(self, survey: Survey) -> Survey:
         """The survey with that verdict or a graver one."""

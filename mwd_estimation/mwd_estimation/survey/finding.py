@@ -30,19 +30,13 @@ _APART, _NEAR = 3.0, math.radians(1.0)
 
 @dataclasses.dataclass(frozen=True)
 class GyroParts:
-    """
-    Density of an azimuth where a gyro is right, and where its bias stepped or it is wrong.
+    """Density of an azimuth where a gyro is right, and where its bias stepped or it is wrong."""
 
-    Attributes
-    ----------
-    right, doubted : ndarray, shape (n,)
-        Per rad, with their probabilities.
-    before, shown : float
-        Probability of the second before this station, and the share of it that the run itself has shown.
-    """
-
+    #: `right`, `doubted`: shape (n,); per rad, with their probabilities.
     right: Array
     doubted: Array
+    #: `before`, `shown`: probability of the second before this station, and the share of it that the run itself has
+    #: shown.
     before: float
     shown: float
 
@@ -65,53 +59,25 @@ class GyroParts:
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """
-    A station's azimuth as a density, and what may disturb it.
+    """A station's azimuth as a density, and what may disturb it."""
 
-    Attributes
-    ----------
-    angles, density : ndarray, shape (n,)
-        From the station's north, rad; per rad, of any size.
-    hypotheses : dict of Hypothesis to float
-        Probabilities, sum 1; empty without a field.
-    nominal : float
-        1 sigma of a sound tool by itself at this attitude, rad.
-    misfit : float
-        Least chi-square of the field under the widest hypothesis.
-    by_gyro : float
-        Share of the gyro in what is known of the azimuth, 0 to 1.
-    gyro_wrong : float
-        Probability that the gyro is wrong here.
-    of_gyro : GyroParts or None
-        What the density is made of where a gyro gave an azimuth here.
-    gyro_agreed : bool
-        Whether a gyro agreed with the magnetometer at an earlier station of the run.
-    broken : tuple of (float, float) or None
-        How far this azimuth is from a propagated one that contradicts it: rad, and in sigmas.
-    axial : tuple of float
-        Field of the string along the axis and 1 sigma, T; nan where nothing is known of it.
-    mount : float
-        1 sigma of the inclination, rad, by accelerometers that may be turned in their mount.
-    repeats : int or None
-        Number in the run, from 1, of an earlier station with these very readings.
-    stations : int
-        In the run, with this one.
-    """
-
+    #: `angles`, `density`: shape (n,); from the station's north, rad; per rad, of any size.
     angles: Array
     density: Array
-    hypotheses: dict[Hypothesis, float]
-    nominal: float
-    misfit: float = 0.0
-    by_gyro: float = 0.0
-    gyro_wrong: float = 0.0
-    of_gyro: GyroParts | None = None
-    gyro_agreed: bool = False
+    hypotheses: dict[Hypothesis, float]  #: probabilities, sum 1; empty without a field
+    nominal: float  #: 1 sigma of a sound tool by itself at this attitude, rad
+    misfit: float = 0.0  #: least chi-square of the field under the widest hypothesis
+    by_gyro: float = 0.0  #: share of the gyro in what is known of the azimuth, 0 to 1
+    gyro_wrong: float = 0.0  #: probability that the gyro is wrong here
+    of_gyro: GyroParts | None = None  #: what the density is made of where a gyro gave an azimuth here
+    gyro_agreed: bool = False  #: whether a gyro agreed with the magnetometer at an earlier station of the run
+    #: How far this azimuth is from a propagated one that contradicts it: rad, and in sigmas.
     broken: tuple[float, float] | None = None
+    #: Field of the string along the axis and 1 sigma, T; nan where nothing is known of it.
     axial: tuple[float, float] = (math.nan, math.nan)
-    mount: float = 0.0
-    repeats: int | None = None
-    stations: int = 1
+    mount: float = 0.0  #: 1 sigma of the inclination, rad, by accelerometers that may be turned in their mount
+    repeats: int | None = None  #: number in the run, from 1, of an earlier station with these very readings
+    stations: int = 1  #: in the run, with this one
 
     @functools.cached_property
     def circle(self) -> circle.Circle:

@@ -82,22 +82,12 @@ class North:
 
 @dataclass(frozen=True)
 class Measured:
-    """
-    A station before its azimuth is found.
+    """A station before its azimuth is found."""
 
-    Attributes
-    ----------
-    station : Station
-        With the azimuths of single methods; its own is the uncorrected one, and its verdict is not given.
-    readings : Readings or None
-        None without a usable accelerometer.
-    reasons : tuple of Reason
-        What is missing: a north that the reference does not lead to.
-    """
-
+    #: With the azimuths of single methods; its own is the uncorrected one, and its verdict is not given.
     station: Station
-    readings: Readings | None
-    reasons: tuple[Reason, ...] = ()
+    readings: Readings | None  #: none without a usable accelerometer
+    reasons: tuple[Reason, ...] = ()  #: what is missing: a north that the reference does not lead to
 
 
 def measured(

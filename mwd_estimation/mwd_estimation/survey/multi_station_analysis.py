@@ -44,48 +44,32 @@ _MANY = 8
 
 @dataclass(frozen=True)
 class Multistation:
-    """
-    What the stations of a run show together.
+    """What the stations of a run show together."""
 
-    Attributes
-    ----------
-    estimate, sigma, prior : ndarray, shape (15,)
-        The errors in the order of `NAMES` (T, plain, m/s^2, plain, T, T, m/s^2), their 1 sigma after and before.
-    covariance : ndarray, shape (15, 15)
-    azimuth, sigma_azimuth, inclination, sigma_inclination, toolface : ndarray, shape (n,)
-        Corrected, magnetic, rad. Sigmas hold noise and what is left of the errors; declination and alignment come on
-        top.
-    azimuth_raw : ndarray, shape (n,)
-        Uncorrected.
-    by_gyro : ndarray, shape (n,)
-        How far the corrected azimuth follows a turn of all the gyro's azimuths together: 0 not at all, 1 wholly.
-    used : ndarray of bool, shape (n,)
-        False for stations left out as outliers; they are corrected all the same.
-    chi_square, degrees, probability : float, int, float
-        Of the used stations' residuals and the priors together.
-    observable : ndarray of bool, shape (15,)
-        Whether the run's attitudes show an error.
-    refused : Reason or None
-        Why the corrected azimuths must not be used; None where they may.
-    """
-
+    #: `estimate`, `sigma`, `prior`: shape (15,); the errors in the order of `NAMES` (T, plain, m/s^2, plain, T, T,
+    #: m/s^2), their 1 sigma after and before.
     estimate: Array
     sigma: Array
     prior: Array
-    covariance: Array
+    covariance: Array  #: shape (15, 15)
+    #: `azimuth`, `sigma_azimuth`, `inclination`, `sigma_inclination`, `toolface`: shape (n,); corrected, magnetic, rad.
+    #: Sigmas hold noise and what is left of the errors; declination and alignment come on top.
     azimuth: Array
     sigma_azimuth: Array
     inclination: Array
     sigma_inclination: Array
     toolface: Array
-    azimuth_raw: Array
+    azimuth_raw: Array  #: shape (n,); uncorrected
+    #: shape (n,); how far the corrected azimuth follows a turn of all the gyro's azimuths together: 0 not at all, 1
+    #: wholly.
     by_gyro: Array
-    used: np.ndarray
+    used: np.ndarray  #: bool, shape (n,); false for stations left out as outliers; they are corrected all the same
+    #: `chi_square`, `degrees`, `probability`: of the used stations' residuals and the priors together.
     chi_square: float
     degrees: int
     probability: float
-    observable: np.ndarray
-    refused: Reason | None
+    observable: np.ndarray  #: bool, shape (15,); whether the run's attitudes show an error
+    refused: Reason | None  #: why the corrected azimuths must not be used; None where they may
 
     def corrected(self, f_t: ArrayLike, b_t: ArrayLike) -> tuple[Array, Array]:
         """Specific force, m/s^2, and field, T, shape (..., 3), with the estimated errors taken off."""

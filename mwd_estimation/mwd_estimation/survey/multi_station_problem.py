@@ -84,19 +84,13 @@ class MultistationSettings:
 
 @dataclass(frozen=True)
 class GyroAzimuths:
-    """
-    Azimuths of a gyro at the stations of a run, from magnetic north.
+    """Azimuths of a gyro at the stations of a run, from magnetic north."""
 
-    Attributes
-    ----------
-    azimuth, sigma : ndarray, shape (n,)
-        rad; nan where the gyro gave none. Sigma is what errs at each station anew.
-    common : float or ndarray, shape (n,)
-        1 sigma of what errs alike at all of them, rad: the gyro's sensitivity to gravity, the declination.
-    """
-
+    #: `azimuth`, `sigma`: shape (n,); rad; nan where the gyro gave none. Sigma is what errs at each station anew.
     azimuth: Array
     sigma: Array
+    #: float or ndarray, shape (n,); 1 sigma of what errs alike at all of them, rad: the gyro's sensitivity to gravity,
+    #: the declination.
     common: float | Array = 0.0
 
 

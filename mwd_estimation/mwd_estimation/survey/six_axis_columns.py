@@ -79,38 +79,20 @@ _TIME = ("dtim_utc", "dtim", "time", "time_utc", "date_time", "datetime", "times
 
 @dataclass(frozen=True)
 class Columns:
-    """
-    Which column is what.
+    """Which column is what."""
 
-    Attributes
-    ----------
-    gravity, field : tuple of three str
-        Columns of the axial and the two transverse axes.
-    sign : float
-        -1 where the gravity columns point down at rest (turned into specific force), +1 where they are specific force.
-    references : dict of str
-        Field of `Reference` -> column.
-    depth, time : str or None
-    run : tuple of str
-        Columns that stay the same within a run: of the assembly or run, and of the tool.
-    factors : dict of str
-        Column -> what to multiply it by to get SI.
-    assumed : tuple of str
-        Sentences on units that follow from the size of the readings.
-    ignored : tuple of str
-        Columns without a meaning here.
-    """
-
+    #: `gravity`, `field`: columns of the axial and the two transverse axes.
     gravity: tuple[str, str, str]
     field: tuple[str, str, str]
+    #: -1 where the gravity columns point down at rest (turned into specific force), +1 where they are specific force.
     sign: float
-    references: Mapping[str, str]
+    references: Mapping[str, str]  #: field of `Reference` -> column
     depth: str | None
     time: str | None
-    run: tuple[str, ...]
-    factors: Mapping[str, float]
-    assumed: tuple[str, ...]
-    ignored: tuple[str, ...]
+    run: tuple[str, ...]  #: columns that stay the same within a run: of the assembly or run, and of the tool
+    factors: Mapping[str, float]  #: column -> what to multiply it by to get SI
+    assumed: tuple[str, ...]  #: sentences on units that follow from the size of the readings
+    ignored: tuple[str, ...]  #: columns without a meaning here
 
 
 def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> Columns:

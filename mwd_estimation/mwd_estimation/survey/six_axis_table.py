@@ -27,53 +27,30 @@ Refine = Callable[[Reference, str], Reference]
 
 @dataclass(frozen=True)
 class TableRow:
-    """
-    One row as it was read.
+    """One row as it was read."""
 
-    Attributes
-    ----------
-    md : float
-        Measured depth, m; nan where the table has none.
-    time, run : str
-        As written; run and tool together, empty where the table names neither.
-    f_t, b_t : ndarray, shape (3,)
-        Specific force, m/s^2, and field, T, in tool axes; nan where a cell cannot be read.
-    reference : Reference or None
-    faults : tuple of Reason
-        Why the row is no station.
-    """
-
-    md: float
+    md: float  #: measured depth, m; nan where the table has none
+    #: `time`, `run`: as written; run and tool together, empty where the table names neither.
     time: str
     run: str
+    #: `f_t`, `b_t`: shape (3,); specific force, m/s^2, and field, T, in tool axes; nan where a cell cannot be read.
     f_t: Array
     b_t: Array
     reference: Reference | None
-    faults: tuple[Reason, ...] = ()
+    faults: tuple[Reason, ...] = ()  #: why the row is no station
 
 
 @dataclass(frozen=True)
 class TableStation:
-    """
-    One row, computed.
+    """One row, computed."""
 
-    Attributes
-    ----------
-    md, time, run : float, str, str
-        As of `TableRow`.
-    station : Station
-    first : Station or None
-        What it said with the stations before it only; None where it is judged by itself.
-    outlier : bool
-        Whether its field is not that of the other stations of its run.
-    """
-
+    #: `md`, `time`, `run`: as of `TableRow`.
     md: float
     time: str
     station: Station
     run: str = ""
-    first: Station | None = None
-    outlier: bool = False
+    first: Station | None = None  #: what it said with the stations before it only; None where it is judged by itself
+    outlier: bool = False  #: whether its field is not that of the other stations of its run
 
     @property
     def revised(self) -> bool:

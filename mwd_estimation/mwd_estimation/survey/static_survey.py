@@ -24,64 +24,36 @@ _BIN_S = BIN_NS * 1e-9
 
 @dataclasses.dataclass(frozen=True)
 class Params:
-    """
-    When a tool counts as still and how long it is averaged; set by `settings.estimator.Survey`, which says more.
+    """When a tool counts as still and how long it is averaged; set by `settings.estimator.Survey`, which says more."""
 
-    Attributes
-    ----------
-    automatic : bool
-        Take a survey in each still interval.
-    settle_s, duration_s : float
-        Rest before averaging, and averaging, s.
-    wait_for_gyro_s : float
-        Longest wait of an automatic survey for what `StillSurvey.add` is told to wait for, s.
-    max_rate, max_rate_noise : float
-        Mean and standard deviation of the angular rate above which the tool moves, rad/s.
-    max_force_noise, max_force_step : float
-        Standard deviation of the specific force, and its change between bins, above which it moves, m/s^2.
-    """
-
-    automatic: bool = True
+    automatic: bool = True  #: take a survey in each still interval
+    #: `settle_s`, `duration_s`: rest before averaging, and averaging, s.
     settle_s: float = 2.0
     duration_s: float = 8.0
+    #: Longest wait of an automatic survey for what `StillSurvey.add` is told to wait for, s.
     wait_for_gyro_s: float = 120.0
+    #: `max_rate`, `max_rate_noise`: mean and standard deviation of the angular rate above which the tool moves, rad/s.
     max_rate: float = 0.03
     max_rate_noise: float = 0.03
+    #: `max_force_noise`, `max_force_step`: standard deviation of the specific force, and its change between bins, above
+    #: which it moves, m/s^2.
     max_force_noise: float = 0.25
     max_force_step: float = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
 class StillAverage:
-    """
-    Mean readings of the sensors while the tool kept still.
+    """Mean readings of the sensors while the tool kept still."""
 
-    Attributes
-    ----------
-    start_ns, end_ns : int
-        Of the averaging interval.
-    imu : Average
-        Channels: rate x y z, rad/s, specific force x y z, m/s^2.
-    mag : Average or None
-        T; None without usable magnetometer.
-    precision : Average or None
-        As `imu`, of the precision unit.
-    temperature : float or None
-        degC.
-    requested : bool
-        Asked for, not taken by itself.
-    moved : bool
-        The tool has moved since, which ended the interval.
-    """
-
+    #: `start_ns`, `end_ns`: of the averaging interval.
     start_ns: int
     end_ns: int
-    imu: Average
-    mag: Average | None
-    precision: Average | None
-    temperature: float | None
-    requested: bool
-    moved: bool = False
+    imu: Average  #: channels: rate x y z, rad/s, specific force x y z, m/s^2
+    mag: Average | None  #: T; None without usable magnetometer
+    precision: Average | None  #: as `imu`, of the precision unit
+    temperature: float | None  #: degC
+    requested: bool  #: asked for, not taken by itself
+    moved: bool = False  #: the tool has moved since, which ended the interval
 
 
 @dataclasses.dataclass(frozen=True)

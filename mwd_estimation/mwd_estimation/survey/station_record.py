@@ -46,83 +46,49 @@ class Verdicts:
 
 @dataclass(frozen=True)
 class Station:
-    """
-    A survey station; angles in rad, totals in SI, nan where a reading or the reference is missing.
+    """A survey station; angles in rad, totals in SI, nan where a reading or the reference is missing."""
 
-    Attributes
-    ----------
-    inclination, sigma_inclination : float
-        From the vertical.
-    gravity_toolface, magnetic_toolface, sigma_toolface : float
-        From high side, from the named north, and 1 sigma of the first.
-    g_total, b_total, dip : float
-        As measured: m/s^2, T, rad. No correction is in them.
-    azimuth, sigma_azimuth : float
-        The one chosen, from the named north; sigma is pi where nothing is known.
-    north : str
-        magnetic, true or grid.
-    method : AzimuthMethod
-        Which azimuth was chosen.
-    corrected : bool
-        Whether the azimuth is freed of what the run shows of the string's field.
-    azimuths : tuple of MethodAzimuth
-        Every method tried.
-    interference, sigma_interference : float
-        Axial field not of the Earth, T.
-    covariance : ndarray, shape (3, 3)
-        Of (inclination, chosen azimuth, gravity toolface), rad^2, all errors included.
-    alignment : ndarray, shape (3, 3)
-        The part of it that is common to all methods: tool against hole.
-    deviations : Deviations
-        Totals against the reference; for a corrected azimuth with the interference taken off.
-    verdict : str
-        accept, doubtful or reject.
-    reasons : tuple of Reason
-        Those of an accepted station are the totals within their limits.
-    quantities : Verdicts or None
-        Verdict of each quantity; None: that of the station for each.
-    alternatives : tuple of (float, float)
-        Other azimuths that fit the readings, from the named north, rad, and their probabilities.
-    hypotheses : tuple of (str, float)
-        What may disturb the readings, and its probability; empty: not judged.
-    limits : tuple of float
-        Deviation of gravity, field and dip beyond which the verdict is doubtful, m/s^2, T, rad; nan: not judged.
-    reference : Reference or None
-        What it was judged and corrected by.
-    north_correction : float
-        Added to the magnetic azimuth, rad.
-    f_t, b_t : ndarray, shape (3,)
-        The readings.
-    """
-
+    #: `inclination`, `sigma_inclination`: from the vertical.
     inclination: float
     sigma_inclination: float
+    #: `gravity_toolface`, `magnetic_toolface`, `sigma_toolface`: from high side, from the named north, and 1 sigma of
+    #: the first.
     gravity_toolface: float
     magnetic_toolface: float
     sigma_toolface: float
+    #: `g_total`, `b_total`, `dip`: as measured: m/s^2, T, rad. No correction is in them.
     g_total: float
     b_total: float
     dip: float
+    #: `azimuth`, `sigma_azimuth`: the one chosen, from the named north; sigma is pi where nothing is known.
     azimuth: float
     sigma_azimuth: float
-    north: str
-    method: AzimuthMethod
-    corrected: bool
-    azimuths: tuple[MethodAzimuth, ...]
+    north: str  #: magnetic, true or grid
+    method: AzimuthMethod  #: which azimuth was chosen
+    corrected: bool  #: whether the azimuth is freed of what the run shows of the string's field
+    azimuths: tuple[MethodAzimuth, ...]  #: every method tried
+    #: `interference`, `sigma_interference`: axial field not of the Earth, T.
     interference: float
     sigma_interference: float
+    #: shape (3, 3); of (inclination, chosen azimuth, gravity toolface), rad^2, all errors included.
     covariance: Array = field(repr=False)
+    #: shape (3, 3); the part of it that is common to all methods: tool against hole.
     alignment: Array = field(repr=False)
+    #: Totals against the reference; for a corrected azimuth with the interference taken off.
     deviations: Deviations = field(repr=False)
-    verdict: str
-    reasons: tuple[Reason, ...]
-    reference: Reference | None
-    north_correction: float
+    verdict: str  #: accept, doubtful or reject
+    reasons: tuple[Reason, ...]  #: those of an accepted station are the totals within their limits
+    reference: Reference | None  #: what it was judged and corrected by
+    north_correction: float  #: added to the magnetic azimuth, rad
+    #: `f_t`, `b_t`: shape (3,); the readings.
     f_t: Array = field(repr=False)
     b_t: Array = field(repr=False)
+    #: Deviation of gravity, field and dip beyond which the verdict is doubtful, m/s^2, T, rad; nan: not judged.
     limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
-    quantities: Verdicts | None = None
+    quantities: Verdicts | None = None  #: verdict of each quantity; None: that of the station for each
+    #: Other azimuths that fit the readings, from the named north, rad, and their probabilities.
     alternatives: tuple[tuple[float, float], ...] = ()
+    #: What may disturb the readings, and its probability; empty: not judged.
     hypotheses: tuple[tuple[str, float], ...] = ()
 
     @property

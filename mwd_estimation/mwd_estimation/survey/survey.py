@@ -14,55 +14,26 @@ STATIC, ROTARY = "static", "rotary"
 
 @dataclasses.dataclass(frozen=True)
 class Survey:
-    """
-    One survey as the estimator gives it: complete, nothing is changed in it afterwards.
+    """One survey as the estimator gives it: complete, nothing is changed in it afterwards."""
 
-    Attributes
-    ----------
-    stamp_ns : int
-        Middle of the averaging interval.
-    sequence : int
-        From 1.
-    uuid : str
-    requested : bool
-        Asked for, not taken automatically.
-    duration : float
-        s.
-    samples : int
-        IMU samples averaged.
-    station : Station
-        Angles, totals, verdict; its azimuth is the fused one.
-    weights : mapping of str to float
-        Share of each of the station's methods in its azimuth.
-    kind : str
-        static, or rotary: taken while the string turned.
-    revision : int
-        0: as first published; else how often the run's later stations have changed it.
-    status : int
-        Bits of `core.status.Status` at the end of the averaging interval.
-    covariance_f, covariance_b : ndarray, shape (3, 3)
-        Of the averaged specific force, (m/s^2)^2, and field, T^2: the noise alone.
-    rate_t : ndarray, shape (3,)
-        Mean angular rate of the precision unit, else of the AHRS, rad/s.
-    temperature : float or None
-        degC.
-    """
-
-    stamp_ns: int
-    sequence: int
+    stamp_ns: int  #: middle of the averaging interval
+    sequence: int  #: from 1
     uuid: str
-    requested: bool
-    duration: float
-    samples: int
-    station: Station
+    requested: bool  #: asked for, not taken automatically
+    duration: float  #: s
+    samples: int  #: IMU samples averaged
+    station: Station  #: angles, totals, verdict; its azimuth is the fused one
+    #: `covariance_f`, `covariance_b`: shape (3, 3); of the averaged specific force, (m/s^2)^2, and field, T^2: the
+    #: noise alone.
     covariance_f: Array
     covariance_b: Array
-    rate_t: Array
-    temperature: float | None
+    rate_t: Array  #: shape (3,); mean angular rate of the precision unit, else of the AHRS, rad/s
+    temperature: float | None  #: degC
+    #: Share of each of the station's methods in its azimuth.
     weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    kind: str = STATIC
-    status: int = 0
-    revision: int = 0
+    kind: str = STATIC  #: static, or rotary: taken while the string turned
+    status: int = 0  #: bits of `core.status.Status` at the end of the averaging interval
+    revision: int = 0  #: 0: as first published; else how often the run's later stations have changed it
 
     @property
     def end_ns(self) -> int:

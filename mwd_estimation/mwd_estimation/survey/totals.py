@@ -35,24 +35,14 @@ _NOT_LOCAL = 2.0
 
 @dataclass(frozen=True)
 class Deviations:
-    """
-    Measured minus reference.
+    """Measured minus reference."""
 
-    Attributes
-    ----------
-    gravity, field, dip : float
-        m/s^2, T, rad; nan where the reference has none.
-    covariance : ndarray, shape (3, 3)
-        Of the three, from sensors, interference expected and reference.
-    standard : bool
-        Gravity is compared with standard gravity, which it fits better than that of the place.
-    """
-
+    #: `gravity`, `field`, `dip`: m/s^2, T, rad; nan where the reference has none.
     gravity: float
     field: float
     dip: float
-    covariance: Array
-    standard: bool = False
+    covariance: Array  #: shape (3, 3); of the three, from sensors, interference expected and reference
+    standard: bool = False  #: gravity is compared with standard gravity, which it fits better than that of the place
 
 
 def deviation_covariance(

@@ -49,19 +49,10 @@ class Across:
 
 @dataclasses.dataclass(frozen=True)
 class Turning:
-    """
-    What the turns so far have shown, in tool axes.
+    """What the turns so far have shown, in tool axes."""
 
-    Attributes
-    ----------
-    mount : Across
-        Where the accelerometers have the axis of rotation, less where the magnetometers have it, rad.
-    field : Across
-        Field fixed in the tool, T.
-    """
-
-    mount: Across
-    field: Across
+    mount: Across  #: where the accelerometers have the axis of rotation, less where the magnetometers have it, rad
+    field: Across  #: field fixed in the tool, T
 
 
 @dataclasses.dataclass

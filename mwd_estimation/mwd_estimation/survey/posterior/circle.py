@@ -29,26 +29,15 @@ _WORTH, _MOST = 1e-7, 6
 
 @dataclasses.dataclass(frozen=True)
 class Circle:
-    """
-    What a density says.
+    """What a density says."""
 
-    Attributes
-    ----------
-    mean, sigma : float
-        Of the chief mode, rad; sigma is at least that of a normal density whose 99 % have its half width.
-    spread : float
-        At least sigma, and the standard deviation of the whole chief mode, rad.
-    share : float
-        Probability of the chief mode.
-    alternatives : tuple of (float, float)
-        Mean, rad, and probability of the other modes, likeliest first.
-    """
-
+    #: `mean`, `sigma`: of the chief mode, rad; sigma is at least that of a normal density whose 99 % have its half
+    #: width.
     mean: float
     sigma: float
-    spread: float
-    share: float
-    alternatives: tuple[tuple[float, float], ...]
+    spread: float  #: at least sigma, and the standard deviation of the whole chief mode, rad
+    share: float  #: probability of the chief mode
+    alternatives: tuple[tuple[float, float], ...]  #: mean, rad, and probability of the other modes, likeliest first
 
 
 def beyond(angles: Array, density: Array, centre: float, width: float, smear: float = 0.0) -> float:

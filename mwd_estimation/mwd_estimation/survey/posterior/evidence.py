@@ -31,23 +31,13 @@ _FEW = np.arange(72) * math.tau / 72.0
 
 @dataclasses.dataclass(frozen=True)
 class Evidence:
-    """
-    A station's evidence on the circle.
+    """A station's evidence on the circle."""
 
-    Attributes
-    ----------
-    angles : ndarray, shape (n,)
-        rad, in order.
-    log : ndarray, shape (n, k, h, 3)
-        Log density of the readings, with all prior weights: by angle, filter, external field, and whether the gyro is
-        right (0), its bias stepped (1), or it is wrong altogether (2).
-    misfit : float
-        Least chi-square of the field under the widest hypothesis.
-    """
-
-    angles: Array
+    angles: Array  #: shape (n,); rad, in order
+    #: shape (n, k, h, 3); log density of the readings, with all prior weights: by angle, filter, external field, and
+    #: whether the gyro is right (0), its bias stepped (1), or it is wrong altogether (2).
     log: Array
-    misfit: float
+    misfit: float  #: least chi-square of the field under the widest hypothesis
 
     @property
     def share(self) -> Array:

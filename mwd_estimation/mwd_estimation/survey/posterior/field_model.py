@@ -146,19 +146,10 @@ def geometry(
 
 @dataclasses.dataclass(frozen=True)
 class Sigmas:
-    """
-    Nominal sigmas of a run.
+    """Nominal sigmas of a run."""
 
-    Attributes
-    ----------
-    shared : ndarray, shape (22,)
-        Of each state: uT, plain, m/s^2, plain, rad, uT, rad, rad, uT, and one for the gyro.
-    own : ndarray, shape (3,)
-        Of total, dip and declination of a station alone, in units of the shared ones.
-    """
-
-    shared: Array
-    own: Array
+    shared: Array  #: shape (22,); of each state: uT, plain, m/s^2, plain, rad, uT, rad, rad, uT, and one for the gyro
+    own: Array  #: shape (3,); of total, dip and declination of a station alone, in units of the shared ones
 
 
 # Most of a reference's variance that can be a station's own.

@@ -114,21 +114,11 @@ _KEEPS = 0.72
 
 @dataclasses.dataclass(frozen=True)
 class Filters:
-    """
-    The parallel filters.
-
-    Attributes
-    ----------
-    kinds : tuple of Hypothesis, length k
-    weight : ndarray, shape (k,)
-        Prior probability.
-    variance : ndarray, shape (k, 22)
-        Of each shared error, in nominal variances.
-    """
+    """The parallel filters."""
 
     kinds: tuple[Hypothesis, ...]
-    weight: Array
-    variance: Array
+    weight: Array  #: shape (k,); prior probability
+    variance: Array  #: shape (k, 22); of each shared error, in nominal variances
 
 
 def filters(priors: Priors, sigma: Array) -> Filters:

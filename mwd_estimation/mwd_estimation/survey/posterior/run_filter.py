@@ -50,30 +50,18 @@ _OUTSIDE = slice(int(Shared.OUTSIDE), int(Shared.OUTSIDE) + 3)
 
 @dataclasses.dataclass
 class State:
-    """
-    What a run has shown so far.
+    """What a run has shown so far."""
 
-    Attributes
-    ----------
-    mean, covariance : ndarray, shapes (k, 22) and (k, 22, 22)
-        Of the shared errors in nominal sigmas, for each filter.
-    log_weight : ndarray, shape (k,)
-    hours : float
-        Of the last station; nan before the first.
-    outside : ndarray, shape (h,), or None
-        Probabilities of each external field at the last station: steel goes on along the hole.
-    of_outside : ndarray, shape (h,)
-        Sum of them over all stations.
-    of_gyro : ndarray, shape (3,)
-        The same of a gyro that is right, whose bias stepped, and that is wrong altogether.
-    """
-
+    #: `mean`, `covariance`: shapes (k, 22) and (k, 22, 22); of the shared errors in nominal sigmas, for each filter.
     mean: Array
     covariance: Array
-    log_weight: Array
-    hours: float = math.nan
+    log_weight: Array  #: shape (k,)
+    hours: float = math.nan  #: of the last station; nan before the first
+    #: shape (h,), or None; probabilities of each external field at the last station: steel goes on along the hole.
     outside: Array | None = None
+    #: shape (h,); sum of them over all stations.
     of_outside: Array = dataclasses.field(default_factory=lambda: np.zeros(len(EXTERNAL_UT) + 1))
+    #: shape (3,); the same of a gyro that is right, whose bias stepped, and that is wrong altogether.
     of_gyro: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
 
