@@ -53,7 +53,9 @@ def _mistakes() -> tuple[Indices, Indices]:
         by_gyro = index[np.ascontiguousarray(sign * m).tobytes()] + (0 if sign > 0 else len(_PROPER))
         by_vector = index[np.ascontiguousarray(sign * m.T).tobytes()]
         rows += [(GYRO, k, by_gyro, by_gyro), (ACCEL, k, by_vector, 0), (MAG, k, 0, by_vector)]
-        weights += [_contrived(m)] * 3
+        weight = _contrived(m)
+        # Whoever takes the other sense of turning for positive reverses all gyros, and not one of them.
+        weights += [1 if weight == 2 else weight, weight, weight]
     return np.array(rows, dtype=np.int64), np.array(weights, dtype=np.int64)
 
 

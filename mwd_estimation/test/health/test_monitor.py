@@ -144,6 +144,8 @@ FAULTS = {
     "accelerometer x reversed": (ACCEL, diagonal(-1, 1, 1), "flipped", "x"),
     "accelerometer y reversed": (ACCEL, diagonal(1, -1, 1), "flipped", "y"),
     "gyro x reversed": (GYRO, diagonal(-1, 1, 1), "flipped", "x"),
+    # Turning about x shows the sign of x alone: that one, or all of them.
+    "gyro reversed": (GYRO, scaled(-1.0), "flipped", "x/all"),
     "magnetometer reversed": (MAG, scaled(-1.0), "flipped", "all"),
     "magnetometer z reversed": (MAG, diagonal(1, 1, -1), "flipped", "z"),
     "magnetometer turned to the accelerometer": (MAG, mapped([[0, -1, 0], [1, 0, 0], [0, 0, 1]]), "frame", "xy"),

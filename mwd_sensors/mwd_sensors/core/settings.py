@@ -13,11 +13,12 @@ import difflib
 import math
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+_MOST_NAMES = 12  # in a sentence
 _SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
@@ -178,7 +179,7 @@ def former_names(cls: type[Any]) -> Mapping[str, str]:
 def unknown_key(
     key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str, former: Mapping[str, str] | None = None
 ) -> str:
-    """Sentence for a key that does not exist: its name today, its near misses or, failing those, all there are."""
+    """Sentence for a key that does not exist: its name today, its near misses or, failing those, what there is."""
     names = list(known)
     near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
     # A setting that moved to another block keeps its own name more often than not.
@@ -186,8 +187,16 @@ def unknown_key(
     where = f"{path}.{key}" if path else key
     old = key if former and key in former else key.partition(".")[0]
     moved = f"{old} is now {former[old]}; " if former and old in former and key not in names else ""
-    hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(names)}"
+    hint = f"did you mean {' or '.join(near)}?" if near else _all_of(names)
     return f"{where}: no such setting; {moved}{hint}"
+
+
+def _all_of(names: Sequence[str]) -> str:
+    """Few names whole; of many the blocks that they begin with."""
+    if len(names) <= _MOST_NAMES:
+        return f"known: {', '.join(names)}"
+    blocks = dict.fromkeys(name.partition(".")[0] for name in names)
+    return f"settings begin with {', '.join(blocks)}"
 
 
 def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:

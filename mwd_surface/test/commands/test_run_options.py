@@ -28,6 +28,7 @@ def test_a_setting_goes_to_the_node_that_has_it():
         ("survey.duraton_s=12", "did you mean survey.duration_s"),
         ("survey.duration_s=0.1", "below the lowest allowed"),
         ("surface.leg.tol=1", "no such setting"),
+        ("qqqq.zzzz=1", "no such setting; settings begin with .*survey.*surface"),
     ],
 )
 def test_a_setting_that_no_node_takes_is_refused(text, words):

@@ -37,26 +37,34 @@ class ControlRegisters:
 
     def __init__(self, authority: ControlAuthority, form: ModbusForm, clock: Callable[[], float]) -> None:
         self._authority, self._form, self._clock = authority, form, clock
-        self._request: tuple[int, ...] = (0,) * REQUEST_COUNT
-        self._answer: tuple[int, ...] = (0,) * ANSWER_COUNT
+        self._last: tuple[int, ...] = (0,) * (REQUEST_COUNT + ANSWER_COUNT)
+        self._asked: dict[int, tuple[int, ...]] = {}
         self._command: tuple[int, ...] = (0,) * COMMAND_COUNT
 
-    def blocks(self) -> dict[int, tuple[int, ...]]:
-        """Return what a reader sees, by the address of its first register."""
-        return {REQUEST: self._request + self._answer, COMMAND: self._command}
+    def blocks(self, connection: int = 0) -> dict[int, tuple[int, ...]]:
+        """
+        Return what a reader sees, by the address of its first register.
 
-    def write(self, address: int, words: Sequence[int]) -> bool:
-        """Take a block; answers whether it was one and was done."""
+        A connection sees its own last request and answer; one that never asked, as of a master that makes a new
+        connection for each request, the last of all.
+        """
+        return {REQUEST: self._asked.get(connection, self._last), COMMAND: self._command}
+
+    def forget(self, connection: int) -> None:
+        """Drop what a connection that ended was answered."""
+        self._asked.pop(connection, None)
+
+    def write(self, address: int, words: Sequence[int], connection: int = 0) -> bool:
+        """Take a block from a connection; answers whether it was one and was done."""
         if address == REQUEST and len(words) == REQUEST_COUNT:
-            return self._ask(tuple(words))
+            return self._ask(tuple(words), connection)
         if address == COMMAND and len(words) == COMMAND_COUNT:
             return self._set(tuple(words))
         return False
 
-    def _ask(self, words: tuple[int, ...]) -> bool:
+    def _ask(self, words: tuple[int, ...], connection: int) -> bool:
         """Action 1 asks for control, 2 gives it back; number of the controller, its priority, and s (0: longest)."""
         action, number, priority, duration = words
-        self._request = words
         if action == _RELEASE:
             status = self._authority.status(self._clock())
             mine = f"{CONTROLLER}{number}"
@@ -74,7 +82,7 @@ class ControlRegisters:
             return False
         lease_words = long_words(decision.lease)
         lease_words = lease_words if self._form.word_order == "ABCD" else lease_words[::-1]
-        self._answer = (number, int(decision.permission), *lease_words)
+        self._last = self._asked[connection] = (*words, number, int(decision.permission), *lease_words)
         return done
 
     def _set(self, words: tuple[int, ...]) -> bool:

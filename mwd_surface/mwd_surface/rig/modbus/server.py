@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import contextvars
 import dataclasses
 import math
 import struct
@@ -91,6 +92,8 @@ class ModbusServer(LoopInterface):
         self._connections: dict[int, _Connection] = {}
         self._gone = 0
         self._written = (0, 0)
+        # Of the request that is being answered.
+        self._asking = contextvars.ContextVar("connection", default=0)
         allowed = settings.allow_control and authority is not None
         self._control = ControlRegisters(authority, settings.form, clock) if allowed and authority else None
 
@@ -203,8 +206,8 @@ class ModbusServer(LoopInterface):
     def _answer_control(
         self, function: int, address: int, count: int, current: list[int], wanted: list[Any] | None
     ) -> Any:
-        control = self._control
-        for start, words in control.blocks().items() if control is not None else ():
+        control, connection = self._control, self._asking.get()
+        for start, words in control.blocks(connection).items() if control is not None else ():
             inside = start <= address and address + count <= start + len(words)
             if function == _READ_HOLDING and inside:
                 current[start : start + len(words)] = words
@@ -213,7 +216,7 @@ class ModbusServer(LoopInterface):
         if function != _WRITE_MULTIPLE or control is None:
             self.denied += 1
             return self._codes.ILLEGAL_FUNCTION
-        if not control.write(address, [int(word) for word in wanted or ()]):
+        if not control.write(address, [int(word) for word in wanted or ()], connection):
             self.denied += 1
             return self._codes.ILLEGAL_VALUE
         return None
@@ -241,7 +244,12 @@ class ModbusServer(LoopInterface):
     def _watched(self, handler: Any) -> Any:
         """A connection of pymodbus that is counted, limited in number and known by its last request."""
         made, lost, received = handler.connection_made, handler.connection_lost, handler.data_received
+        handle = handler.handle_request
         number = id(handler)
+
+        async def handle_request() -> None:
+            self._asking.set(number)
+            await handle()
 
         def connection_made(transport: asyncio.Transport) -> None:
             if len(self._connections) >= self.settings.max_clients:
@@ -268,12 +276,14 @@ class ModbusServer(LoopInterface):
 
         def connection_lost(error: Exception | None) -> None:
             connection = self._connections.pop(number, None)
+            if self._control is not None:
+                self._control.forget(number)
             if connection is not None:
                 self._gone += connection.requests
                 lost(error)
 
         handler.connection_made, handler.data_received = connection_made, data_received
-        handler.connection_lost = connection_lost
+        handler.connection_lost, handler.handle_request = connection_lost, handle_request
         return handler
 
     def _peer(self, name: Any) -> str:

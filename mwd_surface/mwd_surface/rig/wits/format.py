@@ -102,14 +102,6 @@ def plain_text(text: str, longest: int = 16) -> str:
     return shown.replace("&&", "&").replace("!!", "!").replace("&&", "&").replace("!!", "!").strip()[:longest]
 
 
-def number_text(value: float | None, decimals: int) -> str | None:
-    """A number in plain decimals, with a point; None where there is nothing finite to write. Never `-0.00`."""
-    if value is None or not math.isfinite(value):
-        return None
-    text = f"{value:.{decimals}f}"
-    return text[1:] if text.startswith("-") and float(text) == 0.0 else text
-
-
 class Decoder:
     """
     Bytes in pieces to frames; all that changes is what waits for its end, at most `max_frame_bytes`.

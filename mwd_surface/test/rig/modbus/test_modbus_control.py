@@ -57,10 +57,15 @@ class Master:
         return self.send(struct.pack(f">BHHB{len(words)}H", WRITE, address, len(words), 2 * len(words), *words))
 
     def ask_for_control(self, number, priority=50):
-        """The lease granted, as two words; None where the answer is another's, or is no."""
+        """The lease granted, as two words; None where the answer is no."""
         self.write(REQUEST, 1, number, priority, 0)
-        answered, permission, *lease = struct.unpack(">4H", self.send(struct.pack(">BHH", 3, REQUEST + 4, 4))[2:])
-        return lease if (answered, permission) == (number, Permission.GRANTED) else None
+        answered, permission, *lease = self.answer()
+        assert answered == number
+        return lease if permission == Permission.GRANTED else None
+
+    def answer(self):
+        """Number answered, permission and lease as two words."""
+        return struct.unpack(">4H", self.send(struct.pack(">BHH", 3, REQUEST + 4, 4))[2:])
 
     def rotate(self, lease, sequence, rpm=60.0):
         speed, valid_for = (struct.unpack(">2H", struct.pack(">f", number)) for number in (rpm, 30.0))
@@ -121,6 +126,17 @@ def test_no_request_but_a_whole_block_changes_who_has_control_or_what_is_command
         owner.close()
 
 
+def test_each_connection_reads_the_answer_to_its_own_request_and_a_new_one_the_last():
+    with serving() as (s, _):
+        masters = {number: Master(s.port) for number in (1, 2, 3)}
+        for number in (1, 2):
+            masters[number].write(REQUEST, 1, number, 50, 0)
+        read = {number: master.answer()[:2] for number, master in masters.items()}
+        assert read == {1: (1, Permission.GRANTED), 2: (2, Permission.DENIED), 3: (2, Permission.DENIED)}
+        for master in masters.values():
+            master.close()
+
+
 def test_of_two_masters_at_once_one_has_control_and_the_other_is_refused_with_an_exception():
     with serving() as (s, authority):
         granted, answers, start = {1: None, 2: None}, {1: [], 2: []}, threading.Barrier(2)
@@ -129,7 +145,6 @@ def test_of_two_masters_at_once_one_has_control_and_the_other_is_refused_with_an
             master = Master(s.port)
             start.wait()
             for k in range(40):
-                # The answer may be that to the other master, which has come in between: asked again, then.
                 granted[number] = master.ask_for_control(number) or granted[number]
                 answers[number].append(master.rotate(granted[number] or (0, 0), k + 1))
             master.close()
