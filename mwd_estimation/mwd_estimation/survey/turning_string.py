@@ -30,8 +30,8 @@ from mwd_sensors.core.arrays import Array, Stamps
 _BINS, _TURNED, _LEAST = 10, 8.0 * math.pi, 2
 # A string that turns by less in a bin, rad, does not begin a window; samples farther apart, s, end it.
 _BEGINS, _APART_S = 0.5, 0.1
-# Fewer samples in a half second tell nothing.
-_SAMPLES = 5
+# Fewer samples in a half second, or in a turn, which the fit follows to one and a half cycles, tell nothing.
+_SAMPLES, _PER_TURN = 5, 4
 # What every window shows alike, 1 sigma: motion along the hole in step with the turns, m (a load that changes by 5 kN
 # within a turn on 100 m of collars), axes that calibration leaves skew, rad, and fields of the electronics, T.
 _IN_STEP, _SKEW, _ELECTRONICS = 1e-4, math.radians(0.05), 50e-9
@@ -176,9 +176,10 @@ class TurningString:
 
     def _fit(self) -> None:
         middle, rate = 0.5 * self._roll, self._roll / (len(self._rows) * BIN_NS * 1e-9)
+        least = max(_SAMPLES * _BINS, _PER_TURN * abs(self._roll) / math.tau)
         for triad, rows in ((self._force, self._rows), (self._field, self._fields)):
             # A magnetometer that failed for a part of the window tells nothing of it.
-            if len(rows) == len(self._rows) and sum(len(roll) for roll, _ in rows) >= _SAMPLES * _BINS:
+            if len(rows) == len(self._rows) and sum(len(roll) for roll, _ in rows) >= least:
                 roll = np.concatenate([roll for roll, _ in rows])
                 triad.add(_columns(roll, middle), np.concatenate([values for _, values in rows]), rate)
 

@@ -34,6 +34,7 @@ def string(
     late=0,
     noise=1.0,
     speed=12.0,
+    every=1,
     bad=None,
     cut=1000,
 ):
@@ -41,7 +42,7 @@ def string(
     Turns of a tool whose accelerometers see the axis of rotation at (1, mount + whole), its magnetometers at whole.
 
     mount, whole, rad; across: field in the tool, T; arm of the accelerometers, m; wobble of the speed within a turn;
-    scale of the gyro; late: samples by which the magnetometer is stamped late.
+    scale of the gyro; late: samples by which the magnetometer is stamped late; every: of so many it gives one.
     """
     n = int(seconds * RATE_HZ)
     roll = np.cumsum(np.full(n, speed / RATE_HZ))
@@ -61,7 +62,7 @@ def string(
     found = TurningString()
     for start in range(0, n, cut):
         part = slice(start, start + cut)
-        found.take_mag(stamps[part], field[part])
+        found.take_mag(stamps[part][::every], field[part][::every])
         found.take_imu(stamps[part], scale * rate[part], force[part], unsure[part])
         for index in range(start // PER_BIN, min(start + cut, n) // PER_BIN):
             found.close(index)
@@ -117,6 +118,12 @@ def test_a_string_that_stands_has_just_begun_to_turn_or_whose_sensors_clip_shows
     assert string(60.0, rng, speed=0.0) is None
     assert string(8.0, rng) is None
     assert string(60.0, rng, bad=lambda at: at % 400 == 0) is None
+
+
+def test_a_magnetometer_that_is_too_slow_for_the_turns_shows_nothing():
+    rng = np.random.default_rng(1)
+    assert string(120.0, rng, speed=10.0 * math.pi, every=10) is None
+    assert string(120.0, rng, speed=4.0 * math.pi, every=10) is not None
 
 
 def test_without_a_magnetometer_nothing_is_compared():
