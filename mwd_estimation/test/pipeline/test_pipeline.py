@@ -369,7 +369,7 @@ def test_innovations_count_what_the_field_check_rejects_however_the_stream_is_cu
 @pytest.mark.fault_case(70)
 def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeypatch):
     # Of fewer stations than here, so that what is kept of them is full too.
-    monkeypatch.setattr(decision, "_REVISABLE", 10)
+    monkeypatch.setattr(decision, "_REVISABLE", 3)
     pipeline, surveys, sizes = Pipeline(EstimatorSettings(), REFERENCE), 0, []
     imu, mag = _samples(seconds=30.0, rate=10.0, still_after=12.0)
     tracemalloc.start()

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stations of a table taken together: what a run shows of its string, what it revises, and what it leaves out."""
 
+import functools
 import math
 from dataclasses import replace
 
@@ -34,13 +35,20 @@ def drawn(seed, count=12, axial_nt=1200.0, steel=(), name=""):
     return rows, azimuth
 
 
+@functools.cache
+def sound():
+    """Rows of a sound run, their true azimuths, and the rows taken together."""
+    rows, azimuth = drawn(1)
+    return rows, azimuth, run_stations(rows, SETTINGS)
+
+
 def off(found, azimuth, which="station"):
     return wrap_pi(np.array([getattr(row, which).azimuth for row in found]) - azimuth)
 
 
 def test_a_run_knows_its_string_better_than_any_row_by_itself():
-    rows, azimuth = drawn(1)
-    alone, together = single_stations(rows, SETTINGS), run_stations(rows, SETTINGS)
+    rows, azimuth, together = sound()
+    alone = single_stations(rows, SETTINGS)
     assert np.abs(off(together, azimuth)).max() < 0.3 * np.abs(off(alone, azimuth)).max()
     assert all(row.station.verdict == "accept" for row in together)
     sigma = [row.station.sigma_azimuth for row in together]
@@ -48,8 +56,8 @@ def test_a_run_knows_its_string_better_than_any_row_by_itself():
 
 
 def test_the_first_value_knows_the_rows_before_it_only_and_the_first_of_all_is_a_row_by_itself():
-    rows, _ = drawn(2)
-    whole, part = run_stations(rows, SETTINGS), run_stations(rows[:5], SETTINGS)
+    rows, _, whole = sound()
+    part = run_stations(rows[:5], SETTINGS)
     for long, short in zip(whole[:5], part, strict=True):
         assert long.first.azimuth == short.first.azimuth
         assert long.first.sigma_azimuth == short.first.sigma_azimuth
@@ -60,9 +68,9 @@ def test_the_first_value_knows_the_rows_before_it_only_and_the_first_of_all_is_a
 
 
 def test_rows_without_times_are_taken_stand_after_stand():
-    rows, _ = drawn(7)
+    rows, _, untimed = sound()
     timed = [replace(row, time=f"2026-06-01T{k // 2:02d}:{30 * (k % 2):02d}:00") for k, row in enumerate(rows)]
-    for without, given in zip(run_stations(rows, SETTINGS), run_stations(timed, SETTINGS), strict=True):
+    for without, given in zip(untimed, run_stations(timed, SETTINGS), strict=True):
         assert without.station.azimuth == pytest.approx(given.station.azimuth, abs=1e-9)
         assert without.station.sigma_azimuth == pytest.approx(given.station.sigma_azimuth, rel=1e-6)
 
@@ -83,17 +91,17 @@ def test_a_multi_station_analysis_of_the_run_stands_beside_its_azimuths():
 
 
 def test_a_row_played_twice_stays_doubtful_and_changes_nothing_of_the_others():
-    rows, _ = drawn(8)
+    rows, _, once = sound()
     twice = run_stations([*rows, rows[4]], SETTINGS)
     assert twice[-1].station.verdicts.azimuth == twice[-1].first.verdicts.azimuth == "doubtful"
-    for one, alone in zip(twice, run_stations(rows, SETTINGS), strict=False):
+    for one, alone in zip(twice, once, strict=False):
         assert one.station.azimuth == pytest.approx(alone.station.azimuth, abs=1e-3)
         assert one.station.verdict == alone.station.verdict == "accept"
 
 
 def test_two_runs_in_one_table_are_two_runs():
-    one, _ = drawn(3, axial_nt=1500.0, name="1")
-    other, _ = drawn(4, axial_nt=-1500.0, name="2")
+    one, _ = drawn(3, count=6, axial_nt=1500.0, name="1")
+    other, _ = drawn(4, count=6, axial_nt=-1500.0, name="2")
     mixed = [row for pair in zip(one, other, strict=True) for row in pair]
     found = run_stations(mixed, SETTINGS)
     for k, row in enumerate(run_stations(one, SETTINGS)):
@@ -102,18 +110,18 @@ def test_two_runs_in_one_table_are_two_runs():
 
 
 def test_rows_beside_steel_are_outliers_and_do_not_move_the_others():
-    clean, azimuth = drawn(5)
-    rows, _ = drawn(5, steel=(5, 6))
+    _, azimuth, clean = sound()
+    rows, _ = drawn(1, steel=(5, 6))
     found = run_stations(rows, SETTINGS)
     assert [k for k, row in enumerate(found) if row.outlier] == [5, 6]
     assert all(row.station.verdict != "accept" for row in found[5:7])
     rest = [k for k in range(len(rows)) if k not in (5, 6)]
-    expected = off(run_stations(clean, SETTINGS), azimuth)
+    expected = off(clean, azimuth)
     np.testing.assert_allclose(off(found, azimuth)[rest], expected[rest], atol=math.radians(0.1))
 
 
 def test_a_row_that_cannot_be_read_is_rejected_and_tells_nothing():
-    rows, _ = drawn(6)
+    rows, _ = drawn(6, count=6)
     table = {
         "md_m": [row.md for row in rows],
         "bha": ["4"] * len(rows),
