@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core.arrays import Array, Stamps
 
-# A window has so many bins at least, and the string turns so far in it, rad; so many windows tell something.
-_BINS, _TURNED, _LEAST = 10, 8.0 * math.pi, 2
+# A window has so many bins, least and most, and the string turns so far in it, rad; so many windows tell something.
+_BINS, _MOST_BINS, _TURNED, _LEAST = 10, 120, 8.0 * math.pi, 2
 # A string that turns by less in a bin, rad, does not begin a window; samples farther apart, s, end it.
 _BEGINS, _APART_S = 0.5, 0.1
 # Fewer samples in a half second, or in a turn, which the fit follows to one and a half cycles, tell nothing.
@@ -156,6 +156,9 @@ class TurningString:
             self._fields.append((np.interp((mag_stamps - end) * 1e-9, (stamps - end) * 1e-9, roll), field))
         if len(self._rows) >= _BINS and abs(self._roll) > _TURNED:
             self._fit()
+            self._begin()
+        elif len(self._rows) >= _MOST_BINS:
+            # It turned a little and stands since.
             self._begin()
 
     @property

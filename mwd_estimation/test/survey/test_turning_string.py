@@ -2,6 +2,7 @@
 """A turning string of known mounts, collars, lever arms and speeds, and what is found of them."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -118,6 +119,17 @@ def test_a_string_that_stands_has_just_begun_to_turn_or_whose_sensors_clip_shows
     assert string(60.0, rng, speed=0.0) is None
     assert string(8.0, rng) is None
     assert string(60.0, rng, bad=lambda at: at % 400 == 0) is None
+
+
+def test_a_string_that_turned_a_little_and_stands_since_is_not_kept_in_mind():
+    found, n = TurningString(), 2 * PER_BIN
+    for index in range(150):
+        stamps = np.arange(index * PER_BIN, (index + 1) * PER_BIN) * PERIOD_NS
+        rate = np.full(PER_BIN, 1.5 if index < 2 else 0.0)
+        found.take_imu(stamps, rate, np.tile(GRAVITY, (PER_BIN, 1)), np.zeros(PER_BIN, bool))
+        found.close(index)
+    held = pickle.dumps(found)
+    assert len(held) < 30 * 8 * n, f"{len(held)} bytes after a minute at rest"
 
 
 def test_a_magnetometer_that_is_too_slow_for_the_turns_shows_nothing():
