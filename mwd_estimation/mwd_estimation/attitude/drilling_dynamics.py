@@ -52,46 +52,37 @@ class KernelParams(NamedTuple):
 
 
 class Period:
-    """
-    Sums over a period.
+    """Sums over a period."""
 
-    index : of the period, its start over its length. samples, slots : in it, and slots of rotary speed that had any.
-    rate : rad/s. axial2, lateral2 : squared non-gravity acceleration, (m/s^2)^2.
-    axial_peak2, lateral_peak2, whole_peak2 : their largest, and that of the whole. shocks : that began in it.
-    """
-
-    index: int
+    index: int  #: of the period, its start over its length
+    #: `samples`, `slots`: in it, and slots of rotary speed that had any.
     samples: int
     slots: int
-    rate: float
+    rate: float  #: rad/s
+    #: `axial2`, `lateral2`: squared non-gravity acceleration, (m/s^2)^2.
     axial2: float
     lateral2: float
+    #: `axial_peak2`, `lateral_peak2`, `whole_peak2`: their largest, and that of the whole.
     axial_peak2: float
     lateral_peak2: float
     whole_peak2: float
-    shocks: int
+    shocks: int  #: that began in it
 
 
 class Now:
-    """
-    The open period and what is remembered of the last sample.
+    """The open period and what is remembered of the last sample."""
 
-    open : sums; its index is _NONE before the first sample.
-    slot, slot_rate, slot_samples : slot of the rotary speed that is open, and its sums, rad/s.
-    last_ns, shock_ns : stamps of the last sample, and of the last beyond the threshold; _NONE before the first.
-    above : the last sample was beyond the threshold.
-    shocks_total : since the start. status : bits of the last sample.
-    """
-
-    open: Period
+    open: Period  #: sums; its index is _NONE before the first sample
+    #: `slot`, `slot_rate`, `slot_samples`: slot of the rotary speed that is open, and its sums, rad/s.
     slot: int
     slot_rate: float
     slot_samples: float
+    #: `last_ns`, `shock_ns`: stamps of the last sample, and of the last beyond the threshold; _NONE before the first.
     last_ns: int
     shock_ns: int
-    above: bool
-    shocks_total: int
-    status: int
+    above: bool  #: the last sample was beyond the threshold
+    shocks_total: int  #: since the start
+    status: int  #: bits of the last sample
 
 
 NOW, PERIOD = dtype_of(Now), dtype_of(Period)

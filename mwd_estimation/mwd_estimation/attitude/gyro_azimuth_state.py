@@ -80,39 +80,22 @@ class KernelParams(NamedTuple):
 
 
 class BinSums:
-    """
-    Integrals over a bin of time; d is the unit vector down, across^2 = d_y^2 + d_z^2, w the rate.
+    """Integrals over a bin of time; d is the unit vector down, across^2 = d_y^2 + d_z^2, w the rate."""
 
-    bin : index of the bin, NO_BIN where none is held.
-    turn : of the axis as the gyros read it, rad.
-    across : of d_y and d_z over across^2, s: what a bias turns.
-    time : s.
-    earth : of d_x / across, s: what the Earth's northward rotation turns.
-    noise : of 1 / across^2, s.
-    tilt : of the squared rate that a tilt of the vertical mistakes for azimuth, rad^2/s.
-    gap : data gaps, s.
-    gyro_turn : `State.gyro_turn` at the end of the bin, rad.
-    vertical : the hole was vertical in the bin.
-    leakage : of w_x d_y and w_x d_z over across^2, rad: what leakage turns.
-    spin : of w_x, rad.
-    rate : of w_y and w_z, rad.
-    lag : of w_x (w_y d_z - w_z d_y) / across^2, rad/s: what a second of lag turns.
-    """
-
-    bin: int
-    turn: float
-    across: Annotated[Array, 2]
-    time: float
-    earth: float
-    noise: float
-    tilt: float
-    gap: float
-    gyro_turn: float
-    vertical: bool
-    leakage: Annotated[Array, 2]
-    spin: float
-    rate: Annotated[Array, 2]
-    lag: float
+    bin: int  #: index of the bin, NO_BIN where none is held
+    turn: float  #: of the axis as the gyros read it, rad
+    across: Annotated[Array, 2]  #: of d_y and d_z over across^2, s: what a bias turns
+    time: float  #: s
+    earth: float  #: of d_x / across, s: what the Earth's northward rotation turns
+    noise: float  #: of 1 / across^2, s
+    tilt: float  #: of the squared rate that a tilt of the vertical mistakes for azimuth, rad^2/s
+    gap: float  #: data gaps, s
+    gyro_turn: float  #: `State.gyro_turn` at the end of the bin, rad
+    vertical: bool  #: the hole was vertical in the bin
+    leakage: Annotated[Array, 2]  #: of w_x d_y and w_x d_z over across^2, rad: what leakage turns
+    spin: float  #: of w_x, rad
+    rate: Annotated[Array, 2]  #: of w_y and w_z, rad
+    lag: float  #: of w_x (w_y d_z - w_z d_y) / across^2, rad/s: what a second of lag turns
 
 
 class RingSample:
@@ -125,104 +108,77 @@ class RingSample:
 
 
 class State:
-    """
-    All that changes.
+    """All that changes."""
 
-    last_ns, ring_head, ring_length, bins_opened : clock of the samples.
-    gyro_turn : turn of the axis as the conventional gyros integrate it, rad.
-    x, P : Kalman states and covariance.
-    have_azimuth : a first azimuth exists.
-    since_used_s, since_seen_s : since the last magnetic azimuth used, and since the last one seen.
-    rejected_s : for which good magnetic azimuths have been rejected.
-    innovation_ratio, innovation_mean : last innovation over its sigma, and its running mean over good azimuths.
-    rejected, disturbed, resets : counts of magnetic azimuths that were gated out, that failed their field check, and
-        of times the azimuth was reset.
-    mag_status : bits of the last magnetic azimuth.
-    last_bin : taken in; NO_BIN before the first. bin_gyro_turn : `gyro_turn` at its end, rad.
-    slow_sigma : 1 sigma that the state Error.SLOW_ERROR is in units of, rad.
-    by_gyro_only : the azimuth rests on a north seek and the gyros alone.
-    have_station : a station's azimuth is propagated. station_constant_sigma : 1 sigma of its error that every
-        magnetic azimuth shares, rad. station_disagreed : the last station did not agree with it.
-    sums : of the last bins. precision_sums : of the last closed bin, by the precision unit.
-    ring : the last samples.
-    """
-
+    #: `last_ns`, `ring_head`, `ring_length`, `bins_opened`: clock of the samples.
     last_ns: int
     ring_head: int
     ring_length: int
     bins_opened: int
-    gyro_turn: float
+    gyro_turn: float  #: turn of the axis as the conventional gyros integrate it, rad
+    #: `x`, `P`: Kalman states and covariance.
     x: Annotated[Array, STATES]
     P: Annotated[Array, STATES, STATES]
-    have_azimuth: bool
+    have_azimuth: bool  #: a first azimuth exists
+    #: `since_used_s`, `since_seen_s`: since the last magnetic azimuth used, and since the last one seen.
     since_used_s: float
     since_seen_s: float
-    rejected_s: float
+    rejected_s: float  #: for which good magnetic azimuths have been rejected
+    #: `innovation_ratio`, `innovation_mean`: last innovation over its sigma, and its running mean over good azimuths.
     innovation_ratio: float
     innovation_mean: float
+    #: `rejected`, `disturbed`, `resets`: counts of magnetic azimuths that were gated out, that failed their field
+    #: check, and of times the azimuth was reset.
     rejected: int
     disturbed: int
     resets: int
-    mag_status: int
-    last_bin: int
-    bin_gyro_turn: float
-    slow_sigma: float
-    by_gyro_only: bool
-    have_station: bool
-    station_constant_sigma: float
-    station_disagreed: bool
-    sums: Annotated[Sequence[BinSums], BINS]
-    precision_sums: BinSums
-    ring: Annotated[Sequence[RingSample], RING]
+    mag_status: int  #: bits of the last magnetic azimuth
+    last_bin: int  #: taken in; NO_BIN before the first
+    bin_gyro_turn: float  #: `gyro_turn` at its end, rad
+    slow_sigma: float  #: 1 sigma that the state Error.SLOW_ERROR is in units of, rad
+    by_gyro_only: bool  #: the azimuth rests on a north seek and the gyros alone
+    have_station: bool  #: a station's azimuth is propagated
+    station_constant_sigma: float  #: 1 sigma of its error that every magnetic azimuth shares, rad
+    station_disagreed: bool  #: the last station did not agree with it
+    sums: Annotated[Sequence[BinSums], BINS]  #: of the last bins
+    precision_sums: BinSums  #: of the last closed bin, by the precision unit
+    ring: Annotated[Sequence[RingSample], RING]  #: the last samples
 
 
 class MagneticAzimuth:
-    """
-    A magnetic azimuth from the named north, and the interference it was freed of.
+    """A magnetic azimuth from the named north, and the interference it was freed of."""
 
-    place : IMU sample of the block with which it was taken. stamp_ns : its own stamp.
-    azimuth : rad.
-    sigma_slow, sigma_held, sigma_noise, sigma_constant : 1 sigma of the error that stays (the tool's own field), that
-        stays for a while (the vertical's), that is new in each (noise), and that never changes (declination), rad.
-    usable : its field passes the check; else it is never used.
-    restart : earlier rows are withdrawn: the azimuth begins anew.
-    status : bits of `Status`.
-    interference, sigma_interference : the tool's own field and 1 sigma, T; -1 where it is not known.
-    """
-
-    place: int
-    stamp_ns: int
-    azimuth: float
+    place: int  #: IMU sample of the block with which it was taken
+    stamp_ns: int  #: its own stamp
+    azimuth: float  #: rad
+    #: `sigma_slow`, `sigma_held`, `sigma_noise`, `sigma_constant`: 1 sigma of the error that stays (the tool's own
+    #: field), that stays for a while (the vertical's), that is new in each (noise), and that never changes
+    #: (declination), rad.
     sigma_slow: float
     sigma_held: float
     sigma_noise: float
     sigma_constant: float
-    usable: bool
-    restart: bool
-    status: np.uint32
+    usable: bool  #: its field passes the check; else it is never used
+    restart: bool  #: earlier rows are withdrawn: the azimuth begins anew
+    status: np.uint32  #: bits of `Status`
+    #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; -1 where it is not known.
     interference: Annotated[Array, 3]
     sigma_interference: Annotated[Array, 3]
 
 
 class BinStep:
-    """
-    A bin that closes within a block, and the azimuths that were found at its end, rad from the named north.
+    """A bin that closes within a block, and the azimuths that were found at its end, rad from the named north."""
 
-    place : sample of the block from which on the step holds, rising. bin : index of the bin.
-    seek_azimuth, seek_sigma : of a north seek, which owes nothing to the magnetometer; nan where there is none.
-    station_azimuth, station_sigma : of an accepted station, propagated to the next one; nan where there is none.
-    station_constant_sigma : the part of its sigma that every magnetic azimuth shares.
-    station_by_gyro : a gyro found north there.
-    """
-
-    place: int
-    bin: int
+    place: int  #: sample of the block from which on the step holds, rising
+    bin: int  #: index of the bin
+    #: `seek_azimuth`, `seek_sigma`: of a north seek, which owes nothing to the magnetometer; nan where there is none.
     seek_azimuth: float
     seek_sigma: float
+    #: `station_azimuth`, `station_sigma`: of an accepted station, propagated to the next one; nan where there is none.
     station_azimuth: float
     station_sigma: float
-    station_constant_sigma: float
-    station_by_gyro: bool
+    station_constant_sigma: float  #: the part of its sigma that every magnetic azimuth shares
+    station_by_gyro: bool  #: a gyro found north there
 
 
 class PropagatedAzimuth(NamedTuple):
@@ -238,17 +194,12 @@ class PropagatedAzimuth(NamedTuple):
 
 
 class AzimuthRow:
-    """
-    Azimuth of a sample.
+    """Azimuth of a sample."""
 
-    azimuth : of the hole axis from the named north, rad in [0, 2 pi); nan where there is none.
-    sigma : 1 sigma, rad, at most pi; infinite where none is propagated, because none was ever known or the hole is
-        vertical.
-    status : GYRO_AIDED: propagated by the gyros alone. MAG_DISTURBED: the last magnetic azimuth was not used.
-    """
-
-    azimuth: float
+    azimuth: float  #: of the hole axis from the named north, rad in [0, 2 pi); nan where there is none
+    #: 1 sigma, rad, at most pi; infinite where none is propagated, because none was ever known or the hole is vertical.
     sigma: float
+    #: GYRO_AIDED: propagated by the gyros alone. MAG_DISTURBED: the last magnetic azimuth was not used.
     status: np.uint32
 
 

@@ -50,17 +50,12 @@ class State:
 
 
 class PropagatedRow:
-    """
-    What the row of a sample is written with.
+    """What the row of a sample is written with."""
 
-    rate_x : about the axis, rad/s; of a rejected sample that by which it was propagated, nan where none was.
-    sigma_down : of the direction down, rad; of a used sample that of the inclination.
-    turned : 1 sigma by which the toolfaces of a rejected sample are less certain, rad; 0 for a used one, infinite
-        where nothing is known of it.
-    """
-
-    rate_x: float
-    sigma_down: float
+    rate_x: float  #: about the axis, rad/s; of a rejected sample that by which it was propagated, nan where none was
+    sigma_down: float  #: of the direction down, rad; of a used sample that of the inclination
+    #: 1 sigma by which the toolfaces of a rejected sample are less certain, rad; 0 for a used one, infinite where
+    #: nothing is known of it.
     turned: float
 
 

@@ -50,34 +50,28 @@ class GravitySample:
 
 
 class State:
-    """
-    All that changes.
+    """All that changes."""
 
-    ring, ring_head, ring_length : the last samples of gravity. last_ns : stamp of the last one.
-    turn : about the tool axis since the start, rad.
-    near_vertical : the hole is near vertical, with hysteresis.
-    have_mag, mag_ns : whether a magnetic sample has been taken in, and the stamp of the last.
-    restart : the next magnetic sample counts whole. last_interval : in which one was handed on last.
-    azimuth_vector, toolface_vector : smoothed cosine and sine of azimuth, and of magnetic toolface less turn.
-    azimuth, toolface : their angles, rad.
-    total, dip, horizontal, vertical : of the last magnetic sample: strength T, dip rad, field across and along the
-        vertical, T.
-    """
-
+    #: `ring`, `ring_head`, `ring_length`: the last samples of gravity.
     ring: Annotated[Sequence[GravitySample], RING]
     ring_head: int
     ring_length: int
-    last_ns: int
-    turn: float
-    near_vertical: bool
+    last_ns: int  #: stamp of the last one
+    turn: float  #: about the tool axis since the start, rad
+    near_vertical: bool  #: the hole is near vertical, with hysteresis
+    #: `have_mag`, `mag_ns`: whether a magnetic sample has been taken in, and the stamp of the last.
     have_mag: bool
     mag_ns: int
-    restart: bool
-    last_interval: int
+    restart: bool  #: the next magnetic sample counts whole
+    last_interval: int  #: in which one was handed on last
+    #: `azimuth_vector`, `toolface_vector`: smoothed cosine and sine of azimuth, and of magnetic toolface less turn.
     azimuth_vector: Annotated[Array, 2]
     toolface_vector: Annotated[Array, 2]
+    #: `azimuth`, `toolface`: their angles, rad.
     azimuth: float
     toolface: float
+    #: `total`, `dip`, `horizontal`, `vertical`: of the last magnetic sample: strength T, dip rad, field across and
+    #: along the vertical, T.
     total: float
     dip: float
     horizontal: float
@@ -104,19 +98,15 @@ class AttitudeRow:
 
 
 class Pair:
-    """
-    A magnetic sample handed on, with gravity at its own stamp.
+    """A magnetic sample handed on, with gravity at its own stamp."""
 
-    place : IMU sample of the block with which it was taken. stamp_ns : its own stamp.
-    g_t, b_t : unit vector down, and the field as read, T. sigma_tilt : 1 sigma of the direction down, rad.
-    azimuth, sigma : by the field model, from its north, and 1 sigma, rad.
-    """
-
-    place: int
-    stamp_ns: int
+    place: int  #: IMU sample of the block with which it was taken
+    stamp_ns: int  #: its own stamp
+    #: `g_t`, `b_t`: unit vector down, and the field as read, T.
     g_t: Annotated[Array, 3]
     b_t: Annotated[Array, 3]
-    sigma_tilt: float
+    sigma_tilt: float  #: 1 sigma of the direction down, rad
+    #: `azimuth`, `sigma`: by the field model, from its north, and 1 sigma, rad.
     azimuth: float
     sigma: float
 

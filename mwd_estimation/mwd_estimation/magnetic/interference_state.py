@@ -50,45 +50,35 @@ class Params(NamedTuple):
 
 
 class State:
-    """
-    All that changes.
+    """All that changes."""
 
-    x, P : bias T and scale of the three axes, error of the reference H and V, T; and covariance.
-    start, prior : state and covariance to restart from.
-    field : reference H and V, T.
-    last_ns : stamp of the last sample; -1 before the first.
-    disturbed_s, learnt_s : how long samples have been rejected without a break, and learnt from since the start.
-    """
-
+    #: `x`, `P`: bias T and scale of the three axes, error of the reference H and V, T; and covariance.
     x: Annotated[Array, STATES]
     P: Annotated[Array, STATES, STATES]
+    #: `start`, `prior`: state and covariance to restart from.
     start: Annotated[Array, STATES]
     prior: Annotated[Array, STATES, STATES]
-    field: Annotated[Array, 2]
-    last_ns: int
+    field: Annotated[Array, 2]  #: reference H and V, T
+    last_ns: int  #: stamp of the last sample; -1 before the first
+    #: `disturbed_s`, `learnt_s`: how long samples have been rejected without a break, and learnt from since the start.
     disturbed_s: float
     learnt_s: float
 
 
 class Interference:
-    """
-    Estimates after a sample.
+    """Estimates after a sample."""
 
-    bias, sigma : axial, y and z bias, T, and 1 sigma.
-    azimuth, sigma_azimuth : magnetic azimuth freed of bias and scale, rad in [0, 2 pi), and 1 sigma, at most pi.
-    sigma_own : the part of that sigma which the biases and scales left unknown make: it stays from sample to sample.
-    ratio : chi-square of the innovation over the gate; above one the sample was not learnt from.
-    learnt : the sample was taken in.
-    restarted : with this sample the filter forgot what it had learnt in a short time: that was from somewhere else.
-    """
-
+    #: `bias`, `sigma`: axial, y and z bias, T, and 1 sigma.
     bias: Annotated[Array, 3]
     sigma: Annotated[Array, 3]
+    #: `azimuth`, `sigma_azimuth`: magnetic azimuth freed of bias and scale, rad in [0, 2 pi), and 1 sigma, at most pi.
     azimuth: float
     sigma_azimuth: float
+    #: The part of that sigma which the biases and scales left unknown make: it stays from sample to sample.
     sigma_own: float
-    ratio: float
-    learnt: bool
+    ratio: float  #: chi-square of the innovation over the gate; above one the sample was not learnt from
+    learnt: bool  #: the sample was taken in
+    #: With this sample the filter forgot what it had learnt in a short time: that was from somewhere else.
     restarted: bool
 
 
@@ -106,32 +96,30 @@ class FieldSamples(NamedTuple):
 
 
 class Innovation:
-    """
-    The downward and horizontal field of a sample against the reference, and what its azimuth follows from.
+    """The downward and horizontal field of a sample against the reference, and what its azimuth follows from."""
 
-    north, east : unit vectors in tool axes. clean : the field as expected, T, free of the noise of the reading.
-    horizontal, vertical : of the reading less bias and scale, T.
-    slope, gain : of the innovations of V and H by the state, and the covariance of state and innovation.
-    off_v, off_h : innovations, T. p_vv, p_vh, p_hh : the state's part of their covariance, T^2.
-    r_vv, r_vh, r_hh : the part of errors that last a correlation time. bend : variance of H's second-order term.
-    """
-
+    #: `north`, `east`: unit vectors in tool axes.
     north: Annotated[Array, 3]
     east: Annotated[Array, 3]
-    clean: Annotated[Array, 3]
+    clean: Annotated[Array, 3]  #: the field as expected, T, free of the noise of the reading
+    #: `horizontal`, `vertical`: of the reading less bias and scale, T.
     horizontal: float
     vertical: float
+    #: `slope`, `gain`: of the innovations of V and H by the state, and the covariance of state and innovation.
     slope: Annotated[Array, 2, STATES]
     gain: Annotated[Array, 2, STATES]
+    #: `off_v`, `off_h`: innovations, T.
     off_v: float
     off_h: float
+    #: `p_vv`, `p_vh`, `p_hh`: the state's part of their covariance, T^2.
     p_vv: float
     p_vh: float
     p_hh: float
+    #: `r_vv`, `r_vh`, `r_hh`: the part of errors that last a correlation time.
     r_vv: float
     r_vh: float
     r_hh: float
-    bend: float
+    bend: float  #: variance of H's second-order term
 
 
 STATE, INTERFERENCE, INNOVATION = dtype_of(State), dtype_of(Interference), dtype_of(Innovation)

@@ -25,17 +25,12 @@ _GAP_NS = 10_000_000_000  # after a longer data gap it begins anew
 
 
 class State:
-    """
-    All that changes.
+    """All that changes."""
 
-    strengths : of the last samples, T, in a ring. count : how many there are. next : place of the next one.
-    last_ns : stamp of the last one.
-    """
-
-    strengths: Annotated[Array, _MEMORY]
-    count: int
-    next: int
-    last_ns: int
+    strengths: Annotated[Array, _MEMORY]  #: of the last samples, T, in a ring
+    count: int  #: how many there are
+    next: int  #: place of the next one
+    last_ns: int  #: stamp of the last one
 
 
 STATE = dtype_of(State)
