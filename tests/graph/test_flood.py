@@ -116,11 +116,13 @@ def run(tmp_path_factory):
         after = memory_mb(graph, surface, estimator)
         until(lambda: is_live(page), 120, "the well as before the flood")
         ends = [graph.end(name)[0] for name in (sonde, estimator, surface)]
+        logs = "".join(graph.log(name) for name in (sonde, estimator, surface))
         return {
             "sent": int(said.split()[1]),
             "told": json.loads(told.splitlines()[-1]),
             "growth": [b - a for a, b in zip(before, after, strict=True)],
             "ends": ends,
+            "logs": logs,
         }
 
 
@@ -140,3 +142,4 @@ def test_memory_stays_bounded_and_no_node_is_lost(run):
     # A queue without bound would keep some hundred bytes of each message twice.
     assert max(run["growth"]) < 100.0
     assert run["ends"] == [0, 0, 0]
+    assert "Traceback" not in run["logs"], run["logs"]

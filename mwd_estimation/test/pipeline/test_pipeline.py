@@ -2,6 +2,7 @@
 """The estimator as a whole: same bits for any cut, honest labels, surveys against the simulated truth."""
 
 import gc
+import itertools
 import tracemalloc
 
 import numpy as np
@@ -183,6 +184,29 @@ def test_nothing_that_is_not_finite_ever_comes_out():
         for field in samples.dtype.names:
             assert np.isfinite(samples[field]).all(), (name, field)
     assert pipeline.counters.rejected == 13
+
+
+@pytest.mark.fault_case(55)
+@settings(max_examples=10)
+@given(
+    force=st.sampled_from([0.0, 1e-300, -9.81, 3000.0, np.nan]),
+    places=st.lists(st.integers(200, 900), min_size=1, max_size=12),
+    late_ms=st.integers(-700, 700),
+)
+def test_samples_of_a_rogue_among_those_of_the_tool_end_no_block_and_are_over_with_them(force, places, late_ms):
+    imu, mag = _samples(seconds=20.0)
+    parts, rogue = [], wire.IMU.empty(50)
+    rogue["linear_acceleration"][:, 0] = force
+    for start, stop in itertools.pairwise([0, *sorted(places), len(imu)]):
+        parts.append(imu[start:stop])
+        rogue["stamp_ns"] = imu["stamp_ns"][stop - 1] + late_ms * 10**6 + np.arange(50)
+        parts.append(rogue.copy())
+    pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+    pipeline.push_mag(mag)
+    outputs = [pipeline.push_imu(block) for block in np.array_split(np.concatenate(parts), 9)]
+    rows = _joined(outputs, "attitude")[-60:-50]
+    assert rows["inclination"] == pytest.approx(0.8, abs=0.02)
+    assert np.all((rows["sigma_inclination"] > 0.0) & (rows["sigma_inclination"] < 0.1))
 
 
 @pytest.mark.fault_case(21)
