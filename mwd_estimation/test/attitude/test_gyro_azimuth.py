@@ -14,6 +14,7 @@ from north_signals import Motion, measured, motion, steady
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
+from consistency import assert_consistent
 from mwd_estimation.attitude import gyro_azimuth
 from mwd_estimation.attitude.gyro_azimuth import Params, UnitErrors, kernel_params
 from mwd_estimation.attitude.gyro_azimuth_state import (
@@ -158,15 +159,14 @@ def test_sigma_is_truthful_with_mag_without_it_and_after_it_comes_back(rpm: floa
     well = drilling(400.0, rpm)
     rng = np.random.default_rng(2)
     at = np.array([200, 2000, 3900, 5500, 7900])
-    ratios = []
+    found = []
     for _ in range(60):
         mag = magnetic(well, rng)
         mag[4000:5600] = np.nan
         rows, _, _ = go(well, mag, noisy(well, rng))
-        ratios.append(wrap_pi(rows["azimuth"][at] - well.azimuth[at]) / rows["sigma"][at])
-    nees = np.mean(np.square(ratios), axis=0)
-    # Chi-square, 60 degrees of freedom: 99 % band.
-    assert ((nees > 0.59) & (nees < 1.53)).all(), nees
+        found.append((wrap_pi(rows["azimuth"][at] - well.azimuth[at]), rows["sigma"][at]))
+    for error, sigma in np.transpose(found, (2, 1, 0)):
+        assert_consistent(error, sigma)
 
 
 def test_a_precision_unit_carries_better_and_its_sigma_is_truthful_too() -> None:
