@@ -13,7 +13,6 @@ from collections.abc import Callable
 
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.survey.revision import is_revised
-from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.survey import STATIC, Survey
 
 # Stations that are judged again after each survey: steel and a gyro that steps show within a few stations.
@@ -33,8 +32,8 @@ class LiveRevisions:
     def __init__(self, publish: Callable[[Survey, str], None]) -> None:
         self._publish = publish
         self._executor = concurrent.futures.ThreadPoolExecutor(1, "revisions")
-        self._job: concurrent.futures.Future[dict[int, Station]] | None = None
-        self._waiting: Callable[[], dict[int, Station]] | None = None
+        self._job: concurrent.futures.Future[dict[int, Survey]] | None = None
+        self._waiting: Callable[[], dict[int, Survey]] | None = None
         # As it was published first, and as it was revised last.
         self._surveys: dict[int, tuple[Survey, Survey]] = {}
         self._frame = ""
@@ -63,18 +62,18 @@ class LiveRevisions:
         """Publish what a finished judgement revised, and begin the one that waits."""
         if self._job is not None and self._job.done():
             job, self._job = self._job, None
-            for number, station in job.result().items():
-                self._revise(number, station)
+            for number, survey in job.result().items():
+                self._revise(number, survey)
         if self._job is None and self._waiting is not None:
             waiting, self._waiting = self._waiting, None
             self._job = self._executor.submit(waiting)
 
-    def _revise(self, number: int, station: Station) -> None:
+    def _revise(self, number: int, now: Survey) -> None:
         """Publish a revision that differs from what was said of the survey last."""
         if number not in self._surveys:
             return
         first, last = self._surveys[number]
-        if is_revised(last.station, station, station.sigma_azimuth):
-            survey = dataclasses.replace(first, station=station, revision=last.revision + 1)
+        if is_revised(last.station, now.station, now.station.sigma_azimuth):
+            survey = dataclasses.replace(now, status=first.status, revision=last.revision + 1)
             self._surveys[number] = first, survey
             self._publish(survey, self._frame)

@@ -31,7 +31,6 @@ from mwd_estimation.survey.decision import Provisional, SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage, StillSurvey
-from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.turning_string import TurningString
 
@@ -125,14 +124,14 @@ class BinStage:
         """Return a survey as it leaves the estimator; propagated: the azimuths carried to it."""
         return self._noted(self.decision.complete(taken, propagated))
 
-    def revisions(self) -> dict[int, Station]:
-        """Stations of which the whole run says something else than was published, by number."""
-        return {number: self._observatory.noted(one) for number, one in self.decision.revisions().items()}
+    def revisions(self) -> dict[int, Survey]:
+        """Surveys of which the whole run says something else than was published, by number."""
+        return {number: self._noted(one) for number, one in self.decision.revisions().items()}
 
-    def judging_again(self, newest: int) -> Callable[[], dict[int, Station]]:
-        """Return what judges the newest stations again, by number; it may be called in a thread."""
+    def judging_again(self, newest: int) -> Callable[[], dict[int, Survey]]:
+        """Return what judges the newest surveys again, by number; it may be called in a thread."""
         judge = self.decision.judging_again(newest)
-        return lambda: {number: self._observatory.noted(one) for number, one in judge().items()}
+        return lambda: {number: self._noted(one) for number, one in judge().items()}
 
     def _noted(self, taken: Survey) -> Survey:
         """Add what is to be said of the external field."""

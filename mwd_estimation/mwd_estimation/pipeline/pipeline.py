@@ -31,7 +31,7 @@ from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.stated_noise import with_noise
 from mwd_estimation.survey.static_survey import Refusal
-from mwd_estimation.survey.station_record import Station
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.input_covariance import Noise
 from mwd_sensors.core.mount import Mount, resolve
@@ -169,11 +169,11 @@ class Pipeline:
         """
         return self._estimate.finish()
 
-    def revisions(self) -> dict[int, Station]:
+    def revisions(self) -> dict[int, Survey]:
         """Surveys, by number, of which the later ones say something else than was published; that stays."""
         return self._estimate.bin_stage.revisions()
 
-    def judging_again(self, newest: int) -> Callable[[], dict[int, Station]]:
+    def judging_again(self, newest: int) -> Callable[[], dict[int, Survey]]:
         """Return what judges the newest surveys, by number, as the run is now; it may be called in a thread."""
         return self._estimate.bin_stage.judging_again(newest)
 

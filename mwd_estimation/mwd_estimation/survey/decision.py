@@ -56,7 +56,7 @@ class _Published(NamedTuple):
     above : number of the survey that this came from; 0: none.
     """
 
-    station: Station
+    survey: Survey
     known: tuple[float, float, float] | None = None
     above: int = 0
 
@@ -170,32 +170,32 @@ class SurveyDecision:
         known, finding = _known_of(provisional, propagated), provisional.finding
         survey = self._continued(provisional, propagated, known)
         had_a_say = known is not None and finding is not None and finding.continued(*known) is not finding
-        self._published[survey.sequence] = _Published(survey.station, known if had_a_say else None, self._above)
+        self._published[survey.sequence] = _Published(survey, known if had_a_say else None, self._above)
         if math.isfinite(provisional.accepted_azimuth.azimuth):
             self._above = survey.sequence
         while len(self._published) > _REVISABLE:
             del self._published[next(iter(self._published))]
         return survey
 
-    def revisions(self) -> dict[int, Station]:
+    def revisions(self) -> dict[int, Survey]:
         """
-        Stations of which the whole run says something else than was published.
+        Surveys of which the whole run says something else than was published.
 
         That is another verdict, or an azimuth more than its sigma away.
 
         Returns
         -------
-        dict of int to Station
-            By number of the survey. What was published stays; a revision is a proposal.
+        dict of int to Survey
+            By number. What was published stays; a revision is a proposal.
         """
         now = self.judging_again(len(self._taken))()
-        return {number: station for number, station in now.items() if station is not self._published[number].station}
+        return {number: survey for number, survey in now.items() if survey is not self._published[number].survey}
 
-    def judging_again(self, newest: int) -> Callable[[], dict[int, Station]]:
+    def judging_again(self, newest: int) -> Callable[[], dict[int, Survey]]:
         """
         Return what judges the newest stations of the run as it is now; it may be called in a thread.
 
-        It gives each station as it was published, or revised.
+        It gives each survey as it was published, or revised.
         """
         taken = tuple(self._taken.items())
         return functools.partial(_judged_again, taken, dict(self._published), self._settings, newest)
@@ -236,11 +236,11 @@ def _judged_again(
     published: Mapping[int, _Published],
     settings: StationSettings,
     newest: int,
-) -> dict[int, Station]:
-    """Return the newest stations by number: as published, or what the run says now where that is something else."""
+) -> dict[int, Survey]:
+    """Return the newest surveys by number: as published, or what the run says now where that is something else."""
     stations, before = [one for _, (one, _) in taken], [found for _, (_, found) in taken]
     again = zip(taken, findings(stations, before, settings, newest), strict=True)
-    now, revised = {}, set[int]()
+    now, revised = dict[int, Survey](), set[int]()
     for (number, (one, _)), finding in list(again)[-newest:]:
         if number not in published:
             continue
@@ -252,8 +252,12 @@ def _judged_again(
         if finding is not None and known is not None and above not in revised:
             finding = finding.continued(*known)
         station = judged(one.measured, finding, settings)
-        if is_revised(first, station, first.sigma_azimuth):
-            now[number] = dataclasses.replace(station, azimuths=first.azimuths)
+        if is_revised(first.station, station, first.station.sigma_azimuth):
+            station = dataclasses.replace(station, azimuths=first.station.azimuths)
+            unweighed = dict.fromkeys(first.weights, 0.0)
+            now[number] = dataclasses.replace(
+                first, station=station, weights={**unweighed, **_weights(finding, one.gyro)}
+            )
             revised.add(number)
     return now
 

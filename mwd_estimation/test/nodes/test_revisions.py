@@ -33,7 +33,7 @@ def live():
     run.judging_again = lambda _newest: lambda: dict(run.says)
 
     def judge(number, **says):
-        run.says = {int(name[1:]): one for name, one in says.items()}
+        run.says = {int(name[1:]): survey(int(name[1:]), station=one) for name, one in says.items()}
         live.take(survey(number), run, "sonde_link")
         until = time.monotonic() + 60.0
         live.update()

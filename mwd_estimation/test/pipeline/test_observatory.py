@@ -78,7 +78,7 @@ def test_the_storm_is_taken_off_and_the_survey_says_so(tmp_path):
     assert abs(np.degrees(wrap_pi(aided.azimuth - TRUE[1]))) < 0.5
     assert ReasonCode.MAGNETIC_STORM in _codes(aided)
     pipeline, _ = _surveyed(with_file)
-    assert ReasonCode.MAGNETIC_STORM in _codes(pipeline.judging_again(1)()[1])
+    assert ReasonCode.MAGNETIC_STORM in _codes(pipeline.judging_again(1)()[1].station)
     assert "observatory TST" in aided.reference.source
 
 

@@ -127,8 +127,10 @@ def test_gyro_readings_revise_an_earlier_station_beside_steel_and_its_first_valu
         published.append(decide.complete(taken, NOTHING).station)
     revised = decide.revisions()
     assert published[0].verdicts.azimuth == "accept"
-    assert revised[1].verdicts.azimuth == "doubtful"
-    now = [revised.get(k + 1, one) for k, one in enumerate(published)]
+    assert revised[1].station.verdicts.azimuth == "doubtful"
+    now = [revised[k + 1].station if k + 1 in revised else one for k, one in enumerate(published)]
+    # The gyro has no share in what the magnetometer says, and the other way round.
+    assert math.isclose(sum(revised[1].weights.values()), 1.0)
     for station, azimuth in zip(now, azimuths, strict=True):
         error = abs(wrap_pi(station.azimuth - azimuth))
         assert station.verdicts.azimuth != "accept" or error < 3.0 * station.sigma_azimuth
@@ -142,9 +144,9 @@ def test_the_newest_stations_of_a_run_are_revised_by_all_the_others():
         found = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.01) if k else None
         decide.complete(decide.begin(average(k + 1, 0.5 + 0.1 * k, 1.9, turned=0.4), k + 1, REFERENCE, found), NOTHING)
     every, newest = decide.judging_again(5)(), decide.judging_again(4)()
-    assert every[1].verdict == decide.revisions()[1].verdict == "doubtful"
+    assert every[1].station.verdict == decide.revisions()[1].station.verdict == "doubtful"
     assert list(newest) == [2, 3, 4, 5]
-    assert [every[number].verdict for number in newest] == [one.verdict for one in newest.values()]
+    assert [every[n].station.verdict for n in newest] == [one.station.verdict for one in newest.values()]
 
 
 def test_a_run_without_surprises_keeps_its_verdicts_and_readings_played_again_stay_doubtful():
@@ -155,7 +157,7 @@ def test_a_run_without_surprises_keeps_its_verdicts_and_readings_played_again_st
     assert decide.complete(decide.begin(again, 7, REFERENCE, None), NOTHING).station.verdict == "doubtful"
     revised = decide.revisions()
     assert 7 not in revised
-    assert all(station.verdict == "accept" for station in revised.values())
+    assert all(survey.station.verdict == "accept" for survey in revised.values())
 
 
 def test_a_station_measured_again_at_rest_is_as_good_as_the_first_and_teaches_nothing():
@@ -289,7 +291,7 @@ def test_what_came_from_a_station_that_is_itself_revised_is_no_longer_held_again
     monkeypatch.setattr(mwd_estimation.survey.decision, "is_revised", of_the_second)
     revised = decide.revisions()
     assert list(revised) == [2, 3]
-    assert revised[3].verdict == "accept"
+    assert revised[3].station.verdict == "accept"
 
 
 def test_a_sound_station_is_not_held_against_one_beside_steel_once_a_gyro_has_agreed():
@@ -300,4 +302,4 @@ def test_a_sound_station_is_not_held_against_one_beside_steel_once_a_gyro_has_ag
         begun = decide.begin(average(k + 1, 0.8, 1.891, turned=0.0 if k else 0.4), k + 1, REFERENCE, found)
         known = NOTHING._replace(station_azimuth=published[0].azimuth, station_sigma=0.005) if k == 1 else NOTHING
         published.append(decide.complete(begun, known).station)
-    assert published[1].verdict == decide.judging_again(6)()[2].verdict == "accept"
+    assert published[1].verdict == decide.judging_again(6)()[2].station.verdict == "accept"

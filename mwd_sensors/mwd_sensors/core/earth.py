@@ -12,6 +12,7 @@ import dataclasses
 import datetime
 import functools
 import math
+from typing import Any
 
 import numpy as np
 
@@ -283,6 +284,8 @@ def utm_zone(lat: float, lon: float) -> str:
     return f"EPSG:{32600 + zone if lat >= 0.0 else 32700 + zone}"
 
 
+# How far from its area a grid may still be used, deg: wells beside a zone keep the grid of their field.
+_BESIDE_DEG = 6.0
 _SOURCES = {"wmm2025": "WMM2025 (pygeomag)", "igrf": "IGRF14 (ppigrf)"}
 
 
@@ -313,13 +316,33 @@ def _igrf(lat: float, lon: float, height: float, year: float) -> Array:
 
 
 @functools.lru_cache(maxsize=64)
+def _check_area(known: Any, crs: str, lat_deg: float, lon_deg: float) -> None:
+    """Refuse a place far outside the area that a grid is made for."""
+    area = known.area_of_use
+    if area is None:
+        return
+    middle, half = 0.5 * (area.south + area.north), 0.5 * (area.north - area.south)
+    width = (area.east - area.west) % 360.0 or 360.0
+    off_east = abs(math.remainder(lon_deg - area.west - 0.5 * width, 360.0)) - 0.5 * width
+    if max(off_east, abs(lat_deg - middle) - half) > _BESIDE_DEG:
+        raise ValueError(
+            f"crs {crs!r}: {known.name} is made for {area.west:.4g} to {area.east:.4g} deg east, {area.south:.4g} to "
+            f"{area.north:.4g} deg north, and the place ({lat_deg:.2f}, {lon_deg:.2f}) lies far outside"
+        )
+
+
 def _map_grid(lat: float, lon: float, crs: str) -> MapGrid:
     import pyproj
 
     try:
-        grid = pyproj.Proj(crs)
-        if not pyproj.CRS(crs).is_projected:
-            raise ValueError(f"crs {crs!r} is no map grid: it has no easting and northing")
+        known = pyproj.CRS(crs)
+    except pyproj.exceptions.ProjError as error:
+        raise ValueError(f"crs {crs!r} is not known") from error
+    if not known.is_projected:
+        raise ValueError(f"crs {crs!r} is no map grid: it has no easting and northing")
+    _check_area(known, crs, math.degrees(lat), math.degrees(lon))
+    try:
+        grid = pyproj.Proj(known)
         factors = grid.get_factors(math.degrees(lon), math.degrees(lat), errcheck=True)
         easting, northing = grid(math.degrees(lon), math.degrees(lat), errcheck=True)
     except pyproj.exceptions.ProjError as error:

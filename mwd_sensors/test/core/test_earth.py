@@ -111,8 +111,18 @@ def test_grid_north_leans_towards_the_central_meridian():
 
 
 def test_an_unknown_grid_is_refused():
-    with pytest.raises(ValueError, match="EPSG:1"):
+    with pytest.raises(ValueError, match=r"^crs .EPSG:1. is not known$"):
         earth.grid_convergence(0.7, 1.9, "EPSG:1")
+
+
+def test_a_grid_of_another_part_of_the_earth_is_refused():
+    """UTM zone 31 at 9 deg east is the grid of a field beside it; at 109.6 deg it is a mistake."""
+    assert earth.grid_convergence(math.radians(58.0), math.radians(9.0), "EPSG:23031") > 0.0
+    for lat_deg, lon_deg in ((38.3, 109.6), (-30.0, 3.0), (58.0, -170.0)):
+        with pytest.raises(ValueError, match=r"ED50 / UTM zone 31N is made for .* far outside"):
+            earth.grid_convergence(math.radians(lat_deg), math.radians(lon_deg), "EPSG:23031")
+    # Across the date line.
+    assert math.isfinite(earth.grid_convergence(math.radians(-17.0), math.radians(-179.5), "EPSG:3460"))
 
 
 @pytest.mark.parametrize(

@@ -60,7 +60,7 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
         "verdicts": list(s.verdicts),
         "headline": s.action,
         # What the estimator says now that it knows later surveys; None: what it said first.
-        "revised": Verdict(record.revised[-1].verdict).word if record.revised else None,
+        "revised": None if record.revision is None else Verdict(record.revision.verdict).word,
         "alternatives": _alternatives(s, azimuth_north),
         "totals": _lights(s, limits),
         "disturbances": [[words, number(odds)] for words, odds in s.disturbances],

@@ -244,12 +244,12 @@ class BagEstimate:
         self._reject_wrong_mount()
         revised = pipeline.revisions()
         summary.revisions = [
-            (dataclasses.replace(survey, station=revised[survey.sequence]), depth)
+            (dataclasses.replace(revised[survey.sequence], status=survey.status, revision=1), depth)
             for survey, depth in summary.surveys
             if survey.sequence in revised
         ]
         summary.mag_used = self._use_mag
-        summary.listed, summary.live = self._list.finish()
+        summary.listed, summary.live = self._list.finish([survey for survey, _ in summary.revisions])
         summary.depths = self._list.depth_source
         summary.warnings += self._list.warnings
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)

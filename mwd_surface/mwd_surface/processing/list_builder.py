@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from mwd_surface.surveys.message_conversion import survey_of_fields
 from mwd_surface.surveys.recorded_list import RecordedList, recorded_list
 from mwd_surface.surveys.recorded_settings import Recorded, SurfacePart
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Survey as ListedSurvey
 from mwd_surface.surveys.well import Well
 
 Arrived = tuple[Stamps, Samples]
@@ -125,8 +127,7 @@ class ListBuilder:
             self._begin(survey)
         reading = self._depth_of(survey)
         live = self._live.records.get(survey.uuid)
-        fields = survey_fields(survey, survey.status)
-        listed = dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
+        listed = self._listed(survey)
         legs = {leg.name for leg in self.surveys.legs}
         leg = live.leg if live is not None and live.leg in legs else None
         tool = live.tool if live is not None else None
@@ -137,10 +138,13 @@ class ListBuilder:
             self.warnings.append(f"survey {survey.sequence} is not in the survey list: {error}")
         return md if md >= 0.0 else math.nan
 
+    def _listed(self, survey: Survey) -> ListedSurvey:
+        fields = survey_fields(survey, survey.status)
+        return dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
+
     def replace(self, survey: Survey) -> None:
         """Put a survey judged anew in the place of the same survey in the list."""
-        fields = survey_fields(survey, survey.status)
-        listed = dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
+        listed = self._listed(survey)
         old = next((record for record in self.surveys.records if record.survey.uuid == listed.uuid), None)
         if old is None:
             return
@@ -151,11 +155,18 @@ class ListBuilder:
             listed, old.measured_depth, old.depth_age, comment=old.comment, leg=old.leg, tool=old.tool
         )
 
-    def finish(self) -> tuple[SurveyList, str]:
-        """Return the list with the decisions of people, and in words how it compares with the live one."""
+    def finish(self, revisions: Sequence[Survey] = ()) -> tuple[SurveyList, str]:
+        """
+        Return the list with the decisions of people, and in words how it compares with the live one.
+
+        revisions: what the whole run says of its surveys; a live list with the same settings has its own.
+        """
+        as_live = bool(self._live.records) and self._estimator == self._recorded.estimator
+        for survey in () if as_live else revisions:
+            self.surveys = self.surveys.revise(self._listed(survey))
         if not self._live.records:
             return self.surveys, ""
-        if self._estimator == self._recorded.estimator:
+        if as_live:
             self.surveys, failed = self._live.decided(self.surveys, depths=self._live_depths)
             self.warnings += failed
         elif any(r.judgement for r in self._live.records.values()):
@@ -176,8 +187,12 @@ class ListBuilder:
         self._begun = True
         well = self._well
         place, recorded = self._estimator.place, self._recorded.estimator
-        if self._recorded.surface is None or recorded is None or self._estimator.survey.north != recorded.survey.north:
+        other_grid = recorded is not None and place.grid != recorded.place.grid
+        other_north = recorded is None or self._estimator.survey.north != recorded.survey.north
+        if self._recorded.surface is None or other_north or other_grid:
             well = dataclasses.replace(well, north_reference=first.station.north)
+        if place.grid != "none" and (recorded is None or other_grid):
+            well = dataclasses.replace(well, grid=place.grid)
         if recorded is None or place != recorded.place:
             well = dataclasses.replace(well, latitude_deg=place.lat_deg, longitude_deg=place.lon_deg)
         well = dataclasses.replace(well, sensor_to_bit=self.sensor_to_bit)

@@ -138,13 +138,13 @@ def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: 
 
 def revision_flags(record: SurveyRecord, north: North) -> list[str]:
     """Return what the estimator says of the survey now, where later ones have changed that: a person decides."""
-    words = []
-    for survey in record.revised:
-        azimuth = survey.azimuth_from(north)
-        now = "no azimuth" if azimuth is None else f"azimuth {math.degrees(azimuth):.2f} deg"
-        why = f": {survey.action}" if survey.action else ""
-        words.append(f"later surveys say: {Verdict(survey.verdict).word}, {now}{why}; the first value stays")
-    return words
+    survey = record.revision
+    if survey is None:
+        return []
+    azimuth = survey.azimuth_from(north)
+    now = "no azimuth" if azimuth is None else f"azimuth {math.degrees(azimuth):.2f} deg"
+    why = f": {survey.action}" if survey.action else ""
+    return [f"later surveys say: {Verdict(survey.verdict).word}, {now}{why}; the first value stays"]
 
 
 def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: float | None) -> Definitive:

@@ -239,6 +239,15 @@ class SurveyRecord:
     flags: tuple[str, ...] = ()
 
     @property
+    def revision(self) -> Survey | None:
+        """What the estimator says of the survey now; None where that is what it said first."""
+        if not self.revised:
+            return None
+        first, now = self.survey, self.revised[-1]
+        same = (now.verdict, now.verdict_azimuth, now.azimuth) == (first.verdict, first.verdict_azimuth, first.azimuth)
+        return None if same else now
+
+    @property
     def azimuth_doubt(self) -> str:
         """Which survey's azimuth is not to be relied on and why, in a sentence; empty where it is, or has none."""
         verdict = Verdict(self.survey.verdict_azimuth)

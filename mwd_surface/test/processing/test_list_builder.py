@@ -9,14 +9,17 @@ import pytest
 
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
+from mwd_sensors.core.earth import grid_convergence
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.list_files.list_columns import ListFileError
 from mwd_surface.processing import process
 from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.surveys import message_conversion
 from mwd_surface.surveys.depth_table import read_depths
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE, SurfacePart, recorded_settings
+from mwd_surface.surveys.survey_record import Verdict
 
 LIST = "mwd_msgs/msg/SurveyList"
 IN_FORCE = settings.changed(
@@ -109,6 +112,20 @@ def test_a_recording_of_our_own_brings_well_tool_and_sensor_to_bit(live):
     assert (record.measured_depth, record.tool) == (488.0, "T-7")
 
 
+def test_a_grid_given_by_option_is_that_of_the_list(tmp_path, live):
+    with Bag(raw(tmp_path / "bag")) as bag:
+        gridded = settings.changed(IN_FORCE, {"place.grid": "EPSG:32649"})
+        found = process.process(bag, tmp_path / "out", gridded, recorded=recorded_settings(bag)).listed
+    assert (live.well.north_reference, live.well.grid) == ("true", "")
+    assert (found.well.north_reference, found.well.grid) == ("grid", "EPSG:32649")
+    (record,), (before,) = found.records, live.records
+    convergence = grid_convergence(math.radians(38.3), math.radians(109.6), "EPSG:32649")
+    assert abs(convergence) > 0.01
+    assert math.remainder(record.survey.azimuth + convergence - before.survey.azimuth, math.tau) == pytest.approx(
+        0.0, abs=1e-6
+    )
+
+
 def test_depth_and_decision_of_the_live_list_are_kept(live, tmp_path):
     (record,) = live.records
     judged = live.accept(record.survey.sequence, "Ann", "gyro agrees", record.survey.stamp_ns + 1, measured_depth=480.5)
@@ -126,6 +143,21 @@ def test_depth_and_decision_of_the_live_list_are_kept(live, tmp_path):
     assert other.surveys[0][1] == 490.0
     (changed,) = other.listed.records
     assert (changed.measured_depth, changed.operator_name, changed.comment) == (490.0, "Ann", "")
+
+
+def test_what_the_whole_run_says_stands_in_a_list_without_a_live_one(tmp_path, live):
+    with Bag(raw(tmp_path / "bag")) as bag:
+        summary = process.process(bag, tmp_path / "out", IN_FORCE, recorded=recorded_settings(bag))
+        builder = ListBuilder(bag, summary.topics, IN_FORCE, InputSettings(), recorded_settings(bag), "sonde_link")
+        ((survey, _),) = summary.surveys
+        builder.add(survey)
+        doubted = dataclasses.replace(survey.station, verdict="doubtful")
+        listed, _ = builder.finish([dataclasses.replace(survey, station=doubted, revision=1)])
+    (record,) = listed.records
+    assert record.revision is not None
+    assert Verdict(record.revision.verdict) == Verdict.DOUBTFUL
+    assert record.survey.uuid == live.records[0].survey.uuid
+    assert record.survey.verdict == Verdict.ACCEPT
 
 
 def test_surveys_of_earlier_recordings_stay_in_the_list(live, tmp_path):

@@ -110,6 +110,11 @@ def test_a_revision_stands_beside_the_first_value_and_changes_no_path():
     assert revised.revise(dataclasses.replace(turned, uuid="of another list", revision=2)) is revised
     back = revised.revise(dataclasses.replace(turned, headline="", verdict=int(Verdict.ACCEPT), revision=2))
     assert [one.revision for one in back.find(2).revised] == [2]
+    assert "azimuth 48.00 deg" in flags(back, 2)[0]
+    # What is said as at first again is no revision any more.
+    first = back.revise(dataclasses.replace(whole.find(2).survey, revision=3))
+    assert first.find(2).revision is None
+    assert flags(first, 2) == flags(whole, 2)
     assert SurveyList.from_mapping(back.to_mapping()).find(2) == back.find(2)
 
 
