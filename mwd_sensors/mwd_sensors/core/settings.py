@@ -180,12 +180,13 @@ def unknown_key(
     key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str, former: Mapping[str, str] | None = None
 ) -> str:
     """Sentence for a key that does not exist: its name today, its near misses or, failing those, what there is."""
-    names = list(known)
+    names, where = list(known), f"{path}.{key}" if path else key
+    if former and key in former and key not in names:
+        return f"{where}: no such setting; {key} is now {former[key]}"
     near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
     # A setting that moved to another block keeps its own name more often than not.
     near += [name for name in names if "." in key and name.endswith(key[key.rindex(".") :]) and name not in near][:3]
-    where = f"{path}.{key}" if path else key
-    old = key if former and key in former else key.partition(".")[0]
+    old = key.partition(".")[0]
     moved = f"{old} is now {former[old]}; " if former and old in former and key not in names else ""
     hint = f"did you mean {' or '.join(near)}?" if near else _all_of(names)
     return f"{where}: no such setting; {moved}{hint}"
