@@ -18,10 +18,10 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-TEMPERATURES = (1.15, 1.5, 4.0)
+TEMPERATURES = (1.0, 1.5, 4.0)
 # Before any parity is seen: likeliest of words with the truth known, of simulated wells and of white noise. White noise
-# alone is likeliest at 1.15, pulses of 0.3 s among pumps at 1.5, stalls and gaps at 4. The last is for a temperature
-# without bound.
+# and most wells are likeliest at 1, pulses of 0.3 s at the limit of detection at 1.3, stalls and gaps at 2 to 4. The
+# last is for a temperature without bound.
 _PRIOR = (0.60, 0.32, 0.02, 0.06)
 # The last one of a tool whose words have no parity.
 _UNSEEN = 0.002

@@ -147,6 +147,9 @@ def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
     """
     Variance that an uncertain response adds to the decision between two places one TU apart, noise being 1.
 
+    The error of the response meets the pulse and, where pulses are weak, the noise; the other place is the earlier or
+    the later one.
+
     Parameters
     ----------
     u, covariance : ndarray, shapes (c,), (c, c)
@@ -154,12 +157,26 @@ def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
     shapes : ndarray, shape (c, m)
         Whitened components.
     """
-    apart = np.zeros((len(shapes), shapes.shape[1] + SAMPLES_PER_TU))
-    apart[:, :-SAMPLES_PER_TU] = shapes
-    apart[:, SAMPLES_PER_TU:] -= shapes
-    gram = apart @ apart.T
-    metric = gram @ u
-    return float(metric @ covariance @ metric) / max(float(u @ metric), 1e-300)
+    pulse = np.pad(u @ shapes, (SAMPLES_PER_TU, SAMPLES_PER_TU))
+    total = 0.0
+    for other in (0, 2 * SAMPLES_PER_TU):
+        apart = np.pad(shapes, ((0, 0), (SAMPLES_PER_TU, SAMPLES_PER_TU)))
+        apart -= np.pad(shapes, ((0, 0), (other, 2 * SAMPLES_PER_TU - other)))
+        metric, gram = apart @ pulse, apart @ apart.T
+        total += 0.5 * float(metric @ covariance @ metric + np.sum(gram * covariance))
+    return total / max(float(u @ gram @ u), 1e-300)
+
+
+def sensitivity(response: Array) -> float:
+    """
+    Standard deviation, noise being 1, that a time error of one sample adds to the decision of `uncertainty`.
+
+    response, shape (m,): whitened.
+    """
+    later = np.pad(response, (SAMPLES_PER_TU, 0))
+    apart = np.pad(response, (0, SAMPLES_PER_TU)) - later
+    slope = np.gradient(later + apart)
+    return float(abs(apart @ slope) / max(float(np.linalg.norm(apart)), 1e-300))
 
 
 @compiled

@@ -24,6 +24,7 @@ from mwd_surface.receiver.channel_estimate import (
     matched,
     normal_equations,
     reconstruct,
+    sensitivity,
     uncertainty,
 )
 from mwd_surface.receiver.pump_lines import SEARCH_SAMPLES, pump_noise
@@ -88,6 +89,9 @@ class Stretch:
         Of the packets' values, from decoding them before.
     angles : ndarray, shape (pumps, n), optional
         Crank angles of pumps whose strokes are counted, rad.
+    pace_error : float
+        1 sigma of the tool's clock, relative: how much later than the lattice a pulse may be, by its distance from
+        those that taught the response.
     """
 
     pressure: Array
@@ -100,6 +104,7 @@ class Stretch:
     end: int
     probability: Array | None = None
     angles: Array | None = None
+    pace_error: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -166,8 +171,9 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         filtered(stretch.pressure - pumps, state.whitener, whitened)
         _whitened_shapes(state, shapes)
         train = _train(stretch, probability)
-        sure = _estimate(stretch, state, shapes, whitened, (weight, train))
+        unsure = _estimate(stretch, state, shapes, whitened, (weight, train))
         g = _whitened(state.response, state.whitener)
+        sure = 1.0 / (1.0 + unsure + _lateness(stretch, weight * train, sensitivity(g)))
         weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
         out, energy = np.empty(places), np.empty(places)
         matched(whitened, weight, g, stretch.start, out, energy)
@@ -177,8 +183,8 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         near = (others > -len(common)) & (others < places + len(common))
         shared = np.empty((count, values))
         trellis.mean_interference(packets, others[near], stretch.chances[near], common, level, probability, shared)
-        unary = sure * (_unary(packets, out, energy) - shared)
-        common = sure * common
+        unary = sure[:, None] * (_unary(packets, out, energy) - shared)
+        level = sure * level
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
         evidence = trellis.marginals(packets, forward, backward, probability, even)
         if not (again and turn == _ROUNDS_AGAIN - 1):
@@ -236,7 +242,7 @@ def _estimate(
     stretch: Stretch, state: Channel, shapes: Array, whitened: Array, weighted_train: tuple[Array, Array]
 ) -> float:
     """
-    Response from the pulses round the packets; returns how sure a decision with it is, 0 to 1.
+    Response from the pulses round the packets; returns the variance that its error adds to a decision, noise being 1.
 
     The pressure of the packets themselves is left out: a response that learns from its own decisions confirms them.
     """
@@ -248,7 +254,20 @@ def _estimate(
     normal_equations(train, shapes, whitened, others, matrix, right)
     u, state.scale, covariance = coefficients(matrix, right, state.scale)
     state.response = u @ state.components
-    return 1.0 / (1.0 + uncertainty(u, covariance, shapes))
+    return uncertainty(u, covariance, shapes)
+
+
+def _lateness(stretch: Stretch, train: Array, each: float) -> Array:
+    """
+    Variance that the error of the clock adds to the decision on each packet, noise being 1; shape (k,).
+
+    train: weights of the pulses that are known; each: standard deviation by a time error of one sample.
+    """
+    others = train.copy()
+    others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
+    middle = float(others @ np.arange(len(others))) / max(float(others.sum()), 1e-300)
+    at = stretch.start + SAMPLES_PER_TU * (stretch.packets[:, trellis.START] + 0.5 * stretch.packets[:, trellis.COUNT])
+    return np.asarray((each * stretch.pace_error * (at - middle)) ** 2)
 
 
 def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array:

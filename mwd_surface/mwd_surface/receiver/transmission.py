@@ -361,4 +361,5 @@ class Transmission:
             end,
             None if before is None else before.probability,
             self._grid.angles(self._clock.at(begin), self._clock.pace, count),
+            math.sqrt(self._clock.variance),
         )

@@ -90,7 +90,8 @@ def _predicted(lags: Array, count: float, best: Array) -> float:
         a[m] = k
         error *= 1.0 - k * k
         if count * np.log(error) + 2.0 * m < lowest:
-            lowest, least = count * np.log(error) + 2.0 * m, error
+            # Each coefficient fits its share of the noise.
+            lowest, least = count * np.log(error) + 2.0 * m, error * count / (count - m)
             best[:] = a
     return float(least)
 
