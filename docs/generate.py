@@ -72,6 +72,17 @@ def supervision() -> str:
     return "\n".join(lines) + "\n"
 
 
+def station_column(signal) -> str:
+    """Column of a signal in the tables of stations: there and in the survey list it has the same name."""
+    from mwd_surface.surveys.station_csv import OF_STATIONS
+
+    if signal.source != "survey":
+        return ""
+    ends = {"m": "m", "rad": "deg", "T": "nt", "m/s^2": "mps2"}
+    names = {signal.listed.key if signal.listed else "", f"{signal.field}_{ends.get(signal.unit, '')}"}
+    return next((one.name for one in OF_STATIONS if one.name in names), "")
+
+
 def signals() -> str:
     """Every signal, and where it appears."""
     from mwd_surface.signals.signal import SOURCES
@@ -80,13 +91,14 @@ def signals() -> str:
 
     heads = (
         *("signal", "meaning", "unit, type", "source", "1 sigma", "page", "OPC UA", "Modbus", "WITS", "D-WIS nouns"),
-        *("survey list: CSV", "LAS", "WITSML", "recording by seconds", "attitude files"),
+        *("survey list: CSV", "LAS", "WITSML", "stations", "recording by seconds", "attitude files"),
     )
     lines = [
         "# Signals\n",
         "Every signal and its name on the page and in each protocol and file, from the one table in the code",
         "(`mwd_surface/signals/table.csv`). Page and OPC UA have SI units, Modbus and WITS (metric) those named,",
-        "a column of a file that at the end of its name; conditions, ages and sigmas: {doc}`../rig/port`.\n",
+        "a column of a file that at the end of its name. Stations: the tables of `mwd process` and `mwd survey`",
+        "({doc}`surveys_csv`). Conditions, ages and sigmas: {doc}`../rig/port`.\n",
         f"| {' | '.join(heads)} |",
         "|---" * len(heads) + "|",
     ]
@@ -98,7 +110,7 @@ def signals() -> str:
         listed = (s.listed.key, s.listed.las, s.listed.witsml) if s.listed else ("", "", "")
         kind = s.unit if s.type == "Double" else s.type
         sigma = "yes" if s.sigma else ""
-        columns = [column.key if column else "" for column in (s.series, s.attitude)]
+        columns = [station_column(s), *(column.key if column else "" for column in (s.series, s.attitude))]
         cells = (s.name, s.meaning, kind, s.source, sigma, ", ".join(s.page), s.opcua, modbus, wits, ", ".join(s.dwis))
         lines.append(f"| {' | '.join((*cells, *listed, *columns))} |")
     lines += [

@@ -32,10 +32,11 @@ for k in range(1, 11):
 """
 
 
-def program(name, seconds=5.0):
-    """The ROS controller of the page, under a name and for a time."""
+def program(name, goes_on="time.monotonic() < end"):
+    """The ROS controller of the page, under a name and for as long as an expression holds."""
     text = re.search(r"```python\n(.*?)```", PAGE.read_text().split("\n## ROS\n")[1], re.DOTALL).group(1)
-    return text.replace('"my_controller"', f'"{name}"').replace("monotonic() + 5.0", f"monotonic() + {seconds}")
+    assert "while time.monotonic() < end:" in text
+    return text.replace('"my_controller"', f'"{name}"').replace("time.monotonic() < end", goes_on)
 
 
 @pytest.fixture(scope="module")
@@ -59,14 +60,17 @@ def contested(tmp_path_factory):
         until(lambda: ": active" in graph.log(surface), 90, "the surface is active")
         sonde = graph.start("sonde", "w1", scenario=STEERED, rate=1.0, wait_for_listener_s=60.0)
         until(lambda: "scenario steered" in graph.log(sonde), 90, "the scenario begins")
-        first = run("first", program("first", 8.0))
+        enough = folder / "enough"
+        first = run("first", program("first", f"not __import__('os').path.exists({str(enough)!r})"))
         until(lambda: "first has control" in graph.log(surface), 60, "the first has control")
-        second = run("second", program("second", 4.0))
+        second = run("second", program("second"))
         intruder = run("intruder", INTRUDER)
+        until(lambda: graph.running["intruder"].poll() is not None, 60, "the intruder is done")
+        until(lambda: "first has control" in second.read_text(), 60, "the second is refused")
+        enough.touch()
         until(lambda: "second has control" in graph.log(surface), 60, "the second has its turn")
         until(lambda: "driller's" in second.read_text(), 60, "the second is done")
-        until(lambda: graph.running["intruder"].poll() is not None, 60, "the intruder is done")
-        third = run("third", program("third", 600.0))
+        third = run("third", program("third", "True"))
         until(lambda: "third has control" in graph.log(surface), 60, "the third has control")
         graph.running["third"].send_signal(signal.SIGKILL)
         until(lambda: "third is silent" in graph.log(surface), 30, "its death is noticed")
