@@ -179,6 +179,7 @@ def test_a_table_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     assert not (tmp_path / "out.csv").exists()
 
 
+@pytest.mark.slow
 def test_a_bag_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     refused(mwd("process", tmp_path / "bag", "-o", tmp_path / "out"), "there is nothing at")
     (tmp_path / "bag").mkdir()
@@ -189,6 +190,7 @@ def test_a_bag_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bag"]
 
 
+@pytest.mark.slow
 def test_every_option_of_the_reference_of_a_table_counts_or_is_refused(tmp_path):
     def reference(*words):
         done = mwd("survey", VOLVE, "-o", tmp_path / "out.csv", *words)
@@ -215,6 +217,7 @@ def test_every_option_of_the_reference_of_a_table_counts_or_is_refused(tmp_path)
         refused(mwd("survey", VOLVE, *words), says)
 
 
+@pytest.mark.slow
 def test_a_gyro_list_becomes_a_path_and_every_export_of_it_gives_the_same_path(tmp_path):
     gyro = REFERENCE_DATA / "volve" / "F-4_gyro_ns_trajectory.csv"
     place = ("--lat", 58.44, "--lon", 1.88, "--date", "2026-03-01")
@@ -277,6 +280,7 @@ def test_a_simulated_run_is_processed_to_its_surveys(tmp_path):
     assert "/well_4/truth" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_warning_that_several_surveys_share_is_given_once_with_their_numbers(tmp_path):
     scenario, depths = tmp_path / "four.yaml", tmp_path / "depths.csv"
     scenario.write_text(

@@ -3,6 +3,7 @@
 
 from pathlib import Path
 
+import pytest
 from ament_flake8.main import main_with_errors
 from ament_pep257.main import main as pep257
 
@@ -10,11 +11,13 @@ PACKAGE = Path(__file__).resolve().parents[1]
 PATHS = [str(PACKAGE / name) for name in (PACKAGE.name, "launch", "setup.py")]
 
 
+@pytest.mark.slow
 def test_flake8(capsys):
     found, errors = main_with_errors(argv=["--config", str(PACKAGE / "setup.cfg"), *PATHS])
     assert found == 0, "\n".join(errors)
 
 
+@pytest.mark.slow
 def test_pep257(capsys):
     ignored = ("--convention", "numpy", "--add-ignore", "D105", "D301", "D401", "D403", "--")
     assert pep257(argv=[*ignored, PATHS[0]]) == 0, capsys.readouterr().out

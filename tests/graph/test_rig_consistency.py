@@ -343,6 +343,7 @@ async def variables(address):
         return {name: (await (await well.get_child(f"{index}:{key}")).read_value(), 0.0) for name, key in names.items()}
 
 
+@pytest.mark.slow
 def test_every_output_gives_the_numbers_of_the_list_within_its_own_rounding(given):
     assert len(given.outputs) == 10
     for output, numbers in given.outputs.items():

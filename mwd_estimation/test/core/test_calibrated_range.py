@@ -44,6 +44,7 @@ def station(celsius, rng=None):
     return SurveyDecision(settings, FaultHistory()).begin(still, 1, REFERENCE, None).survey.station
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(23)
 @pytest.mark.parametrize("celsius", [190.0, -10.0])
 def test_errors_beyond_the_calibration_are_as_large_as_the_sigmas_say(celsius):

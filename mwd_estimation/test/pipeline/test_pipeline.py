@@ -58,6 +58,7 @@ def _joined(outputs, name):
     return np.concatenate([getattr(output, name) for output in outputs])
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(cuts=st.lists(st.integers(0, 1600), max_size=8))
 def test_any_cut_into_blocks_gives_the_same_bits(cuts):
@@ -390,6 +391,7 @@ def test_innovations_count_what_the_field_check_rejects_however_the_stream_is_cu
     assert 0.0 < before["gravity_inclination"].test_ratio < 20.0
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(70)
 def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeypatch):
     # Of fewer stations than here, so that what is kept of them is full too.

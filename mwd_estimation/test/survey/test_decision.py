@@ -69,6 +69,7 @@ def drawn_run(seed):
     return surveys
 
 
+@pytest.mark.slow
 def test_rewording_every_reason_changes_no_survey_verdict_azimuth_or_sigma(monkeypatch):
     plain = [drawn_run(seed) for seed in range(5)]
     messages = [survey_fields(survey, 0) for run in plain for _, survey in run]
@@ -117,6 +118,7 @@ def test_readings_played_again_are_no_second_station():
     np.testing.assert_array_equal(again.shared[0], first.shared[0])
 
 
+@pytest.mark.slow
 def test_gyro_readings_revise_an_earlier_station_beside_steel_and_its_first_value_stays():
     decide, rng, published, azimuths = decision(), np.random.default_rng(3), [], 1.9 + 0.02 * np.arange(7)
     for k, azimuth in enumerate(azimuths):
@@ -137,6 +139,7 @@ def test_gyro_readings_revise_an_earlier_station_beside_steel_and_its_first_valu
     assert sum(one.verdicts.azimuth == "accept" for one in now) >= 5
 
 
+@pytest.mark.slow
 def test_the_newest_stations_of_a_run_are_revised_by_all_the_others():
     decide = decision()
     for k in range(5):
@@ -294,6 +297,7 @@ def test_what_came_from_a_station_that_is_itself_revised_is_no_longer_held_again
     assert revised[3].station.verdict == "accept"
 
 
+@pytest.mark.slow
 def test_a_sound_station_is_not_held_against_one_beside_steel_once_a_gyro_has_agreed():
     decide, published = decision(), []
     for k in range(6):

@@ -62,6 +62,7 @@ def test_the_declination_is_never_averaged_away():
     assert math.sqrt(covariance[Shared.DECLINATION, Shared.DECLINATION]) == pytest.approx(least, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_run_learns_the_string_s_field_and_errs_by_its_sigma():
     rng, errors, sigmas = np.random.default_rng(2), [], []
     for _ in range(20):

@@ -138,6 +138,7 @@ def test_fixed_limits_of_field_and_dip_hold_beside_the_posterior():
         assert len(set(beyond.reasons)) == len(beyond.reasons)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("inc", "azi"), [(10, 40), (30, 90), (60, 90), (88, 30)])
 def test_sound_tools_are_accepted_and_err_by_less_than_their_sigma(inc, azi):
     rng, errors, sigmas, accepted = np.random.default_rng(inc + azi), [], [], 0
@@ -150,6 +151,7 @@ def test_sound_tools_are_accepted_and_err_by_less_than_their_sigma(inc, azi):
     assert_covered(errors, sigmas)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("inc", "azi", "axial_nt"), [(60, 20, 1500), (30, 90, 1500), (75, 60, 3000), (88, 90, 900)])
 def test_the_sigma_covers_interference_that_is_drawn_beyond_the_tool_code(inc, azi, axial_nt):
     rng = np.random.default_rng(inc + azi)
@@ -260,6 +262,7 @@ def test_a_field_along_gravity_gives_no_azimuth_and_says_so():
 READING = floats(-1e6, 1e6) | floats(-20.0, 20.0) | floats(-1e-4, 1e-4) | sampled_from([0.0, math.nan, math.inf])
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(lists(READING, min_size=6, max_size=6), sampled_from([None, REFERENCE]))
 def test_no_reading_however_broken_raises_or_is_accepted_without_cause(axes, reference):
@@ -271,6 +274,7 @@ def test_no_reading_however_broken_raises_or_is_accepted_without_cause(axes, ref
         assert np.linalg.eigvalsh(shot.covariance).min() > -1e-9
 
 
+@pytest.mark.slow
 def test_totals_deviate_by_their_covariance_when_errors_are_drawn():
     rng, chi = np.random.default_rng(8), []
     for _ in range(800):

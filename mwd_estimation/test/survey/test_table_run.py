@@ -14,6 +14,8 @@ from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.survey.table_run import run_stations
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
+pytestmark = pytest.mark.slow
+
 REFERENCE = Reference(total=50e-6, dip=math.radians(70.0), declination=math.radians(2.0), gravity=9.81)
 SETTINGS = StationSettings()
 

@@ -8,6 +8,7 @@ import tracemalloc
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 
 from mwd_sensors.core.compiled import compiled
 
@@ -53,6 +54,7 @@ def test_a_kernel_tells_apart_the_layouts_of_columns_and_keeps_nothing_of_a_call
     assert kept[1] - kept[0] < 5000
 
 
+@pytest.mark.slow
 def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
     callee = "from mwd_sensors.core.compiled import compiled\n\n@compiled\ndef step(x):\n    return x + {}\n"
     (tmp_path / "mwd_callee.py").write_text(callee.format(1))
@@ -74,6 +76,7 @@ def test_a_changed_callee_in_another_module_is_compiled_anew(tmp_path):
     assert run() == ["230", "0"]
 
 
+@pytest.mark.slow
 def test_a_kernel_is_compiled_anew_when_the_fields_of_its_parameters_change_places(tmp_path):
     params = "from typing import NamedTuple\n\nclass Params(NamedTuple):\n    {}: float\n    {}: float\n"
     (tmp_path / "mwd_params.py").write_text(params.format("low", "top"))
@@ -94,6 +97,7 @@ def test_a_kernel_is_compiled_anew_when_the_fields_of_its_parameters_change_plac
     assert run() == "3.0"
 
 
+@pytest.mark.slow
 def test_a_kernel_is_compiled_anew_when_the_module_of_its_parameters_has_another_name(tmp_path):
     params = "from typing import NamedTuple\n\nclass Params(NamedTuple):\n    low: float\n    top: float\n"
     user = (
@@ -110,6 +114,7 @@ def test_a_kernel_is_compiled_anew_when_the_module_of_its_parameters_has_another
         (tmp_path / f"{name}.py").unlink()
 
 
+@pytest.mark.slow
 def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(tmp_path):
     (tmp_path / "mwd_powers.py").write_text(
         "from mwd_sensors.core.compiled import compiled\n\n"
@@ -123,6 +128,7 @@ def test_a_callee_is_compiled_once_for_a_type_whatever_the_numbers_in_the_call(t
     assert done.stdout.split() == ["44", "1"]
 
 
+@pytest.mark.slow
 def test_that_kernels_are_being_compiled_is_reported_once_and_not_where_they_come_from_the_cache(tmp_path):
     (tmp_path / "mwd_sums.py").write_text(
         "from mwd_sensors.core.compiled import compiled, when_compiling\n\n"
@@ -136,6 +142,7 @@ def test_that_kernels_are_being_compiled_is_reported_once_and_not_where_they_com
         assert done.stdout.split() == expected
 
 
+@pytest.mark.slow
 def test_processes_that_need_a_kernel_at_the_same_time_compile_it_once(tmp_path):
     (tmp_path / "mwd_shared.py").write_text(
         "from mwd_sensors.core.compiled import compiled, when_compiling\n\n"

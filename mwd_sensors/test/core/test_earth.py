@@ -32,6 +32,7 @@ def test_wmm2025_reproduces_every_test_value_of_its_authors():
         assert np.linalg.norm(got) * 1e9 == pytest.approx(total, abs=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(37)
 def test_igrf_agrees_with_wmm2025_to_what_global_models_leave_open():
     off = []

@@ -98,6 +98,7 @@ def test_only_the_fields_asked_for_are_read_and_other_types_whole(bag_path):
     assert some["/well_7/imu/mag"].tobytes() == whole["/well_7/imu/mag"].tobytes()
 
 
+@pytest.mark.slow
 def test_a_recording_of_another_program_reads_as_rosbags_reads_it(broad_27):
     with RosbagsReader(broad_27) as reader:
         expected = [(stamp, c.topic, bytes(data)) for c, stamp, data in reader.messages()]
@@ -422,6 +423,7 @@ def traced_peak(work) -> int:
         tracemalloc.stop()
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(67)
 def test_the_memory_for_a_day_is_that_for_an_hour(day):
     def read(hours: int) -> None:

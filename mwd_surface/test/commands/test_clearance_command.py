@@ -53,6 +53,7 @@ def test_wells_far_apart_end_with_no_error(folder):
     assert done.exit_code == 0, done.output
 
 
+@pytest.mark.slow
 def test_the_plan_ahead_is_compared_too_and_a_programme_counts(folder):
     ends, allowed = [], []
     for extra in ((), ("--plan", folder / "beside.csv"), ("--programme", folder / "programme.yaml")):

@@ -71,6 +71,7 @@ def test_no_word_is_said_with_its_reason(folder):
     assert "no words" in said or "0 of" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "recording"), [("psk", "pressure.csv"), ("serial", "bytes.bin"), ("combinatorial", "pressure.csv")]
 )
@@ -84,6 +85,7 @@ def test_other_codes_are_simulated_and_decoded(tmp_path, code, recording):
     assert (tmp_path / "out" / "picture.png").exists() == (code != "serial")
 
 
+@pytest.mark.slow
 def test_an_em_tool_is_simulated_and_decoded(tmp_path):
     run("tool", "new", "-o", tmp_path / "em.yaml", "--code", "psk")
     text = (tmp_path / "em.yaml").read_text().replace("medium: mud", "medium: earth").replace("12.0", "6.0")

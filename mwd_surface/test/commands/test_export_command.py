@@ -28,6 +28,7 @@ def numbers(text):
     return [line for line in text.splitlines() if not line.startswith("#")]
 
 
+@pytest.mark.slow
 def test_every_format_is_written_and_says_where(run, tmp_path):
     for kind, made in FORMATS.items():
         done = mwd("export", run, "-f", kind, "-o", tmp_path / f"one{made.ending}")
@@ -59,6 +60,7 @@ def test_a_recording_with_the_well_given_gives_the_same_numbers(run, tmp_path):
     assert numbers((tmp_path / "bag.csv").read_text()) == numbers((tmp_path / "run.csv").read_text())
 
 
+@pytest.mark.slow
 def test_a_report_is_html_and_pdf(run, tmp_path):
     done = mwd("report", run, "-o", tmp_path / "reports")
     assert done.returncode == 0, done.stderr

@@ -80,6 +80,7 @@ def test_no_text_starts_like_a_formula(text):
     assert quoted(text).startswith("\"'")
 
 
+@pytest.mark.slow
 @given(st.text(max_size=60))
 def test_any_remark_stays_one_cell_of_one_line(text):
     whole = example.surveys().remark(1, text)

@@ -44,6 +44,7 @@ def test_head_certificate_and_page_numbers_are_printed(pages):
         assert f"page {k} of {len(pages)}" in text
 
 
+@pytest.mark.slow
 def test_a_long_list_flows_over_pages_and_repeats_its_titles():
     whole = example.surveys()
     for k in range(13, 90):

@@ -8,6 +8,7 @@ import tracemalloc
 
 import numpy as np
 import plotted_bag
+import pytest
 from pyarrow import parquet
 from test_cli import mwd, refused
 
@@ -95,6 +96,7 @@ def test_rows_do_not_depend_on_how_a_recording_falls_into_blocks(tmp_path, monke
     assert all(b.second - a.second == 1 for a, b in itertools.pairwise(found[0]))
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording(tmp_path):
     def blocks(hours):
         for k in range(hours):

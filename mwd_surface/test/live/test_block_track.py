@@ -27,6 +27,7 @@ def readings(blocks, *, slips=(), step_s=1.0, depth=None):
     return samples
 
 
+@pytest.mark.slow
 def test_connections_of_the_simulated_rig_are_followed_by_the_block_alone():
     stand = [{"kind": "drill", "seconds": 60.0, "rop_m_h": 540.0}, {"kind": "connection", "seconds": 60.0}]
     changes = {"schedule": stand, "cycles": 2, "vibration": {}}

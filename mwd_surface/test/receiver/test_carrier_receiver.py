@@ -15,6 +15,8 @@ from mwd_sensors.simulator.mud_pumps import Pump
 from mwd_sensors.telemetry.tool_configuration import starting
 from mwd_surface.receiver.carrier_receiver import CarrierReceiver
 
+pytestmark = pytest.mark.slow
+
 TOOL = tool_of()
 
 

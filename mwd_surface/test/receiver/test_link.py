@@ -88,6 +88,7 @@ def test_the_same_survey_sent_again_is_no_second_one(run):
     assert [len(one_list.take(heard, 0)) for heard in surveys] == [1, 0]
 
 
+@pytest.mark.slow
 def test_a_carrier_is_read_by_the_same_link():
     tool = dataclasses.replace(
         starting("psk"), transmit_delay_s=30.0, survey_sequences=TOOL.survey_sequences, toolface_sequences=("aTFA:6:P",)

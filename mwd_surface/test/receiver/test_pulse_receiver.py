@@ -79,6 +79,7 @@ def test_word_errors_in_white_noise_are_near_the_limit():
     assert np.mean(errors) < expected + 3.0 * np.sqrt(expected / len(errors))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("parity", "ebn0_db"), [("", 8.0), (":P", 7.0)])
 def test_words_in_white_noise_err_as_the_closed_form_says(parity, ebn0_db):
     """

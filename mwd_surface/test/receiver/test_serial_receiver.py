@@ -44,6 +44,7 @@ def test_a_clean_line_is_read_whole(tool):
     assert (got.words[0].status == "believed") == (tool is not RAW)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tool", "bit_errors"), [(TOOL, 2.5e-3), (LINES, 8e-4)], ids=["binary", "lines"])
 def test_no_wrong_value_passes_at_many_times_the_error_rate(tool, bit_errors):
     """

@@ -136,6 +136,7 @@ def test_toolface_words_are_left_alone():
     assert SurveyMemory(TOOL).settle(words) == words
 
 
+@pytest.mark.slow
 def test_a_repeat_brings_the_survey_at_7_db():
     """White noise, 7 dB a bit: inclination and azimuth are believed far more often when a survey is sent again."""
     once, twice, wrong = [], [], 0

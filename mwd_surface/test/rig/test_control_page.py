@@ -11,6 +11,7 @@ import threading
 import time
 from pathlib import Path
 
+import pytest
 from example_rig import certified, control, started, values
 
 from mwd_surface.control.authority import ControlAuthority
@@ -94,6 +95,7 @@ def test_without_leave_no_register_of_control_is_there():
     assert authority.take_events() == []
 
 
+@pytest.mark.slow
 def test_the_opcua_controller_of_the_page_rotates_and_gives_back(tmp_path):
 
     (tmp_path / "trusted").mkdir()

@@ -13,6 +13,8 @@ from mwd_surface.receiver import pressure_files, receivers
 from mwd_surface.runs import simulate
 from mwd_surface.runs.simulated_tool import SimulatedTool, heard_over
 
+pytestmark = pytest.mark.slow
+
 SCENARIO = """
 name: short_link
 seed: 3

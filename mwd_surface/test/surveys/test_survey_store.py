@@ -182,6 +182,7 @@ with SurveyStore({folder!r}) as store:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(58)
 def test_kill_9_in_the_middle_of_writing_loses_no_reported_survey(tmp_path):
     """Each round ends a writer without warning at another moment; what it had reported saved must be there."""

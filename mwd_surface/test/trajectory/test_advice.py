@@ -58,6 +58,7 @@ def test_the_toolface_leads_back_to_the_plan(up, right, toolface):
     assert advice.survey == 7
 
 
+@pytest.mark.slow
 @given(
     up=st.floats(-4.0, 4.0),
     right=st.floats(-4.0, 4.0),

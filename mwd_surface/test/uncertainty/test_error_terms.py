@@ -49,6 +49,7 @@ def test_one_tool_gives_the_sums_of_the_library(code):
     np.testing.assert_allclose(got, by_library(code), rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_set_b_is_known_and_lies_between_the_field_models_of_set_a():
     codes = tool_codes()
     assert {"MWD+HRGM+SAG+MS", "MWD+LRGM", "EMS+IFR1+SAG", "GYRO-NS", "MWD+IFR1+AX"} <= set(codes)

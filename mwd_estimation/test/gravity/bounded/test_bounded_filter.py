@@ -146,6 +146,7 @@ def test_inclination_outlives_a_clipping_gyro():
     assert_consistent(error[late], got.sigma_inclination[late], correlated=True)
 
 
+@pytest.mark.slow
 def test_flags_of_clipped_accelerometers_save_an_inclination_that_half_the_samples_bend_and_its_sigma():
     # Gravity and vibration of a third of the range each: what is cut off is mostly on one side.
     grade = {"flags_clipping": True, "accelerometer": {"range_g": [4.0, 4.0, 4.0]}}
@@ -271,6 +272,7 @@ def test_a_covariance_gone_bad_is_thrown_away_and_the_filter_starts_anew():
     assert rms(error_deg(got, down[500:])[1200:]) < 0.2
 
 
+@pytest.mark.slow
 def test_sigma_is_not_too_small_where_a_start_in_vibration_ends_to_count_it_white():
     # The scale of corrections that were found small beside such a noise must not outlive it.
     runs, p = [], bounded.Params(gravity_sigma=0.002)

@@ -47,6 +47,7 @@ def body(record: bytes) -> ReadDataStream:
     return ReadDataStream(io.BytesIO(record[9:]))
 
 
+@pytest.mark.slow
 @given(words, words, st.binary(max_size=30))
 def test_a_schema_is_the_librarys_schema(name, encoding, data):
     record = schema_record(Schema(7, name, encoding, data))

@@ -66,6 +66,7 @@ def chunk_ends(path: Path) -> list[tuple[int, int]]:
     return counts
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(61)
 def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_nothing_else(whole, tmp_path):
     data = (whole / "bag_0.mcap").read_bytes()

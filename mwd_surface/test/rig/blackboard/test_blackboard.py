@@ -127,6 +127,7 @@ def client(board, on_rig_state=None, **changes):
     return Blackboard(BlackboardSettings(url=board.address, period=0.1, backoff=waits, **changes), on_rig_state)
 
 
+@pytest.mark.slow
 def test_every_signal_is_written_with_its_number_status_and_time(board):
     table = values()
     with started(client(board)) as one:
@@ -155,6 +156,7 @@ def test_what_did_not_change_is_not_written_again(board):
         assert later == len(TO_RIG)
 
 
+@pytest.mark.slow
 def test_a_blackboard_that_was_restarted_gets_the_manifest_again():
     board = Board()
     with board.served():
