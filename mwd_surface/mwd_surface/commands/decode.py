@@ -72,7 +72,7 @@ def decode(
     names = "words.csv, surveys.csv"
     if not wired:
         quantity = picture.VOLTAGE if configuration.medium == "earth" else picture.PRESSURE
-        drawn = picture.image(read.time_s, read.pressure_pa, got.words, configuration.shortest_s, quantity=quantity)
+        drawn = picture.image(read.time_s, read.pressure_pa, got.words, configuration, quantity=quantity)
         write_whole(output / "picture.png", drawn)
         names += ", picture.png"
     console = terminal.output()

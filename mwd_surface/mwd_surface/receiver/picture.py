@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A picture of what was received: pressure with the words on it, their confidence, the spectrum of the pressure."""
+"""A picture of what was received: pressure with words and pulses chosen, their confidence, the spectrum."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_surface.receiver.words import BELIEVED, ReceivedWord
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_surface.receiver.words import BELIEVED, ReceivedWord, pulse_edges
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +35,7 @@ def image(
     time_s: Array,
     pressure_pa: Array,
     words: Sequence[ReceivedWord],
-    tu_s: float,
+    tool: ToolConfiguration,
     kind: str = "png",
     quantity: Quantity = PRESSURE,
 ) -> bytes:
@@ -45,8 +46,8 @@ def image(
     ----------
     time_s, pressure_pa : ndarray, shape (n,)
     words : sequence of ReceivedWord
-    tu_s : float
-        Time unit of the tool, s: the spectrum is drawn as far as its pulses reach.
+    tool : ToolConfiguration
+        Its pulses are drawn on the last survey, and the spectrum as far as they reach.
     kind : str
         "png" or "svg".
     quantity : Quantity
@@ -54,9 +55,13 @@ def image(
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12.5, 7.5), layout="constrained")
-    pressure, confidence, spectrum = figure.subplots(3, 1)
+    closer = words and tool.code in PULSE_CODES
+    figure = Figure(figsize=(12.5, 10.0 if closer else 7.5), layout="constrained")
+    pressure, *pulses, confidence, spectrum = figure.subplots(4 if closer else 3, 1)
     _pressure(pressure, time_s, pressure_pa, quantity)
+    for ax in pulses:
+        _pulses(ax, time_s, pressure_pa / quantity.size, words, tool)
+        ax.set_ylabel(quantity.unit)
     if words:
         # The pressure while the tool sends: a flow-on would hide the pulses.
         heard = pressure_pa[(time_s >= words[0].start_s) & (time_s <= words[-1].end_s)] / quantity.size
@@ -76,8 +81,8 @@ def image(
     confidence.set_ylabel("confidence")
     confidence.set_title("Words: probability that the code is right", loc="left", fontsize=9)
     confidence.legend(loc="lower right", fontsize=8)
-    _spectrum(spectrum, time_s, pressure_pa, tu_s, quantity)
-    for ax in (pressure, confidence, spectrum):
+    _spectrum(spectrum, time_s, pressure_pa, tool.shortest_s, quantity)
+    for ax in (pressure, *pulses, confidence, spectrum):
         ax.grid(visible=True, linewidth=0.4, color="#cccccc")
         ax.tick_params(labelsize=8)
     out = io.BytesIO()
@@ -94,6 +99,25 @@ def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: Quantity) -
     ax.fill_between(at, blocks.min(axis=1), blocks.max(axis=1), color="#0072B2", linewidth=0.5)
     ax.set_ylabel(quantity.unit)
     ax.set_title(f"{quantity.name}; words in green, erased ones in grey", loc="left", fontsize=9)
+
+
+def _pulses(ax: Axes, time_s: Array, value: Array, words: Sequence[ReceivedWord], tool: ToolConfiguration) -> None:
+    """Pressure of the last survey, and below it the pulses chosen; without a survey, of the last words."""
+    frame = max((word.frame for word in words if word.kind == "survey"), default=words[-1].frame)
+    shown = [word for word in words if word.frame == frame]
+    inside = (time_s >= shown[0].start_s) & (time_s <= shown[-1].end_s)
+    if np.any(inside):
+        ax.plot(time_s[inside], value[inside], color="#0072B2", linewidth=0.6)
+    for word in shown:
+        colour = _COLOURS[word.status == BELIEVED]
+        for edge in pulse_edges(word, tool):
+            begin = word.start_s + edge
+            ax.axvspan(begin, begin + tool.pulse_width_s, ymax=0.06, color=colour, linewidth=0)
+        ax.axvline(word.start_s, color=colour, linewidth=0.6)
+        ax.text(word.start_s, 1.0, f" {word.name}", fontsize=8, va="top", transform=ax.get_xaxis_transform())
+    ax.set_xlim(shown[0].start_s, shown[-1].end_s)
+    ax.set_xlabel("time, s")
+    ax.set_title(f"Pulses chosen in the last {shown[0].kind}, below the pressure", loc="left", fontsize=9)
 
 
 def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity: Quantity) -> None:

@@ -12,7 +12,7 @@ from mwd_sensors.telemetry import combinatorial, meanings
 from mwd_sensors.telemetry.combinatorial import SPACING_TU
 from mwd_sensors.telemetry.pulse_position import packets, window_tu
 from mwd_sensors.telemetry.sequences import SequenceItem
-from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.belief import SURVEY_LEVEL, TOOLFACE_LEVEL, Judged
 
 BELIEVED, ERASED, BY_CONSISTENCY = "believed", "erased", "by_consistency"
@@ -202,3 +202,22 @@ def packet_rows(items: tuple[SequenceItem, ...], code: str = "mary") -> tuple[In
             rows.append((at, size, k == len(sizes) - 1, item.parity, 1 << size, 0))
             at += window_tu(size)
     return np.array(rows, dtype=np.int64).reshape(-1, 6), at
+
+
+def item_of(word: ReceivedWord, tool: ToolConfiguration) -> SequenceItem:
+    """Place of a word in the sequences of the tool."""
+    sequences = tool.surveys if word.kind == "survey" else tool.toolfaces
+    here = (items[word.index] for items in sequences if word.index < len(items))
+    return next((item for item in here if item.name == word.name), SequenceItem(word.name, 2, False))
+
+
+def pulse_edges(word: ReceivedWord, tool: ToolConfiguration) -> list[float]:
+    """Begin of each pulse of the code of a word, s after the word's; none where the tool sends no pulses."""
+    item = item_of(word, tool)
+    if tool.code not in PULSE_CODES or word.raw >= 1 << item.bits:
+        return []
+    code = word.raw << 1 | tool.parity_bit(word.raw) if item.parity else word.raw
+    sent = tool.pulses(code, item.length)
+    # On the clock of the tool as it was received.
+    unit = (word.end_s - word.start_s) / sent.length
+    return [edge * unit for edge in sent.edges]

@@ -10,10 +10,9 @@ from mwd_msgs import msg
 
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_sensors.telemetry import meanings
-from mwd_sensors.telemetry.sequences import SequenceItem
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.link import Quality
-from mwd_surface.receiver.words import BELIEVED, FrameReport, ReceivedWord
+from mwd_surface.receiver.words import BELIEVED, FrameReport, ReceivedWord, item_of, pulse_edges
 from mwd_surface.surveys.message_conversion import fill_survey
 from mwd_surface.surveys.survey_record import Survey
 
@@ -25,7 +24,7 @@ _STATUS = {BELIEVED: msg.LinkWord.BELIEVED, "by_consistency": msg.LinkWord.BY_CO
 def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_of: StampOf) -> msg.LinkWord:
     """Word as mwd_msgs/LinkWord; stamp_of: stamp, ns, of a time on the clock of the pressure, s."""
     factor = meanings.factor(word.unit)
-    item = _item(word, tool)
+    item = item_of(word, tool)
     message = msg.LinkWord(
         link=link,
         kind=_KINDS[word.kind],
@@ -43,7 +42,7 @@ def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_o
         status=_STATUS.get(word.status, msg.LinkWord.ERASED),
         alternatives=[raw for raw, _ in word.alternatives],
         alternative_odds=[odds for _, odds in word.alternatives],
-        pulses=_pulses(word, item, tool),
+        pulses=pulse_edges(word, tool),
     )
     message.header.stamp = stamp(stamp_of(word.end_s))
     message.start = stamp(stamp_of(word.start_s))
@@ -101,19 +100,3 @@ def survey_message(survey: Survey, frame_id: str) -> msg.Survey:
     fill_survey(message, survey, msg.AzimuthEstimate)
     message.header.frame_id = frame_id
     return message
-
-
-def _item(word: ReceivedWord, tool: ToolConfiguration) -> SequenceItem:
-    sequences = tool.surveys if word.kind == "survey" else tool.toolfaces
-    here = (items[word.index] for items in sequences if word.index < len(items))
-    return next((item for item in here if item.name == word.name), SequenceItem(word.name, 2, False))
-
-
-def _pulses(word: ReceivedWord, item: SequenceItem, tool: ToolConfiguration) -> list[float]:
-    if tool.code not in PULSE_CODES or word.raw >= 1 << item.bits:
-        return []
-    code = word.raw << 1 | tool.parity_bit(word.raw) if item.parity else word.raw
-    sent = tool.pulses(code, item.length)
-    # On the clock of the tool as it was received.
-    unit = (word.end_s - word.start_s) / sent.length
-    return [edge * unit for edge in sent.edges]

@@ -14,7 +14,7 @@ from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.pulse_tool import Transmission, link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import encode
 from mwd_surface.receiver.pulse_receiver import PulseReceiver, decode
-from mwd_surface.receiver.words import BELIEVED
+from mwd_surface.receiver.words import BELIEVED, pulse_edges
 
 TOOL, FAST = TOOLS["0.8"], TOOLS["0.5"]
 
@@ -63,6 +63,16 @@ def test_each_word_is_provisional_before_it_is_final():
     provisional = {(word.frame, word.index): word for word in got.provisional}
     assert {(word.frame, word.index) for word in got.words} == set(provisional)
     assert all(word.revision == 1 and provisional[word.frame, word.index].revision == 0 for word in got.words)
+
+
+def test_the_pulses_chosen_are_those_that_were_sent():
+    tool, run, words = TOOLS["0.8"], simulated("0.8"), reception("0.8").words
+    late = words[0].start_s - run.sent.words[0].start_s
+    believed = [word for word in words if word.status == BELIEVED]
+    chosen = np.concatenate([word.start_s - late + np.array(pulse_edges(word, tool)) for word in believed])
+    off = np.abs(chosen[:, None] - run.sent.pulses[:, 0]).min(axis=1)
+    assert len(chosen) > 30
+    assert np.max(off) < 0.5 * tool.tu_s
 
 
 def test_word_errors_in_white_noise_are_near_the_limit():
