@@ -43,3 +43,16 @@ def test_a_bundled_scenario_without_a_fault_has_its_surveys_accepted_and_right(n
     for one in found:
         assert not one.accepted or abs(one.azimuth_error) < 3.0 * one.sigma_azimuth
         assert not one.accepted_for_inclination or abs(one.inclination_error) < 3.0 * one.sigma_inclination
+
+
+@pytest.mark.slow
+def test_a_collar_magnetised_across_its_axis_is_known_before_the_first_station():
+    """The field across the axis turns the azimuth by 1 to 3 deg, and nothing in the readings of a station shows it."""
+    story = scenario.read(SCENARIOS / "connections.yaml")
+    short = tuple(dataclasses.replace(part, seconds=min(part.seconds, 100.0)) for part in story.schedule)
+    collar = dataclasses.replace(story.interference, cross_nt=(1100.0, -700.0))
+    (one,) = surveys(dataclasses.replace(story, cycles=1, schedule=short, interference=collar))
+    assert one.accepted
+    assert abs(one.azimuth_error) < 3.0 * one.sigma_azimuth
+    odds = dict(one.survey.station.hypotheses)
+    assert odds["cross_axial"] > 0.9
