@@ -315,7 +315,6 @@ def _igrf(lat: float, lon: float, height: float, year: float) -> Array:
     return np.array([np.ravel(north)[0], np.ravel(east)[0], -np.ravel(up)[0]]) * 1e-9
 
 
-@functools.lru_cache(maxsize=64)
 def _check_area(known: Any, crs: str, lat_deg: float, lon_deg: float) -> None:
     """Refuse a place far outside the area that a grid is made for."""
     area = known.area_of_use
@@ -331,6 +330,7 @@ def _check_area(known: Any, crs: str, lat_deg: float, lon_deg: float) -> None:
         )
 
 
+@functools.lru_cache(maxsize=64)
 def _map_grid(lat: float, lon: float, crs: str) -> MapGrid:
     import pyproj
 

@@ -7,6 +7,7 @@ import datetime
 import math
 
 import numpy as np
+import pyproj
 import pytest
 from numpy.testing import assert_allclose
 
@@ -114,6 +115,14 @@ def test_grid_north_leans_towards_the_central_meridian():
 def test_an_unknown_grid_is_refused():
     with pytest.raises(ValueError, match=r"^crs .EPSG:1. is not known$"):
         earth.grid_convergence(0.7, 1.9, "EPSG:1")
+
+
+def test_a_grid_is_made_once_for_a_place(monkeypatch):
+    made, make = [], pyproj.Proj
+    monkeypatch.setattr(pyproj, "Proj", lambda crs: made.append(crs) or make(crs))
+    lat, lon = math.radians(38.3), math.radians(109.61)
+    found = {earth.grid_convergence(lat, lon, "EPSG:32649") for _ in range(3)}
+    assert (len(found), len(made)) == (1, 1)
 
 
 def test_a_grid_of_another_part_of_the_earth_is_refused():
