@@ -32,6 +32,9 @@ _BINS, _MOST_BINS, _TURNED, _LEAST = 10, 120, 8.0 * math.pi, 2
 _BEGINS, _APART_S = 0.5, 0.1
 # Fewer samples in a half second, or in a turn, which the fit follows to one and a half cycles, tell nothing.
 _SAMPLES, _PER_TURN = 5, 4
+# Condition of the normal equations: 5 while the string turns evenly, 1000 where it turns for a tenth of the time;
+# beyond this the samples of a slow magnetometer leave most of the turn out.
+_WORST_CONDITION = 1e4
 # What every window shows alike, 1 sigma: motion along the hole in step with the turns, m (a load that changes by 5 kN
 # within a turn on 100 m of collars), axes that calibration leaves skew, rad, and fields of the electronics, T.
 _IN_STEP, _SKEW, _ELECTRONICS = 1e-4, math.radians(0.05), 50e-9
@@ -68,8 +71,11 @@ class _Triad:
     rate2: float = 0.0
 
     def add(self, columns: Array, values: Array, rate: float) -> None:
-        """Fit a window; columns (n, 10) as `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
-        found = np.linalg.solve(columns.T @ columns, columns.T @ values)
+        """Fit a window that can be; columns (n, 10) as `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
+        normal = columns.T @ columns
+        if np.linalg.cond(normal) > _WORST_CONDITION:
+            return
+        found = np.linalg.solve(normal, columns.T @ values)
         noise = found[_NOISE]
         x, y, z = found[_CONSTANT]
         turning = found[_COS] + 1j * found[_SIN]
@@ -92,24 +98,28 @@ class _Triad:
 
 
 class _Waiting:
-    """Samples of a stream, in order, that wait for the end of their half second."""
+    """Samples of a stream that wait for the end of their half second; one that is older than another before is none."""
 
     def __init__(self, channels: int) -> None:
         self._parts: list[tuple[Stamps, Array]] = []
         self._none = np.zeros(0, np.int64), np.zeros((0, channels))
+        self._newest_ns = np.iinfo(np.int64).min
 
     def add(self, stamps: Stamps, values: Array) -> None:
-        self._parts.append((stamps, values))
+        newest = np.maximum.accumulate(np.concatenate([[self._newest_ns], stamps]))
+        advances = stamps > newest[:-1]
+        self._newest_ns = int(newest[-1])
+        self._parts.append((stamps[advances], values[advances]))
 
-    def before(self, end_ns: int) -> tuple[Stamps, Array]:
-        """Take out the samples before a time, ns."""
+    def between(self, start_ns: int, end_ns: int) -> tuple[Stamps, Array]:
+        """Take out the samples before the end of a time, ns; those before its start are dropped."""
         if not self._parts:
             return self._none
         stamps = np.concatenate([stamps for stamps, _ in self._parts])
         values = np.concatenate([values for _, values in self._parts])
-        at = int(np.searchsorted(stamps, end_ns))
-        self._parts = [(stamps[at:], values[at:])]
-        return stamps[:at], values[:at]
+        start, end = np.searchsorted(stamps, [start_ns, end_ns])
+        self._parts = [(stamps[end:], values[end:])]
+        return stamps[start:end], values[start:end]
 
 
 class TurningString:
@@ -135,9 +145,9 @@ class TurningString:
 
     def close(self, index: int) -> None:
         """Fit what came up to the end of a half second; all samples of its time are there."""
-        end = (index + 1) * BIN_NS
-        stamps, values = self._imu.before(end)
-        mag_stamps, field = self._mag.before(end)
+        start, end = index * BIN_NS, (index + 1) * BIN_NS
+        stamps, values = self._imu.between(start, end)
+        mag_stamps, field = self._mag.between(start, end)
         if len(stamps) < _SAMPLES or not np.isfinite(values).all() or values[:, 4].any():
             self._begin()
             return

@@ -38,15 +38,19 @@ def string(
     every=1,
     bad=None,
     cut=1000,
+    standing=0.0,
+    overtaken=0,
 ):
     """
     Turns of a tool whose accelerometers see the axis of rotation at (1, mount + whole), its magnetometers at whole.
 
     mount, whole, rad; across: field in the tool, T; arm of the accelerometers, m; wobble of the speed within a turn;
-    scale of the gyro; late: samples by which the magnetometer is stamped late; every: of so many it gives one.
+    scale of the gyro; late: samples by which the magnetometer is stamped late; every: of so many it gives one;
+    standing: seconds after each half second of turns; overtaken: every 37th sample comes so many samples late.
     """
     n = int(seconds * RATE_HZ)
-    roll = np.cumsum(np.full(n, speed / RATE_HZ))
+    turns = np.arange(n) % int((0.5 + standing) * RATE_HZ) < 0.5 * RATE_HZ
+    roll = np.cumsum(np.where(turns, speed / RATE_HZ, 0.0))
     roll = roll + wobble * np.sin(roll - 0.4)
     rate = np.gradient(roll) * RATE_HZ
 
@@ -60,9 +64,11 @@ def string(
     field = seen(turned(FIELD, np.concatenate([np.zeros(late), roll[: n - late]])), whole) + np.array([0.0, *across])
     force, field = force + rng.normal(0.0, noise, (n, 3)), field + rng.normal(0.0, 1e-7, (n, 3))
     stamps, unsure = np.arange(n) * PERIOD_NS, np.zeros(n, bool) if bad is None else bad(np.arange(n))
-    found = TurningString()
+    found, order = TurningString(), np.arange(n)
+    for at in range(0, n - overtaken, 37) if overtaken else ():
+        order[at : at + overtaken + 1] = np.roll(order[at : at + overtaken + 1], -1)
     for start in range(0, n, cut):
-        part = slice(start, start + cut)
+        part = order[start : start + cut]
         found.take_mag(stamps[part][::every], field[part][::every])
         found.take_imu(stamps[part], scale * rate[part], force[part], unsure[part])
         for index in range(start // PER_BIN, min(start + cut, n) // PER_BIN):
@@ -106,8 +112,10 @@ def test_speeds_that_change_within_a_turn_scales_delays_and_arms_do_no_harm(moti
     np.testing.assert_allclose(found.field.value, across, atol=1e-7)
 
 
-def test_any_cut_of_the_samples_gives_the_same_bits():
-    rows = [string(30.0, np.random.default_rng(2), mount=(0.02, 0.0), cut=cut) for cut in (50, 100, 3000)]
+@pytest.mark.parametrize("overtaken", [0, 1, 5])
+def test_any_cut_of_the_samples_gives_the_same_bits(overtaken):
+    told = {"mount": (0.02, 0.0), "overtaken": overtaken}
+    rows = [string(30.0, np.random.default_rng(2), **told, cut=cut) for cut in (50, 100, 3000)]
     for one in rows[1:]:
         np.testing.assert_array_equal(one.mount.value, rows[0].mount.value)
         np.testing.assert_array_equal(one.field.value, rows[0].field.value)
@@ -136,6 +144,9 @@ def test_a_magnetometer_that_is_too_slow_for_the_turns_shows_nothing():
     rng = np.random.default_rng(1)
     assert string(120.0, rng, speed=10.0 * math.pi, every=10) is None
     assert string(120.0, rng, speed=4.0 * math.pi, every=10) is not None
+    # Two turns in half a second, and a few readings of them beside many of one toolface at rest.
+    assert string(120.0, rng, speed=8.0 * math.pi, every=10, standing=4.5) is None
+    assert string(120.0, rng, speed=8.0 * math.pi, every=2, standing=4.5) is not None
 
 
 def test_without_a_magnetometer_nothing_is_compared():
