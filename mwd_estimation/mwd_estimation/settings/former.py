@@ -63,6 +63,7 @@ FORMER: Mapping[str, str] = {
     **dict.fromkeys(("bounded", "s3", "mahony", "kalman", "raw"), "gravity.expert and tool"),
     **{name: f"a constant ({value})" for name, value in CONSTANT.items()},
     **dict.fromkeys(("survey.max_rate", "survey.max_rate_noise", "survey.max_force_noise"), "survey.motion"),
+    "tool.precision.accelerometer": "two constants (noise 30 ug/sqrt(Hz), bias 200 ug)",
     "verdict.magnetised_string": "a constant (0.3); tool.axial_interference_nt tells of a magnetic string",
     "tool.sag_deg": "derived: 0.2 deg, or 0.08 with tool.sag_correction_deg or tool.assembly_file",
 }

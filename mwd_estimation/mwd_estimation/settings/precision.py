@@ -98,4 +98,6 @@ class PrecisionGyro:
 class PrecisionUnit:
     """The high-precision inertial unit (topic gyro/data_raw); a tool without one needs nothing set here."""
 
+    FORMER: ClassVar[Mapping[str, str]] = former("tool.precision")
+
     gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros")

@@ -196,6 +196,7 @@ def test_a_former_name_is_refused_and_the_new_one_named(old, new):
         ({"reference": {"lat_deg": 50.0}}, "reference is now place"),
         ({"tool": {"lever_m": 0.05}}, "lever_m is now a constant"),
         ({"tool": {"precision": {"gyro": {"ramp_per_h": 0.1}}}}, "ramp_per_h is now a constant"),
+        ({"tool": {"precision": {"accelerometer": {"bias_ug": 50.0}}}}, "accelerometer is now two constants"),
         ({"verdict": {"magnetised_string": 0.1}}, "tool.axial_interference_nt"),
         ({"transmit": {"continuous_s": 5.0}}, "continuous_s is now a constant"),
     ],
