@@ -241,8 +241,8 @@ class BagEstimate:
                 f"{compensation.without_temperature} samples were calibrated before any temperature was known"
             )
         refuse_wrong_unit(self.topics, summary.faults)
-        self._reject_wrong_mount()
-        revised = pipeline.revisions()
+        rejected = self._reject_wrong_mount()
+        revised = {number: survey for number, survey in pipeline.revisions().items() if number not in rejected}
         summary.revisions = [
             (dataclasses.replace(revised[survey.sequence], status=survey.status, revision=1), depth)
             for survey, depth in summary.surveys
@@ -254,17 +254,24 @@ class BagEstimate:
         summary.warnings += self._list.warnings
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)
 
-    def _reject_wrong_mount(self) -> None:
-        """Reject what was surveyed before the turning string showed the unit's mount, which does not change."""
+    def _reject_wrong_mount(self) -> set[int]:
+        """
+        Reject what was surveyed before the turning string showed the unit's mount, which does not change.
+
+        Returns the numbers of these surveys.
+        """
         summary, history = self._summary, FaultHistory()
         wrong = [fault for fault in summary.faults if fault.code == FaultCode.MOUNT and not fault.cleared_ns]
         if not wrong:
-            return
+            return set()
         history.note(wrong[0])
+        rejected = set()
         for k, (survey, depth) in enumerate(summary.surveys):
             if survey.stamp_ns < wrong[0].since_ns:
                 summary.surveys[k] = history.judge(survey), depth
                 self._list.replace(summary.surveys[k][0])
+                rejected.add(survey.sequence)
+        return rejected
 
 
 def _last_log(block: Block, originals: list[Originals]) -> int:

@@ -10,6 +10,7 @@ import pytest
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
 
+from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
 from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec
@@ -133,15 +134,18 @@ def test_a_unit_mounted_askew_is_named_with_its_angle_and_read_by_the_printed_mo
     assert float(survey["azimuth_deg"]) == pytest.approx(40.0, abs=2.0)
 
 
-def test_a_unit_mounted_askew_is_not_accepted_where_no_mount_is_given(sent, tmp_path):
+def test_a_unit_mounted_askew_is_not_accepted_where_no_mount_is_given(sent, tmp_path, monkeypatch):
     imu, mag = (one.copy() for one in sent)
     turn = mat_from_quat(quat_from_rotvec([0.0, np.radians(15.0), 0.0]))
     for samples, field in ((imu, "angular_velocity"), (imu, "linear_acceleration"), (mag, "magnetic_field")):
         samples[field] = samples[field] @ turn
     path = written(tmp_path / "bag", imu, mag)
+    # The run knew nothing of the mount when it judged the station, and may revise it by others that it rejects neither.
+    monkeypatch.setattr(Pipeline, "revisions", lambda pipeline: pipeline.judging_again(1)())
     (survey,) = processed(f"mwd process {path} -o {tmp_path / 'out'} --lat 58.4 --lon 1.88 --date 2026-03-01")
     assert survey["verdict"] == "reject"
     assert "15 deg off the unit's x" in (tmp_path / "out" / "faults.csv").read_text(encoding="utf-8")
+    assert not (tmp_path / "out" / "revisions.csv").exists()
 
 
 def test_what_is_missing_is_named_with_the_result_that_needs_it(sent, tmp_path):
