@@ -21,7 +21,7 @@ from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.mud_pumps import Pump
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.pulse_receiver import PulseReceiver
+from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.words import BELIEVED
 
 FLOW_ON = 20.0

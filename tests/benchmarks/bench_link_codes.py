@@ -24,7 +24,7 @@ from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.mud_pumps import Pump
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE, frame_bytes
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
-from mwd_surface.receiver.receivers import receiver_of
+from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.serial_receiver import SerialReceiver
 
 FLOW_ON = 20.0

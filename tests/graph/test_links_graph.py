@@ -15,7 +15,8 @@ from mwd_sensors.simulator.serial_channel import transmit
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.receiver import pressure_files, receivers
+from mwd_surface.receiver import pressure_files
+from mwd_surface.receiver.link import receivers
 from mwd_surface.ros.topics import OF_TOOL
 from running_graph import until
 

@@ -12,8 +12,8 @@ from toolface_hold import HoldSettings, Reading, ToolfaceHold
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.steering import HOLD, Command
-from mwd_surface.receiver.link_attitude import AgeRules
-from mwd_surface.receiver.link_feed import LinkFeed
+from mwd_surface.receiver.link.link_attitude import AgeRules
+from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.runs.simulated_tool import SimulatedTool
 
 pytestmark = pytest.mark.slow

@@ -46,7 +46,9 @@ def decode(
     from mwd_sensors.core.output_files import write_whole
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
-    from mwd_surface.receiver import picture, pressure_files, pulse_receiver, receivers, word_files
+    from mwd_surface.receiver import picture, pressure_files, word_files
+    from mwd_surface.receiver.link import receivers
+    from mwd_surface.receiver.pulse import pulse_receiver
     from mwd_surface.receiver.words import BELIEVED
 
     configuration = tool_configuration.read(tool)

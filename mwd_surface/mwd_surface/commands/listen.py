@@ -47,7 +47,8 @@ def listen(
 
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
-    from mwd_surface.receiver import receivers, word_files
+    from mwd_surface.receiver import word_files
+    from mwd_surface.receiver.link import receivers
 
     configuration = tool_configuration.read(tool)
     receiver = receivers.receiver_of(configuration)

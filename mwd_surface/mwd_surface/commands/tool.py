@@ -93,9 +93,10 @@ def _channel_lines(read: ToolConfiguration, file: Path) -> list[str]:
     import numpy as np
 
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
-    from mwd_surface.receiver import pressure_files, pulse_widths
-    from mwd_surface.receiver.link import NEEDED_DB
-    from mwd_surface.receiver.pulse_receiver import PulseReceiver
+    from mwd_surface.receiver import pressure_files
+    from mwd_surface.receiver.link.link import NEEDED_DB
+    from mwd_surface.receiver.pulse import pulse_widths
+    from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 
     if read.code not in PULSE_CODES:
         raise ValueError(f"--channel: {read.code} sends no pulses; leave it out")

@@ -29,10 +29,10 @@ from mwd_sensors.telemetry.downlink import COMMANDS, Frame
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_surface.nodes.receiver_settings import ReceiverSettings
-from mwd_surface.receiver import link_attitude
-from mwd_surface.receiver.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput
-from mwd_surface.receiver.link_feed import LinkFeed
-from mwd_surface.receiver.link_surveys import LinkSurveys
+from mwd_surface.receiver.link import link_attitude
+from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput
+from mwd_surface.receiver.link.link_feed import LinkFeed
+from mwd_surface.receiver.link.link_surveys import LinkSurveys
 from mwd_surface.receiver.sources import SerialBytes
 from mwd_surface.ros import link_messages
 from mwd_surface.surveys.message_conversion import stamp_of

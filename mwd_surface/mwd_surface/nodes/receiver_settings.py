@@ -8,7 +8,7 @@ import dataclasses
 from mwd_estimation.settings.place import Place
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.settings import setting
-from mwd_surface.receiver.link_attitude import AgeRules
+from mwd_surface.receiver.link.link_attitude import AgeRules
 
 
 @dataclasses.dataclass(frozen=True)

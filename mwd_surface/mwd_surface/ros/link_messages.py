@@ -11,7 +11,7 @@ from mwd_msgs import msg
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.link import Quality
+from mwd_surface.receiver.link.link import Quality
 from mwd_surface.receiver.words import BELIEVED, FrameReport, ReceivedWord, item_of, pulse_edges
 from mwd_surface.surveys.message_conversion import fill_survey
 from mwd_surface.surveys.survey_record import Survey

@@ -16,8 +16,8 @@ from sensor_msgs.msg import JointState
 
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.nodes.receiver import ReceiverNode
-from mwd_surface.receiver.link_attitude import AgeRules
-from mwd_surface.receiver.link_feed import LinkFeed
+from mwd_surface.receiver.link.link_attitude import AgeRules
+from mwd_surface.receiver.link.link_feed import LinkFeed
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from serial_lines import until
 
 from mwd_sensors.simulator.serial_channel import transmit
 from mwd_sensors.telemetry.tool_configuration import starting
-from mwd_surface.receiver.receivers import receiver_of
+from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.sources import GaugeSettings, ModbusGauge, SerialBytes, WavStream, gauge_pressure
 
 

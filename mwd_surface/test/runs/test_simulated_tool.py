@@ -9,7 +9,8 @@ import pytest
 from mwd_estimation.downhole.transmitter import Kind
 from mwd_sensors.simulator.scenario import parse
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_surface.receiver import pressure_files, receivers
+from mwd_surface.receiver import pressure_files
+from mwd_surface.receiver.link import receivers
 from mwd_surface.runs import simulate
 from mwd_surface.runs.simulated_tool import SimulatedTool, heard_over
 

@@ -1,0 +1,304 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The receiver of a carrier: pressure or voltage in, words out, the same however the samples are cut."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.carrier import MARKER_SYMBOLS, BlockName
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.carrier import baseband, carrier_words
+from mwd_surface.receiver.carrier.baseband import PER_SYMBOL, Complex
+from mwd_surface.receiver.carrier.carrier_block import MARGIN, BlockData, BlockDecision, BlockDecoder
+from mwd_surface.receiver.carrier.carrier_search import THRESHOLD, marker_score
+from mwd_surface.receiver.grid import REACH
+from mwd_surface.receiver.sampled_receiver import SampledReceiver
+from mwd_surface.receiver.words import FrameReport, Reception
+
+_HOP = 16  # symbols by which the search proceeds
+_PAST = 48  # symbols before a hop that teach its noise
+_CLOCK = 1.2e-3  # largest error of a tool's clock that is looked for
+_STEP_RAD = 0.7  # phase at the end of a block by which two trials of the clock differ
+_KEPT_BLOCKS = 3
+# Samples a period at the upper edge of the band that the carrier needs.
+_LEAST = 2.1
+# At a place where a block should begin, a marker weaker than this is none.
+_ABSENT = 3.0
+_MOST_LOST = 2
+
+
+@dataclasses.dataclass
+class _Lock:
+    """Where the next block begins, steps; steps a symbol; which block it should be; noise; blocks lost in a row."""
+
+    start: float
+    symbol: float
+    name: BlockName
+    taps: Complex
+    blocks: int = 1
+    lost: int = 0
+    good_end: float = 0.0
+
+
+@dataclasses.dataclass
+class _Pass:
+    """A pass of a sequence so far."""
+
+    name: BlockName
+    start_s: float
+    end_s: float = 0.0
+    ebn0: list[float] = dataclasses.field(default_factory=list)
+    failed: int = 0
+
+
+class CarrierReceiver(SampledReceiver):
+    """
+    Receiver of a tool that sends on a carrier.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        With the code psk.
+    """
+
+    def __init__(self, tool: ToolConfiguration) -> None:
+        self._tool, self._carrier = tool, tool.carrier
+        super().__init__(baseband.step_s(tool.carrier))
+        self._band = baseband.band_of(tool.carrier)
+        self._decoder = BlockDecoder(tool.carrier)
+        self._hop_steps = round(_HOP * self._band.symbol)
+        self._hop = 0
+        self._candidate: tuple[float, float] | None = None
+        self._lock: _Lock | None = None
+        self._pass: _Pass | None = None
+        self._frame = 0
+        self._markers = 0
+        self.last_sync_s = -math.inf
+        self._clock_error = 0.0
+
+    def finish(self) -> Reception:
+        """Words of what is left at the end of the samples."""
+        done = self._take(*self._resampler.finish())
+        if self._grid.end:
+            # As if the gauge had failed: what is there is decoded as far as it goes.
+            missing = np.zeros(round((self._carrier.block_symbols + 4 * _HOP) * self._band.symbol))
+            done.add(self._take(missing, missing))
+        done.frames += self._end_pass("")
+        return done
+
+    def why_nothing(self) -> str:
+        """Reason in one sentence why there is no word."""
+        if self._grid.end == 0:
+            return "no words: there are no samples with rising times"
+        if not self._markers:
+            return (
+                f"no words: no marker of this tool on {self._carrier.frequency_hz:g} Hz; check frequency_hz,"
+                " symbol_rate_hz and modulation of the tool configuration, and that the flow was on long enough"
+            )
+        return (
+            f"no words: {self._markers} times something like a marker, but no block whose check holds: noise, or the"
+            " tool sends other sequences, words or block_bits than this configuration has"
+        )
+
+    def _check(self, spacing_s: float) -> None:
+        top = self._carrier.frequency_hz + self._carrier.symbol_rate_hz
+        if spacing_s * _LEAST * top > 1.0:
+            raise ValueError(
+                f"there are {1.0 / spacing_s:.3g} samples a second; a carrier of {self._carrier.frequency_hz:g} Hz"
+                f" needs {_LEAST * top:.3g} or more"
+            )
+
+    def _advance(self, done: Reception) -> None:
+        """All steps for which the samples are there."""
+        while True:
+            if self._lock is not None:
+                if self._needs(self._lock.start, self._lock.symbol) > self._grid.end:
+                    return
+                self._follow(self._lock, done)
+            elif self._candidate is not None:
+                if self._needs(self._candidate[0], self._band.symbol) > self._grid.end:
+                    return
+                self._try(*self._candidate, done)
+            else:
+                end = (self._hop + 1) * self._hop_steps + (MARKER_SYMBOLS + 2) * self._band.symbol
+                if math.ceil(end + self._band.reach) + REACH > self._grid.end:
+                    return
+                self._search()
+                self._hop += 1
+                kept = _KEPT_BLOCKS * self._carrier.block_symbols + _PAST
+                self._grid.forget(self._hop * self._hop_steps - round(kept * self._band.symbol))
+
+    def _needs(self, start: float, symbol: float) -> int:
+        return math.ceil(start + (self._carrier.block_symbols + MARGIN) * symbol * 1.01 + self._band.reach) + REACH
+
+    def _window(self, begin: float, end: float) -> tuple[Array, Array, int]:
+        """Samples of the grid without their mean, 1 where they are known, and the position of the first."""
+        first = math.floor(begin - self._band.reach) - 1
+        value, known = self._grid.samples(float(first), 1.0, math.ceil(end + self._band.reach) + 1 - first)
+        known = known * (np.arange(first, first + len(value)) >= self._grid.first)
+        mean = float(value @ known) / max(float(known.sum()), 1.0)
+        return (value - mean) * known, known, first
+
+    def _search(self) -> None:
+        """Look for a marker that begins within the next hop."""
+        symbol = self._band.symbol
+        begin = self._hop * self._hop_steps
+        past = min(_PAST, math.floor((begin - self._grid.first) / symbol))
+        count = PER_SYMBOL * (past + _HOP + MARKER_SYMBOLS + 2)
+        at = begin - past * symbol
+        score = self._scores(at, count, symbol)[PER_SYMBOL * past : PER_SYMBOL * (past + _HOP)]
+        best = int(np.argmax(score))
+        if score[best] > THRESHOLD:
+            start = begin + best * symbol / PER_SYMBOL - self._carrier.half * symbol
+            self._candidate = start, float(score[best])
+            self._markers += 1
+            self.last_sync_s = self._grid.seconds(start)
+
+    def _scores(self, at: float, count: int, symbol: float) -> Array:
+        """Score of a marker that begins at each of `count` positions from `at` on, steps."""
+        value, known, first = self._window(at, at + count * symbol / PER_SYMBOL)
+        middle = at - first + 0.5 * symbol / PER_SYMBOL
+        found, whole = baseband.envelope(value, known, self._band, middle, count, symbol)
+        columns = baseband.line_columns(baseband.lines(value, self._band), self._band, count, symbol)
+        return marker_score(found, whole, columns)
+
+    def _data(self, start: float, symbol: float) -> BlockData:
+        begin = start - MARGIN * symbol
+        value, known, first = self._window(begin, begin + self._decoder.rows * symbol / PER_SYMBOL)
+        at = begin - first + 0.5 * symbol / PER_SYMBOL
+        found, whole = baseband.envelope(value, known, self._band, at, self._decoder.rows, symbol)
+        lines = baseband.lines(value, self._band)
+        return BlockData(found, whole, baseband.line_columns(lines, self._band, self._decoder.rows, symbol))
+
+    def _best(
+        self, middle: float, symbols: list[float], taps: Complex | None
+    ) -> tuple[BlockDecision, float, tuple[BlockName, bytes] | None, int]:
+        """Decision with the best of some clocks, its steps a symbol, the block if its check holds, number of trials."""
+        half = self._carrier.half + 0.5 * MARKER_SYMBOLS
+        best = symbols[0]
+        if len(symbols) > 1:
+            claims = [self._decoder.decode(self._data(middle - half * one, one), taps, 1).evidence for one in symbols]
+            best = symbols[int(np.argmax(claims))]
+        tries = 0
+        while True:
+            decision = self._decoder.decode(self._data(middle - half * best, best), taps)
+            trials = (carrier_words.checked(self._tool, bits) for bits in (decision.bits, *decision.turned))
+            block = next((one for one in trials if one is not None), None)
+            tries += 1
+            # What is left of the clock's error turns the second half against the first.
+            change = decision.turn / (self._band.omega * self._band.symbol)
+            if block is not None or tries == 3 or abs(decision.turn) * self._carrier.block_symbols < 0.1:
+                return decision, best * (1.0 - change), block, tries * (1 + len(decision.turned))
+            best *= 1.0 - change
+
+    def _try(self, start: float, score: float, done: Reception) -> None:
+        """Decode a block where a marker was found."""
+        self._candidate = None
+        symbol = self._band.symbol
+        turned = self._band.omega * symbol * 0.5 * self._carrier.block_symbols * _CLOCK
+        count = 2 * math.ceil(turned / _STEP_RAD) + 1
+        clocks = [symbol * (1.0 + e) for e in np.linspace(-_CLOCK, _CLOCK, count)]
+        middle = start + (self._carrier.half + 0.5 * MARKER_SYMBOLS) * symbol
+        decision, found, block, tries = self._best(middle, clocks, None)
+        if block is None:
+            return
+        name, words = block
+        self._pass = None
+        half = self._carrier.half + 0.5 * MARKER_SYMBOLS
+        begin = middle - half * found
+        self._lock = _Lock(begin, found, name, decision.taps)
+        odds = carrier_words.odds_of_marker(score) / tries
+        self._received(done, (name, words), decision, odds)
+
+    def _follow(self, lock: _Lock, done: Reception) -> None:
+        """Decode the next block where it should be."""
+        half = self._carrier.half + 0.5 * MARKER_SYMBOLS
+        middle = lock.start + half * lock.symbol
+        decision, found, block, tries = self._best(middle, [lock.symbol], lock.taps)
+        if block is None:
+            at = lock.start + self._carrier.half * lock.symbol
+            near = self._scores(at - _PAST * lock.symbol, PER_SYMBOL * (_PAST + MARKER_SYMBOLS + 2), lock.symbol)
+            present = float(near[PER_SYMBOL * _PAST - 2 : PER_SYMBOL * _PAST + 3].max()) > _ABSENT
+            lock.lost += 1
+            if not present or lock.lost > _MOST_LOST:
+                self._unlock(lock, done)
+                return
+            self._missed(done, lock, decision)
+            return
+        # The clock is learned from many blocks, its first estimate from one.
+        gain = max(1.0 / (lock.blocks + 1), 0.2)
+        lock.symbol += gain * (found - lock.symbol)
+        lock.start = middle - half * lock.symbol
+        lock.taps, lock.name, lock.lost = decision.taps, block[0], 0
+        lock.blocks += 1
+        self._received(done, block, decision, carrier_words.ODDS_EXPECTED / tries)
+
+    def _received(self, done: Reception, block: tuple[BlockName, bytes], decision: BlockDecision, odds: float) -> None:
+        lock = self._lock
+        if lock is None:
+            return
+        name, data = block
+        span = self._span(lock)
+        done.frames += self._next_pass(name, span[0], decision.ebn0_db)
+        done.words += carrier_words.believed(self._tool, (name, self._frame), data, odds, span)
+        self._advance_lock(lock, span, good=True)
+
+    def _missed(self, done: Reception, lock: _Lock, decision: BlockDecision) -> None:
+        """Words of a block whose check fails: erased, with what the code says of them."""
+        span = self._span(lock)
+        done.frames += self._next_pass(lock.name, span[0], decision.ebn0_db)
+        if self._pass is not None:
+            self._pass.failed += 1
+        done.words += carrier_words.erased(self._tool, (lock.name, self._frame), decision.bits, span)
+        self._advance_lock(lock, span, good=False)
+
+    def _advance_lock(self, lock: _Lock, span: tuple[float, float], good: bool) -> None:
+        lock.start += self._carrier.block_symbols * lock.symbol
+        lock.name = carrier_words.following(self._tool, lock.name)
+        self._clock_error = lock.symbol / self._band.symbol - 1.0
+        if good:
+            lock.good_end = lock.start
+        if self._pass is not None:
+            self._pass.end_s = span[1]
+
+    def _unlock(self, lock: _Lock, done: Reception) -> None:
+        """Search again from the end of the last good block on."""
+        self._lock = None
+        done.frames += self._end_pass("no carrier any more: flow off, too weak, or the tool began anew")
+        self._hop = max(math.floor((lock.good_end - self._band.symbol) / self._hop_steps), 0)
+
+    def _span(self, lock: _Lock) -> tuple[float, float]:
+        end = lock.start + self._carrier.block_symbols * lock.symbol
+        return float(self._grid.seconds(lock.start)), float(self._grid.seconds(end))
+
+    def _next_pass(self, name: BlockName, start_s: float, ebn0_db: float) -> list[FrameReport]:
+        """Report of the pass that a block ends by beginning another one."""
+        last, ended = self._pass, []
+        if last is not None and (name[:2] != last.name[:2] or name.place <= last.name.place):
+            ended = self._end_pass("")
+        if self._pass is None:
+            self._pass = _Pass(name, start_s)
+        self._pass.name = name
+        self._pass.ebn0.append(ebn0_db)
+        return ended
+
+    def _end_pass(self, reason: str) -> list[FrameReport]:
+        last, self._pass = self._pass, None
+        if last is None:
+            return []
+        failed = f"the check of {last.failed} of {len(last.ebn0)} blocks failed" if last.failed else ""
+        report = FrameReport(
+            self._frame,
+            last.name.kind,
+            last.start_s,
+            last.end_s,
+            float(np.mean(last.ebn0)),
+            self._clock_error,
+            reason or failed,
+        )
+        self._frame += 1
+        return [report]

@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A link at the surface: pressure, voltage or bytes in; words, surveys as heard, attitude and the state of the link out.
+
+Times are s on the clock of the samples, `stamp_ns` turns them into stamps. The same samples give the same output,
+however they are cut into blocks. `link_surveys` makes one list of the surveys of all links.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_surface.receiver.link.flow_spans import FlowSpans
+from mwd_surface.receiver.link.link_attitude import AgeRules, LinkAttitude
+from mwd_surface.receiver.link.link_survey import HeardSurvey, SurveyTime
+from mwd_surface.receiver.link.receivers import receiver_of
+from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
+from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed
+
+NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
+# Eb/N0 at which 19 of 20 words of 13 bits are right when their parity is used (docs/benchmarks.md, limits of the code).
+NEEDED_DB = 6.0
+# The same of carriers, whose blocks are coded (docs/benchmarks.md, link).
+_NEEDED_DB = {"psk": 3.5}
+_GOODPUT_S = 300.0
+_JUDGED_WORDS = 40
+# Longest survey before which the tool may have stood still unseen: a recording that begins between two connections.
+_SETTLE_S = 6.0
+# A wired tool sends a survey once it was taken, s: half of the time that one takes.
+_HALF_SURVEY_S = 5.0
+_NO_INPUT = {
+    "mud": "no pressure arrives: look at the gauge and its cable",
+    "earth": "no voltage arrives: look at the antenna and its cable",
+    "serial": "no bytes arrive: look at the line, its port and the power of the probe",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Quality:
+    """State of a link; fields as in mwd_msgs/LinkQuality; needed_db: Eb/N0 without margin, dB."""
+
+    state: int
+    reason: str
+    has_signal: bool = False
+    needed_db: float = NEEDED_DB
+    ebn0_db: float = 0.0
+    clock_error: float = 0.0
+    word_error: float = -1.0
+    goodput: float = -1.0
+    frame: int = 0
+    words_done: int = 0
+    words_expected: int = 0
+    toolface_age: float = -1.0
+    survey_age: float = -1.0
+    mode: str = ""
+
+
+@dataclasses.dataclass
+class LinkOutput:
+    """What a block of samples completed: words, passes of sequences and surveys as heard, in order of time."""
+
+    words: list[ReceivedWord] = dataclasses.field(default_factory=list)
+    frames: list[FrameReport] = dataclasses.field(default_factory=list)
+    surveys: list[HeardSurvey] = dataclasses.field(default_factory=list)
+
+    def add(self, more: LinkOutput) -> None:
+        """Take what came later."""
+        self.words += more.words
+        self.frames += more.frames
+        self.surveys += more.surveys
+
+
+class Link:
+    """
+    One link.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        As in the tool.
+    name : str
+        mud_pulse, em or serial.
+    rules : AgeRules
+    stamp_ns : callable
+        Stamp of a time on the clock of the samples, s.
+    """
+
+    def __init__(
+        self,
+        tool: ToolConfiguration,
+        name: str,
+        rules: AgeRules,
+        stamp_ns: Callable[[float], int],
+    ) -> None:
+        self._tool, self.name = tool, name
+        self._rules, self._stamp_ns = rules, stamp_ns
+        self._receiver = receiver_of(tool)
+        self._needed_db = _NEEDED_DB.get(tool.code, NEEDED_DB)
+        self.flow = FlowSpans()
+        self.attitude = LinkAttitude(rules)
+        self._survey_words: dict[int, list[ReceivedWord]] = {}
+        self._last_survey: SurveyTime | None = None
+        self._last_frame: FrameReport | None = None
+        self._last_word: ReceivedWord | None = None
+        self._final: deque[ReceivedWord] = deque(maxlen=_JUDGED_WORDS)
+        self._good: deque[tuple[float, int]] = deque()
+        self.now_s = -math.inf
+
+    @property
+    def tool(self) -> ToolConfiguration:
+        """Tool configuration by which it reads."""
+        return self._tool
+
+    def successor(self, tool: ToolConfiguration) -> Link:
+        """Return a link of another tool configuration that goes on from this one: flow, attitude, time."""
+        after = Link(tool, self.name, self._rules, self._stamp_ns)
+        after.flow, after.attitude = copy.deepcopy(self.flow), copy.deepcopy(self.attitude)
+        after.now_s, after._last_survey = self.now_s, self._last_survey
+        if isinstance(self._receiver, PulseReceiver) and tool.code in PULSE_CODES:
+            after._receiver = self._receiver.successor(tool)
+        return after
+
+    def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
+        """Take samples, shape (n,): rising times, s, and Pa (V of a link through the ground)."""
+        if len(time_s) == 0:
+            return LinkOutput()
+        if self._tool.medium == "mud":
+            self.flow.push(time_s, pressure_pa)
+        self.now_s = max(self.now_s, float(time_s[-1]))
+        return self._take(self._receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)))
+
+    def take_strokes(self, pump: int, time_s: Array) -> None:
+        """Take strokes that a counter saw, shape (n,), s; only pulses are cleared of pumps by them."""
+        if isinstance(self._receiver, PulseReceiver):
+            self._receiver.strokes(pump, time_s)
+
+    def finish(self) -> LinkOutput:
+        """Give what is left when no more pressure comes."""
+        return self._take(self._receiver.finish())
+
+    def quality(self, *, silent: bool = False) -> Quality:
+        """
+        State of the link as of the newest pressure.
+
+        silent: no pressure arrives any more.
+        """
+        state, reason = self._state(silent)
+        frame, word, final = self._heard()
+        mode = word.kind if word is not None and state in (LOCKED, DOUBTFUL) else ""
+        sequences = {"survey": self._tool.surveys, "toolface": self._tool.toolfaces, "": ((),)}[mode]
+        done = word.index + 1 if word is not None and mode else 0
+        age = self._last_survey_age()
+        return Quality(
+            state=state,
+            reason=reason,
+            needed_db=self._needed_db,
+            has_signal=frame is not None and not self._wired and state in (LOCKED, DOUBTFUL),
+            ebn0_db=frame.ebn0_db if frame is not None and not self._wired else 0.0,
+            clock_error=frame.clock_error if frame is not None else 0.0,
+            word_error=float(np.mean([1.0 - one.confidence for one in final])) if final else -1.0,
+            goodput=sum(bits for _, bits in self._good) / _GOODPUT_S if self._good else -1.0,
+            frame=word.frame if word is not None else 0,
+            words_done=done,
+            words_expected=len(sequences[0]),
+            toolface_age=self.attitude.toolface_age(self.now_s),
+            survey_age=age,
+            mode=mode,
+        )
+
+    @property
+    def _wired(self) -> bool:
+        """Whether the tool sends with flow and without."""
+        return self._tool.medium == "serial"
+
+    def _last_survey_age(self) -> float:
+        if self._last_survey is None:
+            return -1.0
+        return max((self._stamp_ns(self.now_s) - self._last_survey.stamp_ns) * 1e-9, 0.0)
+
+    def _take(self, got: Reception) -> LinkOutput:
+        out = LinkOutput(words=sorted([*got.provisional, *got.words], key=lambda one: (one.end_s, one.revision)))
+        out.frames = got.frames
+        for word in out.words:
+            self.attitude.take(word)
+            self._last_word = word if self._last_word is None or word.end_s > self._last_word.end_s else self._last_word
+        for word in got.words:
+            self._final.append(word)
+            self._good.append((word.end_s, self._bits(word) if word.usable else 0))
+            if word.kind == "survey":
+                self._survey_words.setdefault(word.frame, []).append(word)
+        while self._good and self._good[0][0] < self.now_s - _GOODPUT_S:
+            self._good.popleft()
+        for frame in got.frames:
+            self._last_frame = frame
+            if frame.kind == "survey":
+                out.surveys += self._survey_of(self._survey_words.pop(frame.frame, []))
+        return out
+
+    def _bits(self, word: ReceivedWord) -> int:
+        sequences = self._tool.surveys if word.kind == "survey" else self._tool.toolfaces
+        return max((item.bits for items in sequences for item in items if item.name == word.name), default=0)
+
+    def _survey_of(self, words: list[ReceivedWord]) -> list[HeardSurvey]:
+        """Survey of a pass; none where no word of it is believed."""
+        values = believed(words)
+        if not values:
+            return []
+        self._last_survey = self._taken(words[0].start_s)
+        return [HeardSurvey(self.name, self._last_survey, values)]
+
+    def _taken(self, sent_s: float) -> SurveyTime:
+        """When a survey was taken that was sent from a time on: while the pumps were off before."""
+        if self._wired:
+            return SurveyTime(self._stamp_ns(sent_s - _HALF_SURVEY_S), _HALF_SURVEY_S)
+        span = self.flow.before(sent_s)
+        if span is None:
+            return SurveyTime(self._stamp_ns(sent_s - self._tool.transmit_delay_s), math.inf)
+        half = 0.5 * (span.end_s - span.start_s)
+        return SurveyTime(self._stamp_ns(span.start_s + min(half, _SETTLE_S)), half)
+
+    def _state(self, silent: bool) -> tuple[int, str]:
+        if silent or math.isinf(self.now_s):
+            return NO_INPUT, _NO_INPUT[self._tool.medium]
+        if not self._wired and not self.flow.flowing:
+            return NO_FLOW, "the pumps are off: the tool is silent"
+        frame, word, _ = self._heard()
+        on_since = self._on_since()
+        longest = max(self._longest_s(), 1.0)
+        if word is not None and self.now_s - word.end_s < 4.0 * longest:
+            return self._locked()
+        if self._receiver.last_sync_s > on_since and self.now_s - self._receiver.last_sync_s < 4.0 * longest:
+            return LOCKED, "sync found, the first words follow"
+        waited = self.now_s - on_since
+        expected = self._tool.transmit_delay_s + self._tool.head_s + 2.0 * longest
+        if waited < expected:
+            return SEARCHING, f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
+        if frame is not None and frame.reason:
+            return SEARCHING, frame.reason
+        return SEARCHING, self._receiver.why_nothing().removeprefix("no words: ")
+
+    def _on_since(self) -> float:
+        """When the flow came on, s; -inf where that was not seen."""
+        span = self.flow.before(self.now_s)
+        return span.end_s if span is not None else -math.inf
+
+    def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
+        """Last pass, last word and the final words since the flow came on: those before say nothing of now."""
+        since = self._on_since()
+        frame, word = self._last_frame, self._last_word
+        return (
+            frame if frame is not None and frame.end_s > since else None,
+            word if word is not None and word.end_s > since else None,
+            [one for one in self._final if one.end_s > since],
+        )
+
+    def _locked(self) -> tuple[int, str]:
+        frame, _, final = self._heard()
+        erased = [one for one in final if not one.usable]
+        if len(final) >= 5 and len(erased) > 0.5 * len(final):
+            return DOUBTFUL, "more than half of the words are uncertain: too much noise, or another tool configuration"
+        if frame is not None and frame.ebn0_db < self._needed_db:
+            return LOCKED, f"the signal is {self._needed_db - frame.ebn0_db:.1f} dB too weak for most words"
+        return LOCKED, ""
+
+    def _longest_s(self) -> float:
+        """Longest time from one decoded word to the next, s."""
+        items = [item for items in (*self._tool.surveys, *self._tool.toolfaces) for item in items]
+        # Words are decoded some at a time, behind the response of the channel.
+        return 4.0 * max(self._tool.seconds((item,)) for item in items)

@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Attitude between the words of a link: the newest word of each angle, with a sigma that grows with its age.
+
+sigma^2 = word^2 + tool^2 + (rate age)^2. A toolface is withheld beyond a set age, and while the string turns. Where the
+top drive reports its angle, the toolface follows it with a lag: friction on the wall acts against the direction in
+which the pipe moves, so a string that slides along gives way to torsion as a damper does, at a rate of
+stiffness x speed x wind-up / (friction x radius of the pipe); a length of hole, not a time, is what a turn takes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.status import Status
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.settings import setting
+from mwd_sensors.telemetry import meanings
+from mwd_surface.receiver.link.link_survey import north_of
+from mwd_surface.receiver.words import LinkValue, ReceivedWord, value_of
+
+
+@dataclasses.dataclass(frozen=True)
+class AgeRules:
+    """How a value of a link ages."""
+
+    toolface_max_age_s: float = setting(
+        120.0,
+        "Age beyond which a toolface is withheld. Raising it bridges longer fades and shows older angles; a controller "
+        "stops when the toolface is withheld.",
+        unit="s",
+        low=1.0,
+        high=3600.0,
+    )
+    toolface_rate_deg_s: float = setting(
+        0.15,
+        "1 sigma of the change of the toolface while sliding. Raise it for a motor whose reactive torque varies.",
+        unit="deg/s",
+        low=0.0,
+        high=90.0,
+    )
+    toolface_sigma_deg: float = setting(
+        2.0,
+        "1 sigma of the tool's own toolface, added to the rounding of the word.",
+        unit="deg",
+        low=0.0,
+        high=45.0,
+    )
+    quill_share: float = setting(
+        0.2,
+        "1 sigma of how far the string follows a turn of the top drive, as a share of that turn. Raise it in a hole "
+        "with much friction.",
+        low=0.0,
+        high=1.0,
+    )
+    quill_lag_m: float = setting(
+        0.3,
+        "Hole drilled until 63 % of a turn of the top drive have reached the tool: friction torque on the wall times "
+        "the radius of the pipe, over the torsional stiffness of the string. Raise it in a long hole with much "
+        "friction; 0: the tool turns at once.",
+        unit="m",
+        low=0.0,
+        high=20.0,
+    )
+    inclination_sigma_deg: float = setting(
+        0.25,
+        "1 sigma of the tool's inclination, added to the rounding where the tool sends none (word sInc).",
+        unit="deg",
+        low=0.0,
+        high=10.0,
+    )
+    azimuth_sigma_deg: float = setting(
+        1.0,
+        "1 sigma of the tool's azimuth, added to the rounding where the tool sends none (word sAzm).",
+        unit="deg",
+        low=0.0,
+        high=90.0,
+    )
+    angle_rate_deg_s: float = setting(
+        0.002,
+        "1 sigma of the change of inclination and azimuth while drilling. Raise it for a fast, strongly curved hole.",
+        unit="deg/s",
+        low=0.0,
+        high=10.0,
+        expert=True,
+    )
+    vertical_deg: float = setting(
+        3.0,
+        "Inclination below which the automatic toolface is the magnetic one; as `attitude.vertical_deg` of the tool.",
+        unit="deg",
+        low=0.5,
+        high=20.0,
+    )
+
+
+# Words of each angle, and the word with the tool's own sigma of it.
+_ANGLES = {
+    "inclination": ((meanings.CONTINUOUS_INCLINATION, meanings.INCLINATION), meanings.SIGMA_INCLINATION),
+    "azimuth": ((meanings.CONTINUOUS_AZIMUTH, meanings.AZIMUTH), meanings.SIGMA_AZIMUTH),
+}
+_PIPE_RADIUS_M = 0.1  # on the wall of the hole, joints included
+_TOOLFACES = ("gravity_toolface", "magnetic_toolface")
+
+
+class LinkAttitude:
+    """
+    The newest words of a link as samples of `wire.ATTITUDE`.
+
+    Parameters
+    ----------
+    rules : AgeRules
+
+    Attributes
+    ----------
+    travel_s : float
+        Time that a word takes to the surface, s.
+    rotating : bool
+        Whether the string turns.
+    speed : float or None
+        Of the string along the hole, m/s; None: not known, the tool is taken to turn with the top drive at once.
+    """
+
+    def __init__(self, rules: AgeRules) -> None:
+        self._rules = rules
+        self._newest: dict[str, tuple[LinkValue, int, int]] = {}
+        # Time, angle of the top drive, and how much of it has reached the end of the string.
+        self._quill: deque[tuple[float, float, float]] = deque(maxlen=4096)
+        self.speed: float | None = None
+        self.travel_s = 0.0
+        self.rotating = False
+
+    def take(self, word: ReceivedWord) -> None:
+        """Take a word, provisional or final; a final one that is erased takes its provisional one back."""
+        quantity = meanings.meaning_of(word.name)
+        if not quantity:
+            return
+        held = self._newest.get(quantity)
+        if word.usable:
+            if held is None or word.start_s >= held[0].start_s:
+                self._newest[quantity] = (value_of(word), word.frame, word.index)
+        elif held is not None and held[1:] == (word.frame, word.index):
+            del self._newest[quantity]
+
+    def take_quill(self, at_s: float, angle: float) -> None:
+        """Take the angle of the top drive, rad, at a time on the clock of the pressure, s."""
+        if not self._quill:
+            self._quill.append((at_s, angle, angle))
+            return
+        before, _, end = self._quill[-1]
+        if at_s <= before:
+            return
+        lag = self._rules.quill_lag_m
+        drilled = math.inf if self.speed is None else max(self.speed, 0.0) * (at_s - before)
+        wound = (angle - end) * math.exp(-drilled / lag) if lag > 0.0 else 0.0
+        # More than friction holds, the end turns with the top drive.
+        most = lag / _PIPE_RADIUS_M
+        self._quill.append((at_s, angle, angle - min(max(wound, -most), most)))
+
+    def toolface_age(self, now_s: float) -> float:
+        """Age of the newest toolface, s; -1 where there is none."""
+        found = self._toolface()
+        return -1.0 if found is None else self._age(found[1], now_s)
+
+    def sample(self, now_s: float, stamp_ns: int, reference: Reference | None) -> Samples:
+        """
+        Attitude as of now, one row of `wire.ATTITUDE`.
+
+        now_s: on the clock of the pressure; stamp_ns: the same moment. reference: turns azimuths from magnetic north.
+        """
+        row = wire.ATTITUDE.empty(1)
+        row["stamp_ns"] = stamp_ns
+        north, turn = north_of(reference)
+        row["north"] = int(north)
+        status = Status.ROTATING if self.rotating else Status.SLIDING
+        of_tool = {"inclination": self._rules.inclination_sigma_deg, "azimuth": self._rules.azimuth_sigma_deg}
+        for name, (quantities, sent) in _ANGLES.items():
+            tool = self._newest[sent][0].value if sent in self._newest else math.radians(of_tool[name])
+            value, sigma = self._angle(quantities, tool, now_s)
+            known = sigma >= 0.0
+            row[name] = ((value + turn) % math.tau if name == "azimuth" else value) if known else 0.0
+            row["sigma_" + name] = sigma
+        for name in _TOOLFACES:
+            row["sigma_" + name] = -1.0
+        found = self._toolface()
+        vertical = self._near_vertical(row)
+        if vertical:
+            status |= Status.NEAR_VERTICAL
+        if found is not None and not self.rotating:
+            quantity, newest = found
+            angle, sigma = self._predicted(newest, now_s)
+            magnetic = quantity == meanings.MAGNETIC_TOOLFACE or (quantity == meanings.TOOLFACE and vertical)
+            name = "magnetic_toolface" if magnetic else "gravity_toolface"
+            if self._age(newest, now_s) <= self._rules.toolface_max_age_s:
+                row[name] = (angle + turn if magnetic else angle) % math.tau
+                row["sigma_" + name] = sigma
+        row["status"] = int(status)
+        return row
+
+    def _near_vertical(self, row: Samples) -> bool:
+        known = float(row["sigma_inclination"][0]) >= 0.0
+        return known and float(row["inclination"][0]) < math.radians(self._rules.vertical_deg)
+
+    def _angle(self, quantities: tuple[str, ...], tool_sigma: float, now_s: float) -> tuple[float, float]:
+        found = [self._newest[quantity][0] for quantity in quantities if quantity in self._newest]
+        if not found:
+            return 0.0, -1.0
+        newest = max(found, key=lambda one: one.start_s)
+        grown = math.radians(self._rules.angle_rate_deg_s) * self._age(newest, now_s)
+        return newest.value, min(math.hypot(newest.sigma, tool_sigma, grown), math.pi)
+
+    def _toolface(self) -> tuple[str, LinkValue] | None:
+        found = [(name, self._newest[name][0]) for name in meanings.TOOLFACES if name in self._newest]
+        return max(found, key=lambda one: one[1].start_s) if found else None
+
+    def _predicted(self, value: LinkValue, now_s: float) -> tuple[float, float]:
+        """Toolface turned by what has reached it of the top drive since it was measured, and its sigma, rad."""
+        rules, age = self._rules, self._age(value, now_s)
+        (drive, end), (drive_then, end_then) = self._quill_at(now_s), self._quill_at(now_s - age)
+        grown = math.radians(rules.toolface_rate_deg_s) * age
+        unsure = rules.quill_share * (drive - drive_then)
+        sigma = math.hypot(value.sigma, math.radians(rules.toolface_sigma_deg), grown, unsure)
+        return value.value + end - end_then, min(sigma, math.pi)
+
+    def _quill_at(self, at_s: float) -> tuple[float, float]:
+        """Angle of the top drive and of what has reached the end of the string, rad."""
+        if not self._quill:
+            return 0.0, 0.0
+        times, drive, end = zip(*self._quill, strict=True)
+        return float(np.interp(at_s, times, drive)), float(np.interp(at_s, times, end))
+
+    def _age(self, value: LinkValue, now_s: float) -> float:
+        return max(now_s - (value.start_s - self.travel_s), 0.0)
+
+
+def best(rows: Sequence[Samples]) -> Samples:
+    """
+    One attitude from those of several links at the same moment: of each angle the one with the smallest sigma.
+
+    rows: of `wire.ATTITUDE`, one each, at least one. The toolface, gravity or magnetic, comes from one link.
+    """
+    row = rows[0].copy()
+    for name in ("inclination", "azimuth"):
+        one = _surest(rows, (name,))
+        row[name], row["sigma_" + name] = one[name], one["sigma_" + name]
+    one = _surest(rows, _TOOLFACES)
+    for name in _TOOLFACES:
+        row[name], row["sigma_" + name] = one[name], one["sigma_" + name]
+    row["status"] = one["status"]
+    return row
+
+
+def _surest(rows: Sequence[Samples], names: Sequence[str]) -> Samples:
+    """Row in which one of the angles has the smallest known sigma; -1 is not known."""
+    sigmas = np.array([[float(row["sigma_" + name][0]) for name in names] for row in rows])
+    return rows[int(np.argmin(np.where(sigmas < 0.0, math.inf, sigmas).min(axis=1)))]

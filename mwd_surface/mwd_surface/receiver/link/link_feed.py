@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One link fed with bursts as they arrive: stamps become times since the first sample, pressure waits for strokes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.link.following_link import FollowingLink
+from mwd_surface.receiver.link.link import Link, LinkOutput
+from mwd_surface.receiver.link.link_attitude import AgeRules
+
+_BACK_S = 5.0
+_LONGEST_GAP_S = 3600.0  # a longer one begins anew: no sync outlives it, and filling it would take seconds
+# Pressure waits so long, s of its own time and of the clock, for the strokes up to its end. Both: bursts that come
+# together say nothing of a counter, and neither does a replay that pauses.
+_WAIT_S = 10.0
+_EARLY = 200
+
+
+class _Burst(NamedTuple):
+    """Stamps of the first sample and of the end, ns, s between samples, samples, and when it arrived, s."""
+
+    start_ns: int
+    end_ns: int
+    period_s: float
+    values: Array
+    arrived_s: float
+
+
+class LinkFeed:
+    """
+    One link and the clock of its samples.
+
+    Pressure waits for the strokes up to its end, so that the words are those that the recording decodes to.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+        As in the tool.
+    rules : AgeRules
+    warn : callable
+        Called with a sentence where the link begins anew.
+    clock : callable
+        Steady time, s, by which a counter of strokes is given up.
+
+    Attributes
+    ----------
+    tool, in_force : ToolConfiguration
+        As configured, and as a downlink has changed it.
+    following : FollowingLink
+    """
+
+    def __init__(
+        self,
+        tool: ToolConfiguration,
+        rules: AgeRules,
+        warn: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.tool, self.in_force, self._rules, self._warn, self._clock = tool, tool, rules, warn, clock
+        # Strokes before the first pressure tell the crank angle at its beginning.
+        self._early: deque[tuple[int, int]] = deque(maxlen=_EARLY)
+        self._strokes_until: int | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._origin_ns: int | None = None
+        self._waiting: deque[_Burst] = deque()
+        self.following = FollowingLink(Link(self.in_force, self.tool.link, self._rules, self.stamp_of))
+
+    @property
+    def link(self) -> Link:
+        """Link in force."""
+        return self.following.link
+
+    def stamp_of(self, seconds: float) -> int:
+        """Stamp, ns, of a time on the clock of the samples, s."""
+        return (self._origin_ns or 0) + round(seconds * NANOSECONDS)
+
+    def seconds(self, stamp_ns: int) -> float | None:
+        """Time on the clock of the samples, s, of a stamp; None before the first sample."""
+        return None if self._origin_ns is None else (stamp_ns - self._origin_ns) / NANOSECONDS
+
+    def push(self, start_ns: int, period_s: float, values: Array) -> LinkOutput:
+        """
+        Take a burst: stamp of its first sample, ns, time between samples, s, and samples, shape (n,).
+
+        A time that goes back, or on by more than an hour, begins the link anew. Give the strokes that have arrived
+        before: this gives up a counter whose strokes do not come.
+        """
+        newest = self._waiting[-1].start_ns if self._waiting else self.stamp_of(self.link.now_s) if self.heard else None
+        if newest is not None:
+            ahead = (start_ns - newest) / NANOSECONDS
+            back = ahead + period_s * len(values) < -_BACK_S
+            if back or ahead > _LONGEST_GAP_S:
+                self._warn(f"the time went {'back by more than 5 s' if back else 'on by more than an hour'}")
+                self._begin()
+                self._strokes_until = None
+        if self._origin_ns is None:
+            self._origin_ns = start_ns
+            self._give_strokes(self._early)
+            self._early.clear()
+        end_ns = start_ns + round(period_s * len(values) * NANOSECONDS)
+        self._waiting.append(_Burst(start_ns, end_ns, period_s, values, self._clock()))
+        if self._strokes_until is not None and self._given_up():
+            self._strokes_until = None
+        return self._advance()
+
+    @property
+    def heard(self) -> bool:
+        """Whether any sample has reached the link."""
+        return math.isfinite(self.link.now_s)
+
+    def take_strokes(self, until_ns: int, strokes: Sequence[tuple[int, int]]) -> LinkOutput:
+        """Take strokes of pumps: pump and stamp, ns, of each; until_ns: up to which there are no others."""
+        if self._origin_ns is None:
+            self._early += strokes
+        else:
+            self._give_strokes(strokes)
+        self._strokes_until = until_ns
+        return self._advance()
+
+    def _give_strokes(self, strokes: Iterable[tuple[int, int]]) -> None:
+        times: dict[int, list[float]] = {}
+        for pump, at in strokes:
+            times.setdefault(pump, []).append((at - (self._origin_ns or 0)) / NANOSECONDS)
+        for pump, seconds in times.items():
+            self.following.take_strokes(pump, np.array(seconds))
+
+    def finish(self) -> LinkOutput:
+        """Give what is left when no more samples come."""
+        out = LinkOutput()
+        while self._waiting:
+            out.add(self._use())
+        out.add(self.following.finish())
+        return out
+
+    def _advance(self) -> LinkOutput:
+        out = LinkOutput()
+        while self._waiting and (self._strokes_until is None or self._strokes_until >= self._waiting[0].end_ns):
+            out.add(self._use())
+        return out
+
+    def _given_up(self) -> bool:
+        """Whether the oldest burst has waited too long for its strokes: the counter has failed."""
+        oldest, newest = self._waiting[0], self._waiting[-1]
+        of_data = (newest.end_ns - oldest.end_ns) / NANOSECONDS
+        return of_data > _WAIT_S and newest.arrived_s - oldest.arrived_s > _WAIT_S
+
+    def _use(self) -> LinkOutput:
+        burst = self._waiting.popleft()
+        start_s = (burst.start_ns - (self._origin_ns or 0)) / NANOSECONDS
+        at = start_s + burst.period_s * np.arange(len(burst.values), dtype=np.float64)
+        return self.following.push(at, burst.values)

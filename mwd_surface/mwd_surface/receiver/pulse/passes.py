@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One pass of a sequence: its words stretch by stretch, decoded when they come and again when the pass is complete."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_sensors.telemetry import combinatorial
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft
+from mwd_surface.receiver.pulse import segment, trellis
+from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
+from mwd_surface.receiver.words import packet_rows
+
+# Short words are decoded together until they have so many bits; a word of a survey alone, so that it is soon shown.
+_STRETCH_BITS = 12
+# What is there, and which sequence it is, is decided by so many bits.
+LOOK_BITS = 30
+_BEAM = 16
+
+
+@dataclasses.dataclass
+class Part:
+    """
+    A word of a pass as it is known so far.
+
+    Attributes
+    ----------
+    item : SequenceItem
+    rows : ndarray, shape (k, 6)
+        Its packets, as `trellis.forward_backward`.
+    at, length : int
+        First sample of the transmission; TU on air.
+    probability : ndarray, shape (k, values)
+        Of the packets' values.
+    soft : Soft
+    ebn0_db : float
+    pulses : bool
+        Whether there were pulses at all.
+    """
+
+    item: SequenceItem
+    rows: Indices
+    at: int
+    length: int
+    probability: Array
+    soft: Soft
+    ebn0_db: float
+    pulses: bool = True
+
+    def edges(self) -> tuple[list[float], list[float]]:
+        """Places of its pulses, samples of the transmission, and how probable each is."""
+        edges: list[float] = []
+        chances: list[float] = []
+        if not self.pulses:
+            return edges, chances
+        for row, places, chance in zip(self.rows, trellis.places_of(self.rows), self.probability, strict=True):
+            for value in range(row[trellis.COUNT]):
+                if chance[value] > 1e-3:
+                    edges.append(float(self.at + SAMPLES_PER_TU * places[value]))
+                    chances.append(float(chance[value]))
+        return edges, chances
+
+
+@dataclasses.dataclass
+class Pass:
+    """
+    A pass of a sequence that is being received.
+
+    Attributes
+    ----------
+    kind : str
+        "survey" or "toolface".
+    items : tuple of SequenceItem
+    start : int
+        First sample of the transmission.
+    done, at : int
+        Words decoded, and sample at which the next begins.
+    parts : list of Part
+    shown : int
+        Words given as provisional ones.
+    """
+
+    kind: str
+    items: tuple[SequenceItem, ...]
+    start: int
+    done: int = 0
+    at: int = 0
+    parts: list[Part] = dataclasses.field(default_factory=list)
+    shown: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether all its words are decoded."""
+        return self.done == len(self.items)
+
+    def following(self) -> tuple[SequenceItem, ...]:
+        """Words that are decoded next."""
+        return stretch_of(self.items, self.done)
+
+    def take_back(self, words: int) -> int:
+        """The last words had no pulses; returns where they begin, sample."""
+        silent = self.parts[max(len(self.parts) - words, 0) :]
+        for part in silent:
+            part.pulses = False
+        return silent[0].at if silent else self.at
+
+    def add(self, items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], code: str) -> None:
+        """Take the next words."""
+        self.parts += parts_of(items, decision, soft, self.at, code)
+        self.done += len(items)
+        self.at = self.parts[-1].at + SAMPLES_PER_TU * self.parts[-1].length
+
+
+def parts_of(
+    items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], at: int, code: str
+) -> list[Part]:
+    """Words of a decision about some of them; at: first sample of the transmission; code: of the tool."""
+    parts = []
+    first = 0
+    for item, one in zip(items, soft, strict=True):
+        rows, length = packet_rows((item,), code)
+        probability = decision.probability[first : first + len(rows)]
+        parts.append(Part(item, rows, at, length, probability, one, decision.ebn0_db))
+        first += len(rows)
+        at += SAMPLES_PER_TU * length
+    return parts
+
+
+def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH_BITS) -> tuple[SequenceItem, ...]:
+    """Next words of a sequence that have `least` bits together; a short rest joins the last stretch."""
+    bits, end = 0, done
+    while end < len(items) and bits < least:
+        bits += items[end].length
+        end += 1
+    if sum(item.length for item in items[end:]) < least // 2:
+        end = len(items)
+    return items[done:end]
+
+
+def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
+    """Words with the probabilities of their codes at each temperature."""
+    if rows[0, trellis.RISING]:
+        return _soft_ranks(decision, rows, items, parity)
+    count, values = len(rows), trellis.values_of(rows)
+    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
+    chance, even = np.empty((count, values)), np.empty(count)
+    ends = np.flatnonzero(rows[:, 2])
+    firsts = np.concatenate([[0], ends[:-1] + 1])
+    holds = np.empty((len(items), len(TEMPERATURES)))
+    codes: list[dict[int, list[float]]] = [{} for _ in items]
+    for t, temperature in enumerate(TEMPERATURES):
+        given = (rows, decision.unary / temperature, decision.common / temperature, decision.level)
+        trellis.forward_backward(*given, -1, forward, backward)
+        trellis.marginals(rows, forward, backward, chance, even)
+        holds[:, t] = even[ends] if parity == 0 else 1.0 - even[ends]
+        trellis.forward_backward(*given, parity, forward, backward)
+        evidence = trellis.marginals(rows, forward, backward, chance, even)
+        found = np.empty((_BEAM, 2))
+        for k, item in enumerate(items):
+            made = trellis.best_words(*given, forward, backward, int(firsts[k]), found)
+            for code, log in found[:made]:
+                value = int(code) >> 1 if item.parity else int(code)
+                codes[k].setdefault(value, [0.0] * len(TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
+    return [
+        Soft(tuple(Candidate(code, tuple(p)) for code, p in codes[k].items()), tuple(holds[k]) if item.parity else None)
+        for k, item in enumerate(items)
+    ]
+
+
+def _soft_ranks(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
+    """As `soft_words`, of the combinatorial code: all codes of a word are weighed, with its parity or without."""
+    count, values = len(rows), trellis.values_of(rows)
+    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
+    ends = np.flatnonzero(rows[:, trellis.ENDS])
+    holds = np.empty((len(items), len(TEMPERATURES)))
+    chances: list[list[Array]] = [[] for _ in items]
+    for t, temperature in enumerate(TEMPERATURES):
+        unary, common = decision.unary / temperature, decision.common / temperature
+        trellis.forward_backward(rows, unary, common, decision.level, -1, forward, backward)
+        for k, (item, end) in enumerate(zip(items, ends, strict=True)):
+            table = combinatorial.values(item.length)
+            log = np.empty(len(table))
+            to = slice(0, end + 1)
+            trellis.all_words(rows[to], unary[to], common, decision.level[to], forward[to], backward[to], table, log)
+            chance = np.exp(log - log.max())
+            held = combinatorial.odd(item.length) == parity
+            holds[k, t] = chance[held].sum() / chance.sum()
+            chance = np.where(held, chance, 0.0) if item.parity else chance
+            chances[k].append(chance / max(chance.sum(), 1e-300))
+    return [
+        Soft(_candidates(item, np.array(chances[k])), tuple(holds[k]) if item.parity else None)
+        for k, item in enumerate(items)
+    ]
+
+
+def _candidates(item: SequenceItem, chances: Array) -> tuple[Candidate, ...]:
+    """Most probable codes of a word at any temperature; chances, shape (temperatures, codes)."""
+    best = np.unique(np.argsort(-chances, axis=1, kind="stable")[:, :_BEAM])
+    return tuple(Candidate(int(code) >> item.parity, tuple(chances[:, code].tolist())) for code in best)

@@ -1,0 +1,240 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The receiver of a pulse tool: standpipe pressure in, words out, the same however the samples are cut."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_surface.receiver.belief import Temper
+from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
+from mwd_surface.receiver.pulse import segment, synchronisation
+from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
+from mwd_surface.receiver.pulse.survey_memory import SurveyMemory
+from mwd_surface.receiver.pulse.transmission import Transmission
+from mwd_surface.receiver.sampled_receiver import SampledReceiver
+from mwd_surface.receiver.words import Reception
+
+# The search for syncs proceeds by hops, each with data before it for the noise model and behind it for the pulses.
+_HOP_TU = 32
+_GUARD_TU = 8
+# The noise model learns from that much before a hop, at most from the time between flow-on and sync: its coefficients
+# need samples, but pumps that start would spoil it.
+_NOISE_TU, _NOISE_S = 50, 40.0
+_SETTLED_S = 5.0
+_KEPT_TU = 500
+# A sync by so much clearer than that of a transmission in doubt takes its place at once.
+_SURER = 1.5
+# Samples a TU that the pulse code needs: 2 for each edge of a pulse that is 2 TU wide, and some for the filter.
+LEAST_PER_TU = 2.5
+
+
+class PulseReceiver(SampledReceiver):
+    """
+    Receiver of one tool.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+
+    Attributes
+    ----------
+    channel : Channel or None
+        Response to a pulse and noise, as the last pass of a sequence showed them.
+
+    Raises
+    ------
+    ValueError
+        The code of the tool is not one that this receiver reads.
+    """
+
+    def __init__(self, tool: ToolConfiguration) -> None:
+        if tool.code not in PULSE_CODES:
+            raise ValueError(f"code: this receiver reads pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
+        super().__init__(tool.tu_s / STEPS_PER_TU)
+        self._tool = tool
+        self._surveys = SurveyMemory(tool)
+        parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
+        self._temper = Temper(parity)
+        quiet_s = min(_NOISE_S, tool.transmit_delay_s - _SETTLED_S)
+        self._noise_tu = min(max(_NOISE_TU, round(quiet_s / tool.tu_s)), _KEPT_TU - _HOP_TU)
+        self._hop = 0
+        self._frame = 0
+        self._last = math.inf
+        self._active: Transmission | None = None
+        self._last_sync: float | None = None
+        self._waiting: tuple[synchronisation.SyncFound, float] | None = None
+        self._lowest, self._highest = math.inf, -math.inf
+        self._reason = ""
+        self._syncs = 0
+        self.last_sync_s = -math.inf
+        self.channel: segment.Channel | None = None
+
+    def successor(self, tool: ToolConfiguration) -> PulseReceiver:
+        """Return a receiver of the same tool, told to send otherwise: what parities taught of its words is kept."""
+        after = PulseReceiver(tool)
+        after._temper = self._temper.following()
+        return after
+
+    def strokes(self, pump: int, time_s: Array) -> None:
+        """
+        Take strokes that a counter saw; without a counter the lines of the pumps are found in the pressure.
+
+        Words depend on no stroke that comes later than their pressure: for the same words, give the strokes up to a
+        time before the pressure of that time, as `decode` does.
+
+        Parameters
+        ----------
+        pump : int
+            Number of the pump.
+        time_s : ndarray, shape (n,)
+            Rising times, s, on the clock of the pressure.
+        """
+        self._grid.strokes.add(pump, time_s)
+
+    def finish(self) -> Reception:
+        """Words of what is left at the end of the samples."""
+        done = self._take(*self._resampler.finish())
+        # As if the gauge had failed: what is there is decoded as far as it goes, the last word without its echoes.
+        self._last = self._grid.end
+        missing = np.zeros(STEPS_PER_TU * (2 * _HOP_TU + self._beyond))
+        if self._grid.end:
+            done.add(self._take(missing, missing))
+        if self._active is not None:
+            self._add(done, self._active.close())
+        return done
+
+    def why_nothing(self) -> str:
+        """Reason in one sentence why there is no word, or none is believed."""
+        if self._grid.end == 0:
+            return "no words: there are no samples with rising times"
+        # Interpolation between equal samples rounds.
+        if self._highest - self._lowest <= 1e-9 * abs(self._highest):
+            return f"no words: the gauge stands at {self._highest:.6g} Pa"
+        if self._reason:
+            return f"no words believed: {self._reason}"
+        if not self._syncs:
+            return (
+                f"no words: no sync of this tool in the pressure; check pulse_width_s ({self._tool.pulse_width_s:g} s)"
+                " and sync of the tool configuration, and that the flow was on long enough"
+            )
+        return (
+            f"no words: {self._syncs} syncs, but no sequence of this configuration behind them; check sequences,"
+            " header_bits and parity"
+        )
+
+    def _take(self, values: Array, known: Array) -> Reception:
+        seen = values[known > 0.0]
+        self._lowest = min(self._lowest, float(seen.min(initial=math.inf)))
+        self._highest = max(self._highest, float(seen.max(initial=-math.inf)))
+        return super()._take(values, known)
+
+    def _check(self, spacing_s: float) -> None:
+        if spacing_s * LEAST_PER_TU > self._tool.tu_s * (1.0 + 1e-6):
+            raise ValueError(
+                f"pressure has {1.0 / spacing_s:.3g} samples a second; pulses of {self._tool.pulse_width_s:g} s need"
+                f" {LEAST_PER_TU / self._tool.tu_s:.3g} or more"
+            )
+
+    def _advance(self, done: Reception) -> None:
+        """All steps for which the pressure is there, in the order of the time that each of them needs."""
+        while True:
+            search_needs = STEPS_PER_TU * ((self._hop + 1) * _HOP_TU + self._beyond) + REACH
+            active = self._active
+            # A pass waits until the search has been where it begins: the tool may have started anew.
+            ready = active is not None and active.begins() <= STEPS_PER_TU * self._hop * _HOP_TU
+            if active is not None and ready and active.needs() <= self._grid.end and active.ends() <= self._last:
+                self._add(done, active.step(self._waiting is not None))
+                self._frame = active.frame
+                if active.lost:
+                    self._active = self._successor(active)
+                elif self._waiting is not None and active.confirmed and active.heard > self._waiting[1]:
+                    self._waiting = None
+            elif not ready and search_needs <= self._grid.end:
+                self._search(done)
+                self._hop += 1
+                self._grid.forget(
+                    STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU) if self._active is None else self._oldest()
+                )
+            else:
+                return
+
+    def _add(self, done: Reception, more: Reception) -> None:
+        """Take what a step completed: a pass at most, settled by the surveys before."""
+        if more.frames and self._active is not None:
+            self.channel = self._active.channel
+        more.words = self._surveys.settle(more.words)
+        self._reason = next((frame.reason for frame in reversed(more.frames) if frame.reason), self._reason)
+        done.add(more)
+
+    def _successor(self, lost: Transmission) -> Transmission | None:
+        """Transmission that began while the lost one seemed to go on."""
+        waiting, self._waiting = self._waiting, None
+        if waiting is None or (lost.confirmed and waiting[1] < lost.heard):
+            return None
+        return self._begun(*waiting)
+
+    def _begun(self, found: synchronisation.SyncFound, position: float) -> Transmission:
+        """Transmission that begins with a sync at a position of the grid."""
+        self._temper = self._temper.following()
+        return Transmission(self._tool, self._grid, found, position, self._frame, self._temper)
+
+    @property
+    def _beyond(self) -> int:
+        """Pressure behind a hop that its syncs need, TU."""
+        return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
+
+    def _oldest(self) -> int:
+        needed = self._active.keeps() if self._active is not None else self._grid.end
+        return int(min(needed, STEPS_PER_TU * (self._hop * _HOP_TU - _KEPT_TU)))
+
+    def _search(self, done: Reception) -> None:
+        pace = STEPS_PER_TU // SAMPLES_PER_TU
+        begin_tu, end_tu = self._hop * _HOP_TU, (self._hop + 1) * _HOP_TU
+        first_tu = max(begin_tu - self._noise_tu, -(-self._grid.first // STEPS_PER_TU), 0)
+        count = SAMPLES_PER_TU * (end_tu + self._beyond - first_tu)
+        pressure, known = self._grid.samples(float(STEPS_PER_TU * first_tu), float(pace), count)
+        low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
+        guard = SAMPLES_PER_TU * _GUARD_TU
+        whitener = self._active.channel.stepwise if self._active is not None else None
+        found = synchronisation.search(pressure, known, self._tool, low - guard, high + guard, whitener)
+        # What lies farther behind the hop may be the flank of a sync beyond the range: it is left to the next one.
+        if found is None or found.at >= high + guard // 2:
+            return
+        position = float(STEPS_PER_TU * first_tu + found.at * pace)
+        if self._last_sync is not None and position < self._last_sync + STEPS_PER_TU * _GUARD_TU:
+            return
+        self._last_sync = position
+        self._syncs += 1
+        self.last_sync_s = self._grid.seconds(position)
+        active = self._active
+        if active is not None and active.expects_sync(position):
+            active.offer_sync()
+        elif active is not None and active.replaced_by(position, found.score):
+            self._active = self._begun(found, position)
+        elif active is not None and (active.sound or found.score <= _SURER * active.score):
+            # Data can look like a sync by chance: it counts once the transmission breaks off.
+            if self._waiting is None or found.score > self._waiting[0].score:
+                self._waiting = (found, position)
+        else:
+            if active is not None:
+                self._add(done, active.close())
+                self._frame = active.frame
+            self._active = self._begun(found, position)
+            self._waiting = None
+
+
+def decode(
+    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array] | None = None
+) -> Reception:
+    """Words of a whole recording, and strokes by pump; as `PulseReceiver.strokes`, `push` and `finish`."""
+    receiver = PulseReceiver(tool)
+    for pump, times in (strokes or {}).items():
+        receiver.strokes(pump, times)
+    done = receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float))
+    done.add(receiver.finish())
+    return done

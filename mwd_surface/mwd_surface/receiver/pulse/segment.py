@@ -1,0 +1,342 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+One stretch of a transmission decoded: packets and noise found together, with the channel of the other pulses.
+
+A forward-backward pass over the packets and a new noise model follow each other. The channel is estimated from the
+sync and the packets already decoded, before the stretch and behind it, never from the pressure of the stretch itself,
+and its uncertainty is added to the noise.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array, Indices
+from mwd_surface.receiver.pulse import trellis
+from mwd_surface.receiver.pulse.channel_estimate import (
+    BEFORE,
+    SAMPLES_PER_TU,
+    coefficients,
+    common_energy,
+    matched,
+    normal_equations,
+    reconstruct,
+    sensitivity,
+    uncertainty,
+)
+from mwd_surface.receiver.pump_lines import SEARCH_SAMPLES, pump_noise
+from mwd_surface.receiver.whitening import filtered, prediction_error_filter, steadiness
+
+ORDER = 40
+FLOOR = 1e-6
+_KEPT = 0.5  # share of the sample before in the difference whose noise is modelled where the level is steady
+_ROUNDS, _ROUNDS_AGAIN = 4, 2
+_TAIL = 24  # samples of a whitened response beyond the response itself
+
+
+@dataclasses.dataclass
+class Channel:
+    """
+    What is known of the channel.
+
+    Attributes
+    ----------
+    response : ndarray, shape (m,)
+        Of a pulse, Pa, from `BEFORE` its edge.
+    scale : float
+        Standard deviation of the coefficients of its components.
+    whitener : ndarray
+        Prediction error filter of the noise.
+    stepwise : ndarray
+        The same without the level, for a search that does not know it.
+    components : ndarray, shape (c, m)
+        Of the response (`channel_estimate.basis`).
+    memory : float
+        1 sigma of the average over lines of the pumps, samples.
+    """
+
+    response: Array
+    scale: float
+    whitener: Array
+    stepwise: Array
+    components: Array
+    memory: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Stretch:
+    """
+    Data and packets of one stretch, on the clock of the tool: `SAMPLES_PER_TU` samples a TU.
+
+    Attributes
+    ----------
+    pressure, known : ndarray, shape (n,)
+        Pa; 1 where a sample is known.
+    edges : ndarray, shape (j,)
+        Pulses before the packets and, once these are decoded, behind them, sample; how probable each is, `chances`.
+    packets : ndarray, shape (k, 6)
+        As `trellis.forward_backward`; starts in TU after `start`.
+    start : int
+        Sample of TU 0 of the packets.
+    parity : int
+        0 even, 1 odd.
+    end : int
+        Sample up to which pressure is the packets' own, from which the response does not learn.
+    probability : ndarray, shape (k, values), optional
+        Of the packets' values, from decoding them before.
+    angles : ndarray, shape (pumps, n), optional
+        Crank angles of pumps whose strokes are counted, rad.
+    pace_error : float
+        1 sigma of the tool's clock, relative: how much later than the lattice a pulse may be, by its distance from
+        those that taught the response.
+    """
+
+    pressure: Array
+    known: Array
+    edges: Array
+    chances: Array
+    packets: Indices
+    start: int
+    parity: int
+    end: int
+    probability: Array | None = None
+    angles: Array | None = None
+    pace_error: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Decision:
+    """
+    What the data say of a stretch.
+
+    Attributes
+    ----------
+    unary, level, common : ndarray
+        Metrics, weights and common energies, as `trellis.forward_backward` takes them.
+    probability : ndarray, shape (k, values)
+        Of each packet's values, parity used.
+    channel : Channel
+        As estimated from the pulses before, with the noise model of this stretch.
+    ebn0_db : float
+        Energy of a bit over noise density.
+    timing : (float, float, float)
+        Relative drift of the pulses against the clock of the samples, its variance, and the sample it turns about.
+    evidence : float
+        Log likelihood ratio of the pulses, wherever they are, to none.
+    """
+
+    unary: Array
+    level: Array
+    common: Array
+    probability: Array
+    channel: Channel
+    ebn0_db: float
+    timing: tuple[float, float, float]
+    evidence: float
+
+
+def decode(stretch: Stretch, channel: Channel) -> Decision:
+    """
+    Decode a stretch.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    channel : Channel
+        Estimate to begin with.
+    """
+    packets = stretch.packets
+    n, count = len(stretch.pressure), len(packets)
+    weight = stretch.known.copy()
+    again = stretch.probability is not None
+    probability = trellis.uniform(packets) if stretch.probability is None else stretch.probability.copy()
+    values = trellis.values_of(packets)
+    reach = channel.components.shape[1] + _TAIL
+    whitened, shapes = np.empty(n), np.empty((len(channel.components), reach))
+    state = dataclasses.replace(channel)
+    places = int(packets[-1, 0]) + values
+    unary, level = np.zeros((count, values)), np.ones(count)
+    common = np.zeros(1)
+    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
+    even, evidence = np.empty(count), 0.0
+    pumps = (
+        _pumps(stretch, state, probability)
+        if again
+        else _background(stretch.pressure, stretch.known, SEARCH_SAMPLES, stretch.angles)
+    )
+    for turn in range(_ROUNDS_AGAIN if again else _ROUNDS):
+        filtered(stretch.pressure - pumps, state.whitener, whitened)
+        _whitened_shapes(state, shapes)
+        train = _train(stretch, probability)
+        unsure = _estimate(stretch, state, shapes, whitened, (weight, train))
+        g = _whitened(state.response, state.whitener)
+        sure = 1.0 / (1.0 + unsure + _lateness(stretch, weight * train, sensitivity(g)))
+        weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
+        out, energy = np.empty(places), np.empty(places)
+        matched(whitened, weight, g, stretch.start, out, energy)
+        common = common_energy(g, reach // SAMPLES_PER_TU)
+        level = _levels(packets, energy, common[0])
+        others = np.round((stretch.edges - stretch.start) / SAMPLES_PER_TU)
+        near = (others > -len(common)) & (others < places + len(common))
+        shared = np.empty((count, values))
+        trellis.mean_interference(packets, others[near], stretch.chances[near], common, level, probability, shared)
+        unary = sure[:, None] * (_unary(packets, out, energy) - shared)
+        level = sure * level
+        trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
+        evidence = trellis.marginals(packets, forward, backward, probability, even)
+        if not (again and turn == _ROUNDS_AGAIN - 1):
+            pumps = _new_noise(stretch, _train(stretch, probability), state, weight)
+    g = _whitened(state.response, state.whitener)
+    ways = trellis.log_ways(packets)
+    ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
+    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability, state, weight, pumps)
+    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways)
+
+
+def _train(stretch: Stretch, probability: Array) -> Array:
+    """Expected edges at each sample."""
+    train = np.zeros(len(stretch.pressure))
+    _add_known(stretch, train)
+    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets)
+    np.add.at(train, np.clip(at, 0, len(train) - 1), probability)
+    return train
+
+
+def _add_known(stretch: Stretch, train: Array) -> None:
+    """Add the pulses that are not those of the packets."""
+    at = np.rint(stretch.edges).astype(np.int64)
+    inside = (at >= 0) & (at < len(train))
+    np.add.at(train, at[inside], stretch.chances[inside])
+
+
+def _unary(packets: Indices, out: Array, energy: Array) -> Array:
+    at = trellis.places_of(packets)
+    return np.asarray(out[at] - 0.5 * energy[at])
+
+
+def _levels(packets: Indices, energy: Array, whole: float) -> Array:
+    middle = packets[:, trellis.START] + packets[:, trellis.COUNT] // 2
+    return np.asarray(np.clip(energy[middle] / max(whole, 1e-300), 0.0, 1.0))
+
+
+def _whitened(response: Array, whitener: Array) -> Array:
+    return np.convolve(response, whitener)[: len(response) + _TAIL]
+
+
+def _whitened_shapes(state: Channel, shapes: Array) -> None:
+    for k, one in enumerate(state.components):
+        shapes[k] = _whitened(one, state.whitener)
+
+
+def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
+    """Pump noise of a stretch whose pulses are known from decoding it before."""
+    explained = np.empty(len(stretch.pressure))
+    reconstruct(_train(stretch, probability), state.response, explained)
+    return _background(stretch.pressure - explained, stretch.known, state.memory, stretch.angles)
+
+
+def _estimate(
+    stretch: Stretch, state: Channel, shapes: Array, whitened: Array, weighted_train: tuple[Array, Array]
+) -> float:
+    """
+    Response from the pulses round the packets; returns the variance that its error adds to a decision, noise being 1.
+
+    The pressure of the packets themselves is left out: a response that learns from its own decisions confirms them.
+    """
+    count = len(shapes)
+    matrix, right = np.empty((count, count)), np.empty(count)
+    weight, train = weighted_train
+    others = weight.copy()
+    others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
+    normal_equations(train, shapes, whitened, others, matrix, right)
+    u, state.scale, covariance = coefficients(matrix, right, state.scale)
+    state.response = u @ state.components
+    return uncertainty(u, covariance, shapes)
+
+
+def _lateness(stretch: Stretch, train: Array, each: float) -> Array:
+    """
+    Variance that the error of the clock adds to the decision on each packet, noise being 1; shape (k,).
+
+    train: weights of the pulses that are known; each: standard deviation by a time error of one sample.
+    """
+    others = train.copy()
+    others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
+    middle = float(others @ np.arange(len(others))) / max(float(others.sum()), 1e-300)
+    at = stretch.start + SAMPLES_PER_TU * (stretch.packets[:, trellis.START] + 0.5 * stretch.packets[:, trellis.COUNT])
+    return np.asarray((each * stretch.pace_error * (at - middle)) ** 2)
+
+
+def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array:
+    """Weight of each sample: less where the noise is larger than elsewhere, 0 where the sample is unknown."""
+    explained = np.empty(len(train))
+    reconstruct(train, g, explained)
+    return steadiness(whitened - explained, stretch.known)
+
+
+def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) -> Array:
+    """Noise model of what pulses and pumps leave; returns level and pumps."""
+    explained = np.empty(len(train))
+    reconstruct(train, state.response, explained)
+    residual = stretch.pressure - explained
+    background = _background(residual, weight, state.memory, stretch.angles)
+    residual -= background
+    root, stepwise, level = np.sqrt(weight), np.empty(ORDER + 2), np.empty(ORDER + 2)
+    unexpected = prediction_error_filter(residual, root, ORDER, FLOOR, stepwise)
+    if unexpected > 0.0:
+        # The better predictor of the two: a level that wanders or steps leaves nothing for the second to know.
+        steady = prediction_error_filter(residual, root, ORDER, FLOOR, level, _KEPT) < unexpected
+        state.stepwise, state.whitener = stepwise, level if steady else stepwise
+    return background
+
+
+def _background(noise: Array, weight: Array, memory: float, angles: Array | None) -> Array:
+    """Level and pumps of pressure without its pulses."""
+    level = float(weight @ noise) / max(float(weight.sum()), 1e-300)
+    return level + pump_noise(noise, weight, memory, angles)
+
+
+def _timing(
+    stretch: Stretch, probability: Array, state: Channel, weight: Array, pumps: Array
+) -> tuple[float, float, float]:
+    """
+    Drift of the pulses against the clock that the data were sampled with.
+
+    Returns
+    -------
+    (float, float, float)
+        Relative drift, its variance, and the sample about which it turns.
+    """
+    train = _train(stretch, probability)
+    g = _whitened(state.response, state.whitener)
+    slope = np.gradient(g)
+    whitened, explained = np.empty(len(train)), np.empty(len(train))
+    filtered(stretch.pressure - pumps, state.whitener, whitened)
+    reconstruct(train, g, explained)
+    rest = whitened - explained
+    count = float(train.sum())
+    if count < 6.0:
+        return 0.0, 1.0, 0.0
+    at = np.arange(len(train), dtype=float)
+    middle = float(train @ at) / count
+    # A response that comes later by tau changes by -tau times its slope; tau has a mean and a drift.
+    late, drifting = np.empty(len(train)), np.empty(len(train))
+    reconstruct(train, -slope, late)
+    _weighted_train(train, at - middle, -slope, drifting)
+    both, right = float(late @ (weight * drifting)), float(drifting @ (weight * rest))
+    own, other = float(drifting @ (weight * drifting)), float(late @ (weight * late))
+    if own * other <= both * both:
+        return 0.0, 1.0, 0.0
+    left = own - both * both / other
+    return (right - both / other * float(late @ (weight * rest))) / left, 1.0 / left, middle
+
+
+def _weighted_train(train: Array, weight: Array, response: Array, out: Array) -> None:
+    """Train whose pulses have weights of either sign; out, shape (n,), is filled."""
+    negative = np.empty(len(out))
+    reconstruct(train * np.maximum(weight, 0.0), response, out)
+    reconstruct(train * np.maximum(-weight, 0.0), response, negative)
+    out -= negative

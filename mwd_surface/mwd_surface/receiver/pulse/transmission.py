@@ -1,0 +1,365 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One transmission followed from its sync on: its sequences, its words stretch by stretch, the tool's clock."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Indices
+from mwd_sensors.telemetry.pulse_position import GAP_TU
+from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.belief import Temper
+from mwd_surface.receiver.grid import REACH, Grid
+from mwd_surface.receiver.pulse import segment
+from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
+from mwd_surface.receiver.pulse.passes import LOOK_BITS, Part, Pass, parts_of, soft_words, stretch_of
+from mwd_surface.receiver.pulse.presence import FADED, Evidence, Presence
+from mwd_surface.receiver.pulse.synchronisation import SyncFound
+from mwd_surface.receiver.pulse.tool_clock import ToolClock
+from mwd_surface.receiver.pump_lines import STEADY_S
+from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
+
+_HISTORY_TU = 400
+# A response that comes after the last packet, as far as it still carries energy.
+_AFTER_TU = 14
+# Beyond this probability that parities mean nothing, the transmission is lost.
+_LOST = 0.95
+_DOUBTFUL = 0.2
+_PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width, two tools at once or no tool"
+# How much more evidence a TU a toolface behind a sync needs than a survey.
+_CLEARER = 1.2
+# Share above which a stretch is what it is taken for, although it may look like a sync.
+_CLEAR = 0.7
+
+
+class Transmission:
+    """
+    A transmission from a sync to its loss.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+    grid : Grid
+        Pressure, which grows.
+    found : SyncFound
+    position : float
+        Where the sync starts, steps of the grid.
+    frame : int
+        Number of its first pass.
+    temper : Temper
+        What the transmissions before teach of confidence.
+    """
+
+    def __init__(
+        self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, frame: int, temper: Temper
+    ) -> None:
+        self._tool, self._grid = tool, grid
+        self._clock = ToolClock(position)
+        self._settled = -found.settled
+        self._edges = [float(SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu]
+        self._chances = [1.0] * len(self._edges)
+        response = np.zeros(response_length(tool.tu_s))
+        response[: len(found.response)] = found.response
+        whitener = np.zeros(segment.ORDER + 2)
+        whitener[: len(found.whitener)] = found.whitener
+        # The search has fewer components than the estimate: the same variance in all, spread over more.
+        memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
+        self._channel = segment.Channel(
+            response, found.scale, whitener, whitener, basis(len(response), tool.tu_s), memory
+        )
+        self._at_once, self.temper = copy.deepcopy(temper), temper
+        self._presence = Presence(found.score)
+        self._heard_at = 0
+        self._held: list[ReceivedWord] = []
+        self.frame = frame
+        self.lost = ""
+        self.score = found.score
+        self._pass: Pass | None = None
+        self._boundary = SAMPLES_PER_TU * tool.sync.length_tu
+        self._offered = False
+        self._parity = int(tool.parity == "odd")
+
+    def expects_sync(self, position: float) -> bool:
+        """Whether a sync found at a position of the grid starts where the next pass would."""
+        at = (position - self._clock.start) / self._clock.pace
+        return self._pass is not None and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
+
+    def replaced_by(self, position: float, score: float) -> bool:
+        """Whether a sync found at a position of the grid, within the sync of this transmission, is the true one."""
+        return self._pass is None and position < self._clock.at(self._boundary) and score > self.score
+
+    def offer_sync(self) -> None:
+        """Take a sync into account where the next pass begins; the data decide which of the two it is."""
+        self._offered = True
+
+    def needs(self) -> float:
+        """Position of the grid up to which pressure has to be there for the next step."""
+        if self._pass is None or (self._pass.complete and self._offered):
+            start = self._boundary if self._pass is None else self._pass_end(self._pass)
+            length = self._tool.header_tu + max(self._first_length(kind) for kind in ("survey", "toolface"))
+            length += self._tool.sync.length_tu if self._offered else 0
+        else:
+            now = self._following(self._pass) if self._pass.complete else self._pass
+            start, (_, length) = now.at, self._rows(now.following())
+        return self._clock.at(start + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
+
+    def ends(self) -> float:
+        """Position of the grid where the last pulse of the next step ends at the latest."""
+        return self.needs() - SAMPLES_PER_TU * (_AFTER_TU + GAP_TU) * self._clock.pace - REACH
+
+    def begins(self) -> float:
+        """Position of the grid up to which a sync that the next step needs may begin."""
+        if self._pass is None:
+            return self._clock.at(self._boundary)
+        if self._presence.faint:
+            return self.ends()
+        return self._clock.at(self._pass_end(self._pass) + SAMPLES_PER_TU) if self._pass.complete else -math.inf
+
+    def keeps(self) -> float:
+        """Position of the grid from which pressure is still needed: a pass is decoded again when it is complete."""
+        start = self._boundary if self._pass is None else self._pass.start
+        return self._clock.at(start - SAMPLES_PER_TU * _HISTORY_TU)
+
+    def step(self, waiting: bool = False) -> Reception:
+        """
+        Decode the next stretch: provisional words, and all those of the pass once it is complete.
+
+        waiting: whether another sync was found.
+        """
+        if self._pass is None or self._pass.complete:
+            self._begin_pass()
+        now = self._pass
+        if now is None:
+            return Reception()
+        items = now.following()
+        rows, length = self._rows(items)
+        clock, presence = self._clock, self._presence
+        decision = self._decode(rows, length, now.at)
+        whole = now.done + len(items) == len(now.items)
+        self.lost = presence.judge(Evidence(decision.evidence, len(rows), len(items)), whole, waiting)
+        if self.lost or presence.faint:
+            self._heard_at = min(self._heard_at, now.take_back(presence.faint_words))
+        if self.lost:
+            return self.close()
+        soft = soft_words(decision, rows, items, self._parity)
+        now.add(items, decision, soft, self._tool.code)
+        if presence.faint:
+            # Neither clock nor channel learn from what has no pulses; its words are shown when the pulses come back.
+            self._clock = clock
+            now.take_back(len(items))
+            return Reception() if not now.complete else self.close()
+        self._heard_at = now.at
+        self._channel = decision.channel
+        self._at_once.learn(soft)
+        if self._at_once.failing > _LOST:
+            self.lost = _PARITIES_FAIL
+        provisional = self._held + self._words(now, now.done - len(items), self._at_once, 0)
+        # Words behind what may be no sync are shown once it is clear that there are words.
+        self._held = [] if presence.confirmed else provisional
+        provisional = provisional if presence.confirmed else []
+        now.shown = now.done if presence.confirmed else 0
+        if not (now.complete or self.lost):
+            return Reception(provisional=provisional)
+        done = self.close()
+        return Reception(done.words, done.frames, provisional)
+
+    def close(self) -> Reception:
+        """Words of the pass so far, decoded again with all pulses of the pass and judged by all its parities."""
+        now = self._pass
+        if now is None or not now.parts or not self.confirmed:
+            return Reception()
+        heard = [part for part in now.parts if part.pulses]
+        if self.lost or not now.complete:
+            del now.parts[max([now.shown, *(k + 1 for k, part in enumerate(now.parts) if part.pulses)]) :]
+        if not (heard or now.shown):
+            self._forget(now)
+            return Reception()
+        self._decode_again(now, heard)
+        self.temper.learn([part.soft for part in heard])
+        words = self._words(now, 0, self.temper, 1)
+        # What was shown and is no word is taken back.
+        words = [
+            word if part.pulses else dataclasses.replace(word, status=ERASED)
+            for word, part in zip(words, now.parts, strict=True)
+        ]
+        ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
+        reason = self.lost or (_PARITIES_FAIL if self.temper.failing > _DOUBTFUL else "")
+        reason = reason or (FADED if len(heard) < len(now.parts) else "")
+        report = FrameReport(self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
+        self.frame += 1
+        self._forget(now)
+        return Reception(words, [report])
+
+    def _words(self, now: Pass, first: int, temper: Temper, revision: int) -> list[ReceivedWord]:
+        words = []
+        for k, part in enumerate(now.parts[first:], first):
+            span = (self._seconds(part.at), self._seconds(part.at + SAMPLES_PER_TU * part.length))
+            place = WordPlace(self.frame, k, now.kind, revision)
+            words.append(received(self._tool, part.item, temper.judge(part.soft), span, place))
+        return words
+
+    def _decode_again(self, now: Pass, parts: list[Part]) -> None:
+        """Decode words of a pass once more, with the pulses before each and behind it."""
+        for part in parts:
+            stop = min(part.at + SAMPLES_PER_TU * (part.length + _HISTORY_TU), now.at)
+            stretch = self._stretch(part.rows, part.at, stop, part)
+            decision = segment.decode(stretch, self._channel)
+            self._channel = decision.channel
+            part.probability, part.ebn0_db = decision.probability, decision.ebn0_db
+            part.soft = soft_words(decision, part.rows, (part.item,), self._parity)[0]
+
+    def _forget(self, now: Pass) -> None:
+        """Keep of a pass the pulses that later ones need."""
+        self._edges, self._chances = self._pulses(None)
+        now.parts = []
+        oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self._channel.response)
+        keep = next((k for k, edge in enumerate(self._edges) if edge >= oldest), len(self._edges))
+        del self._edges[:keep], self._chances[:keep]
+
+    def _pulses(self, but: Part | None) -> tuple[list[float], list[float]]:
+        """All pulses known, but those of a part; samples, and how probable each is."""
+        edges, chances = list(self._edges), list(self._chances)
+        for part in self._pass.parts if self._pass is not None else ():
+            if part is not but:
+                more = part.edges()
+                edges += more[0]
+                chances += more[1]
+        return edges, chances
+
+    @property
+    def sound(self) -> bool:
+        """Whether parities hold, so that nothing but its own end should break the transmission off."""
+        return self._at_once.failing < _DOUBTFUL and self.confirmed and not self._presence.faint
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether there were words behind the sync."""
+        return self._presence.confirmed
+
+    @property
+    def heard(self) -> float:
+        """Position of the grid up to which pulses were heard."""
+        return self._clock.at(self._heard_at)
+
+    @property
+    def channel(self) -> segment.Channel:
+        """Response to a pulse, and noise with the pulses taken out."""
+        return self._channel
+
+    def _rows(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
+        """Packets of some words, and their time on air, TU."""
+        return packet_rows(items, self._tool.code)
+
+    def _seconds(self, sample: float) -> float:
+        return self._grid.seconds(self._clock.at(sample))
+
+    def _pass_end(self, one: Pass) -> int:
+        return one.start + SAMPLES_PER_TU * self._tool.length_tu(one.items)
+
+    def _first_length(self, kind: str) -> int:
+        if not self._tool.header_bits and not self._offered:
+            return self._rows(stretch_of(self._sequence(kind, 0), 0))[1]
+        return max(self._rows(stretch_of(items, 0, LOOK_BITS))[1] for items in self._sequences(kind))
+
+    def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
+        return self._tool.surveys if kind == "survey" else self._tool.toolfaces
+
+    def _begin_pass(self) -> None:
+        """Choose the sequence that comes: behind a sync by the evidence of the data, else toolface again."""
+        if self._pass is not None:
+            following = self._following(self._pass)
+            offered, self._offered = self._offered, False
+            if not offered or self._fits(following):
+                self._pass = following
+                return
+            self._edges += [float(following.start + SAMPLES_PER_TU * edge) for edge in self._tool.sync.edges_tu]
+            self._chances += [1.0] * len(self._tool.sync.edges_tu)
+            self._boundary = following.start + SAMPLES_PER_TU * self._tool.sync.length_tu
+        start, number = self._boundary, 0
+        if self._tool.header_bits:
+            number = self._header(start)
+            start += SAMPLES_PER_TU * self._tool.header_tu
+        # Without a header nothing but flow-on makes a tool begin anew, and then it sends a survey.
+        kind = "survey"
+        if self._tool.header_bits:
+            survey, toolface = (self._density(one, number, start) for one in ("survey", "toolface"))
+            # Packets of another sequence may fit the pulses of a survey nearly as well as its own.
+            kind = "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
+        self._pass = Pass(kind, self._sequence(kind, number), start, at=start)
+
+    def _sequence(self, kind: str, number: int) -> tuple[SequenceItem, ...]:
+        sequences = self._sequences(kind)
+        return sequences[min(number, len(sequences) - 1)]
+
+    def _density(self, kind: str, number: int, start: int) -> float:
+        """Evidence a TU that a sequence begins at a sample."""
+        rows, length = self._rows(stretch_of(self._sequence(kind, number), 0, LOOK_BITS))
+        return self._decode_once(rows, length, start).evidence / length
+
+    def _following(self, last: Pass) -> Pass:
+        """Pass that follows another one without a sync: the toolface sequence of the same number."""
+        number = self._sequences(last.kind).index(last.items)
+        toolfaces = self._tool.toolfaces
+        items = last.items if last.kind == "toolface" else toolfaces[min(number, len(toolfaces) - 1)]
+        start = self._pass_end(last)
+        return Pass("toolface", items, start, at=start)
+
+    def _fits(self, one: Pass) -> bool:
+        """Whether the data have the pulses of a pass as clearly as those of the stretches before."""
+        rows, length = self._rows(stretch_of(one.items, 0, LOOK_BITS))
+        evidence = self._decode_once(rows, length, one.at).evidence / len(rows)
+        return evidence > _CLEAR * self._presence.usual
+
+    def _header(self, start: int) -> int:
+        items = (SequenceItem("header", self._tool.header_bits, False),)
+        rows, length = self._rows(items)
+        decision = self._decode(rows, length, start)
+        soft = soft_words(decision, rows, items, self._parity)[0]
+        most = max(len(self._tool.surveys), len(self._tool.toolfaces))
+        edges, chances = parts_of(items, decision, [soft], start, self._tool.code)[0].edges()
+        self._edges += edges
+        self._chances += chances
+        valid = [one for one in soft.candidates if one.code < most]
+        return max(valid, key=lambda one: one.probability[0]).code if valid else 0
+
+    def _decode(self, rows: Indices, length: int, start: int) -> segment.Decision:
+        decision = self._decode_once(rows, length, start)
+        heard = start // SAMPLES_PER_TU
+        window = min(_HISTORY_TU, heard) + length
+        overlap = None if heard <= _HISTORY_TU else window / length
+        self._clock, change = self._clock.followed(decision.timing, overlap)
+        # Half a sample at the ends of the window blurs the channel: once more on the better clock.
+        return self._decode_once(rows, length, start) if abs(change) * SAMPLES_PER_TU * window > 0.5 else decision
+
+    def _decode_once(self, rows: Indices, length: int, start: int) -> segment.Decision:
+        stretch = self._stretch(rows, start, start + SAMPLES_PER_TU * length, None)
+        decision = segment.decode(stretch, self._channel)
+        drift, variance, middle = decision.timing
+        return dataclasses.replace(decision, timing=(drift, variance, middle + start - stretch.start))
+
+    def _stretch(self, rows: Indices, start: int, stop: int, before: Part | None) -> segment.Stretch:
+        """Pressure round some packets, up to and with the response of the last pulse before `stop`."""
+        begin = max(start - SAMPLES_PER_TU * _HISTORY_TU, self._settled)
+        begin = max(begin, math.ceil((self._grid.first - self._clock.start) / self._clock.pace))
+        count = stop + SAMPLES_PER_TU * _AFTER_TU - begin
+        pressure, known = self._grid.samples(self._clock.at(begin), self._clock.pace, count)
+        edges, chances = self._pulses(before)
+        end = count if before is None else start - begin + SAMPLES_PER_TU * before.length
+        return segment.Stretch(
+            pressure,
+            known,
+            np.array(edges) - begin,
+            np.array(chances),
+            rows,
+            start - begin,
+            self._parity,
+            end,
+            None if before is None else before.probability,
+            self._grid.angles(self._clock.at(begin), self._clock.pace, count),
+            math.sqrt(self._clock.variance),
+        )

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pumps on and off from the pressure alone."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_surface.receiver.link.flow_spans import FlowSpans
+
+
+def pushed(pressure, block):
+    spans = FlowSpans()
+    time = np.arange(len(pressure)) / 10.0
+    for first in range(0, len(time), block):
+        spans.push(time[first : first + block], pressure[first : first + block])
+    return spans
+
+
+def drilled():
+    time = np.arange(6000) / 10.0
+    on = (time > 40.0) & ~((time > 300.0) & (time < 360.0))
+    return np.where(on, 2.0e7, 2.0e5) + 1e5 * np.sin(time)
+
+
+@pytest.mark.parametrize("block", [1, 7, 100, 6000])
+def test_spans_without_flow_are_found_however_the_pressure_is_cut(block):
+    spans = pushed(drilled(), block)
+    assert spans.flowing
+    assert [tuple(span) for span in spans.spans] == [
+        pytest.approx((0.0, 41.0), abs=1.5),
+        pytest.approx((300.0, 360.0), abs=1.5),
+    ]
+    assert spans.before(200.0) == spans.spans[0]
+    assert spans.before(30.0) is None
+
+
+def test_pumps_that_stop_are_known_to_be_off():
+    spans = pushed(drilled()[:3200], 50)
+    assert spans.flowing is False
+    assert math.isinf(spans.spans[-1].end_s)
+
+
+def test_before_any_pressure_nothing_is_known():
+    assert FlowSpans().flowing is None
+
+
+def test_a_sample_that_is_no_number_does_not_make_standing_mud_flow():
+    # What stands in the pipe while the pumps are off is little beside the pressure before, which must be remembered.
+    pressure = drilled() + 5.0e5
+    with_gap = pressure.copy()
+    with_gap[3300] = math.nan
+    assert pushed(with_gap, 100).spans == pushed(pressure, 100).spans

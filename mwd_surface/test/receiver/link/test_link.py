@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A link from samples to surveys, attitude and state: by pulses and by a carrier, however the samples are cut."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from mwd_sensors.simulator import carrier_tool
+from mwd_sensors.simulator.mud_channel import MudChannel
+from mwd_sensors.simulator.mud_line import Well
+from mwd_sensors.simulator.pulse_tool import link_run, transmit
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
+from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, SEARCHING, Link
+from mwd_surface.receiver.link.link_attitude import AgeRules
+from mwd_surface.receiver.link.link_surveys import LinkSurveys
+
+START_NS = 1_772_345_000_000_000_000
+TOOL = ToolConfiguration(
+    pulse_width_s=0.5,
+    transmit_delay_s=30.0,
+    survey_sequences=("Inc:12:P Azm:12:P DipA:12:P Grav:12:P MagF:12:P",),
+    toolface_sequences=("aTFA:6:P",),
+)
+FLOWS = ((60.0, 260.0),)
+
+
+def link_of(tool=TOOL):
+    return Link(tool, tool.link, AgeRules(), lambda s: START_NS + round(s * 1e9))
+
+
+def pushed(link, time, value, block=100):
+    words, surveys, states = [], [], []
+    for first in range(0, len(time), block):
+        out = link.push(time[first : first + block], value[first : first + block])
+        words += out.words
+        surveys += out.surveys
+        states.append(link.quality())
+    return words, surveys, states
+
+
+@pytest.fixture(scope="module")
+def run():
+    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
+    return link_run(channel, transmit(TOOL, FLOWS, 3), 260.0, 3)
+
+
+def test_a_survey_has_the_time_at_which_the_pumps_were_off(run):
+    words, surveys, _ = pushed(link_of(), run.time_s, run.pressure_pa)
+    assert len(surveys) == 1
+    assert (surveys[0].at.stamp_ns - START_NS) * 1e-9 == pytest.approx(46.0, abs=3.0)
+    sent = {(word.frame, word.name): word.raw for word in run.sent.words}
+    final = [word for word in words if word.revision]
+    assert len(final) >= 8
+    assert all(word.raw == sent[word.frame, word.name] for word in final)
+
+
+def test_the_state_follows_the_pumps_and_the_words(run):
+    link = link_of()
+    assert link.quality().state == NO_INPUT
+    _, _, states = pushed(link, run.time_s, run.pressure_pa)
+    by_second = [(state.state, state.reason) for state in states]
+    assert by_second[10] == (NO_FLOW, "the pumps are off: the tool is silent")
+    assert by_second[70][0] == SEARCHING
+    assert "waiting for the sync" in by_second[70][1]
+    assert by_second[-1][0] == LOCKED
+    assert states[-1].has_signal
+    assert states[-1].toolface_age > 0.0
+    assert link.quality(silent=True).state == NO_INPUT
+
+
+def test_any_cut_gives_the_same_words_and_surveys(run):
+    whole = pushed(link_of(), run.time_s, run.pressure_pa, len(run.time_s))
+    for block in (37, 1000):
+        words, surveys, _ = pushed(link_of(), run.time_s, run.pressure_pa, block)
+        assert sorted(map(repr, words)) == sorted(map(repr, whole[0]))
+        assert surveys == whole[1]
+
+
+def test_the_same_survey_sent_again_is_no_second_one(run):
+    again = dataclasses.replace(run.sent, pulses=np.vstack([run.sent.pulses, run.sent.pulses + 260.0]))
+    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (262.0, 320.0)))
+    twice = link_run(channel, again, 520.0, 3)
+    words, surveys, _ = pushed(link_of(), twice.time_s, twice.pressure_pa)
+    assert len([word for word in words if word.name == "Inc" and word.revision]) == 2
+    one_list = LinkSurveys((TOOL,), lambda _: None)
+    assert len(surveys) == 2
+    assert [len(one_list.take(heard, 0)) for heard in surveys] == [1, 0]
+
+
+@pytest.mark.slow
+def test_a_carrier_is_read_by_the_same_link():
+    tool = dataclasses.replace(
+        starting("psk"), transmit_delay_s=30.0, survey_sequences=TOOL.survey_sequences, toolface_sequences=("aTFA:6:P",)
+    )
+    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 60.0),))
+    heard = carrier_tool.siren_run(channel, carrier_tool.transmit(tool, FLOWS, 5), 260.0, 5)
+    link = link_of(tool)
+    words, surveys, states = pushed(link, heard.time_s, heard.pressure_pa)
+    assert len(surveys) == 1
+    assert [word for word in words if word.name == "aTFA"]
+    assert states[-1].state == LOCKED
+
+
+def test_after_flow_on_the_state_says_nothing_of_before(run):
+    again = dataclasses.replace(run.sent, pulses=run.sent.pulses)
+    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (262.0, 300.0)))
+    twice = link_run(channel, again, 325.0, 3)
+    link = link_of()
+    pushed(link, twice.time_s, twice.pressure_pa)
+    found = link.quality()
+    assert found.state == SEARCHING
+    assert not found.has_signal
+    assert (found.ebn0_db, found.clock_error, found.word_error, found.words_done) == (0.0, 0.0, -1.0, 0)

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Syncs: found through a channel that nobody knows, and not found in noise or in three of five pulses."""
+
+import numpy as np
+import pytest
+
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.pulse.synchronisation import search
+
+RESPONSE = np.convolve(np.ones(8), [1.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.3])
+
+
+def data(edges, seed=1, size=4.0, n=900):
+    pressure = np.cumsum(np.random.default_rng(seed).normal(size=n)) * 0.2 + np.random.default_rng(seed + 99).normal(
+        size=n
+    )
+    for edge in edges:
+        pressure[edge : edge + len(RESPONSE)] += size * RESPONSE
+    return pressure
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_sync_is_found_through_an_unknown_channel(sign):
+    found = search(sign * data([400 + 4 * e for e in (0, 5, 15, 20, 30)]), np.ones(900), ToolConfiguration(), 300, 550)
+    assert found is not None
+    assert abs(found.at - 400) <= 4
+    assert found.score > 8.0
+
+
+@pytest.mark.parametrize("edges", [(), (0,), (0, 5, 15)])
+def test_noise_and_other_pulses_are_no_sync(edges):
+    pressure = data([400 + 4 * e for e in edges])
+    assert search(pressure, np.ones(900), ToolConfiguration(), 300, 550) is None
+
+
+def test_a_gauge_that_stands_has_no_sync():
+    assert search(np.full(900, 2.0e7), np.ones(900), ToolConfiguration(), 300, 550) is None
+
+
+def test_weak_syncs_are_found_and_noise_is_not():
+    """White noise: 6 dB a bit (the energy of five pulses 50 times the density of the noise) is found each time.
+
+    Noise passes with a probability below exp(-8) at each place; words behind it decide, so a few in 10 000 are no harm.
+    """
+    passed = 0
+    size = np.sqrt(50.0 / (5 * 8) * 2.0)
+    tool, edges = ToolConfiguration(), [400 + 4 * e for e in (0, 5, 15, 20, 30)]
+    pulse = np.ones(8)
+    for seed in range(40):
+        noise = np.random.default_rng(seed).normal(size=900)
+        passed += search(noise, np.ones(900), tool, 300, 550) is not None
+        for edge in edges:
+            noise[edge : edge + 8] += size * pulse
+        found = search(noise, np.ones(900), tool, 300, 550)
+        assert found is not None
+        assert abs(found.at - 400) <= 6
+    assert passed <= 3
+
+
+@pytest.mark.parametrize("size", [150.0, 5000.0])
+def test_pumps_that_start_shortly_before_hide_no_sync(size):
+    pressure = data([400 + 4 * e for e in (0, 5, 15, 20, 30)], size=2.0)
+    pressure += size * (1.0 - np.exp(-np.maximum(np.arange(900) - 20.0, 0.0) / 8.0))
+    found = search(pressure, np.ones(900), ToolConfiguration(), 300, 550)
+    assert found is not None
+    assert abs(found.at - 400) <= 4

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The forward-backward pass against all combinations written out."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from mwd_sensors.telemetry import combinatorial
+from mwd_sensors.telemetry.sequences import parse
+from mwd_surface.receiver.pulse import trellis
+from mwd_surface.receiver.words import packet_rows
+
+ROWS, _ = packet_rows(parse("aTFA:4:P aTFA:3:P"))
+COMMON = np.array([4.0, 2.0, 0.5, 0.2, 0.1, -0.8, 0.6, 0.3, 0.0])
+LEVEL = np.array([1.0, 0.7, 1.0, 0.9])
+
+
+def everything(unary, parity):
+    """Probability of each combination of packet values, by the sum of its metrics."""
+    found = {}
+    for values in itertools.product(*(range(1 << row[1]) for row in ROWS)):
+        total = sum(
+            trellis.step_metric(ROWS, unary, COMMON, LEVEL, k, values[k - 1] if k else 0, value)
+            for k, value in enumerate(values)
+        )
+        ones = [sum(values[k].bit_count() for k in word) for word in ((0, 1), (2, 3))]
+        if parity < 0 or all(count % 2 == parity for count in ones):
+            found[values] = total
+    logs = np.array(list(found.values()))
+    weights = np.exp(logs - logs.max())
+    return dict(zip(found, weights / weights.sum(), strict=True)), np.log(weights.sum()) + logs.max()
+
+
+@pytest.mark.parametrize("parity", [-1, 0, 1])
+def test_marginals_and_words_are_those_of_all_combinations(parity):
+    unary = np.random.default_rng(5).normal(size=(4, 8)) * 2.0
+    expected, evidence = everything(unary, parity)
+    forward, backward = np.empty((4, 16)), np.empty((4, 16))
+    trellis.forward_backward(ROWS, unary, COMMON, LEVEL, parity, forward, backward)
+    chance, even = np.empty((4, 8)), np.empty(4)
+    assert trellis.marginals(ROWS, forward, backward, chance, even) == pytest.approx(evidence)
+    for k in range(4):
+        for value in range(1 << ROWS[k, 1]):
+            total = sum(p for values, p in expected.items() if values[k] == value)
+            assert chance[k, value] == pytest.approx(total, abs=1e-12)
+    assert even[1] == pytest.approx(
+        sum(p for values, p in expected.items() if (values[0].bit_count() + values[1].bit_count()) % 2 == 0)
+    )
+    for word, packets in enumerate(((0, 1), (2, 3))):
+        out = np.empty((16, 2))
+        made = trellis.best_words(ROWS, unary, COMMON, LEVEL, forward, backward, packets[0], out)
+        bits = int(ROWS[packets[0], 1] + ROWS[packets[1], 1])
+        assert made == min(1 << (bits - (parity >= 0)), 16)
+        low = int(ROWS[packets[1], 1])
+        for code, log in out[:made]:
+            pair = (int(code) >> low, int(code) & (1 << low) - 1)
+            total = sum(p for values, p in expected.items() if (values[2 * word], values[2 * word + 1]) == pair)
+            assert np.exp(log - evidence) == pytest.approx(total, abs=1e-9)
+
+
+def test_pulses_far_away_enter_by_their_mean():
+    probability = np.zeros((4, 8))
+    probability[:, 0] = 1.0
+    out = np.empty((4, 8))
+    long = np.linspace(1.0, 0.0, 60)
+    trellis.mean_interference(ROWS, np.array([-10.0]), np.ones(1), long, np.ones(4), probability, out)
+    places = [int(row[0]) + (1 << int(row[1])) - 1 for row in ROWS]
+    assert out[0, 0] == pytest.approx(long[places[0] + 10] + long[places[2] - places[0]] + long[places[3] - places[0]])
+
+
+def test_words_of_the_combinatorial_code_are_those_of_all_combinations():
+    """Two words of 4 bits (two pulses each): every pair of codes counted by hand."""
+    rows, _ = packet_rows(parse("aTFA:4 aTFA:4"), "combinatorial")
+    table = combinatorial.values(4)
+    random = np.random.default_rng(2)
+    values, count = trellis.values_of(rows), len(rows)
+    unary, level = random.normal(size=(count, values)), np.ones(count)
+    common = np.array([3.0, 2.0, 1.0, 0.5, 0.2, 0.1])
+    forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
+    trellis.forward_backward(rows, unary, common, level, -1, forward, backward)
+    found = np.empty(len(table))
+    trellis.all_words(rows, unary, common, level, forward, backward, table, found)
+    # What comes before the second word is any rising pair of places, whether or not it has a code.
+    pairs = [(a, b) for a in range(rows[0, trellis.COUNT]) for b in range(a, rows[1, trellis.COUNT])]
+    assert trellis.log_ways(rows) == pytest.approx(2.0 * np.log(len(pairs)))
+    for code in (0, 7, 15):
+        ways = [(*before, *table[code]) for before in pairs]
+        logs = [
+            sum(trellis.step_metric(rows, unary, common, level, k, way[k - 1] if k else 0, way[k]) for k in range(4))
+            for way in ways
+        ]
+        assert found[code] == pytest.approx(np.log(np.sum(np.exp(logs))))
