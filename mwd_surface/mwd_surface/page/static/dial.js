@@ -189,7 +189,7 @@ export class Dial {
   showLegend(toolface, words, cell, state) {
     const parts = [words];
     if (state !== "live" && cell.reason) parts.push(cell.reason);
-    else if (state !== "none" && cell.sigma !== null) parts.push(`± ${units.size("coarse_angle", cell.sigma)}° 1σ`);
+    else if (state !== "none" && cell.sigma !== null) parts.push(`± ${units.spread("coarse_angle", cell.sigma)}° 1σ`);
     const advisory = toolface.advisory;
     const lines = [parts.join(" · ")];
     const second = [];
