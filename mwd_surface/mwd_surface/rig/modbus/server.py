@@ -250,6 +250,12 @@ class ModbusServer(LoopInterface):
         async def handle_request() -> None:
             self._asking.set(number)
             await handle()
+            if number not in self._connections:  # it ended before its request was handled
+                forget()
+
+        def forget() -> None:
+            if self._control is not None:
+                self._control.forget(number)
 
         def connection_made(transport: asyncio.Transport) -> None:
             if len(self._connections) >= self.settings.max_clients:
@@ -276,8 +282,7 @@ class ModbusServer(LoopInterface):
 
         def connection_lost(error: Exception | None) -> None:
             connection = self._connections.pop(number, None)
-            if self._control is not None:
-                self._control.forget(number)
+            forget()
             if connection is not None:
                 self._gone += connection.requests
                 lost(error)

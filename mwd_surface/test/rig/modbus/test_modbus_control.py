@@ -2,13 +2,14 @@
 """Control over Modbus under attack: whatever masters write, only a whole block of the owner moves the rig."""
 
 import contextlib
+import gc
 import socket
 import struct
 import threading
 import time
 
 import pytest
-from example_rig import started, values
+from example_rig import eventually, started, values
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -134,6 +135,28 @@ def test_each_connection_reads_the_answer_to_its_own_request_and_a_new_one_the_l
         read = {number: master.answer()[:2] for number, master in masters.items()}
         assert read == {1: (1, Permission.GRANTED), 2: (2, Permission.DENIED), 3: (2, Permission.DENIED)}
         for master in masters.values():
+            master.close()
+
+
+def test_the_answer_to_a_master_that_hung_up_at_once_is_not_kept_for_another():
+    with serving() as (s, _):
+        # Control goes to the first, so that answers differ; the rest do not wait for theirs.
+        first = Master(s.port)
+        first.ask_for_control(1)
+        for number in range(2, 32):
+            words = struct.pack(">BHHB4H", WRITE, REQUEST, 4, 8, 1, number, 50, 0)
+            with socket.create_connection(("127.0.0.1", s.port), 5.0) as talk:
+                talk.sendall(struct.pack(">HHHB", 7, 0, len(words) + 1, 1) + words)
+        first.close()
+        assert eventually(lambda: not s.status().peers)
+        # Freed connections give their places to new ones.
+        gc.collect()
+        last = Master(s.port)
+        last.ask_for_control(99)
+        # All others are new, and read the last answer.
+        others = [Master(s.port) for _ in range(12)]
+        assert {master.answer()[0] for master in others} == {99}
+        for master in (last, *others):
             master.close()
 
 
