@@ -11,8 +11,8 @@ the gyro's own axial rate. With y + iz = c + G exp(-i phi) across the tool, a tr
 So a = -conj(K / G) says where the axis lies in each triad, without its biases, its lever arm and the delay of its
 stamps. What of the mean field across the tool is not the axial field along that axis, c - a c_x, is fixed in the tool:
 biases and a magnetised collar. All is fitted sample by sample in windows of some turns, with amplitudes that drift with
-the roll (a gyro's scale, a curved hole), so that a speed that changes within a turn does no harm. The amplitudes found
-at a half and at one and a half cycles a turn, where nothing is, are the noise.
+the roll (a gyro's scale, a curved hole) and the delay behind the gyro, so that a speed that changes does no harm. The
+amplitudes found at a half and at one and a half cycles a turn, where nothing is, are the noise.
 """
 
 from __future__ import annotations
@@ -39,8 +39,9 @@ _WORST_CONDITION = 1e4
 # millimetre higher on one side, a healthy tool looks turned by 2 deg at 120 rpm), axes that calibration leaves skew,
 # rad, and fields of the electronics, T.
 _IN_STEP, _SKEW, _ELECTRONICS = 5e-4, math.radians(0.05), 50e-9
-# Columns of the fit: constant and drift, cosine and sine of the roll and their drift, and the four that show noise.
-_CONSTANT, _COS, _SIN, _NOISE = 0, 2, 3, slice(6, 10)
+# Columns of the fit: constant and drift, cosine and sine of the roll and their drift, the four that show noise, and two
+# of a delay behind the gyro where the speed changes; and how alike the columns may be for these two to count.
+_CONSTANT, _COS, _SIN, _NOISE, _LATE, _MOST_ALIKE = 0, 2, 3, slice(6, 10), 10, 100.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,12 +73,17 @@ class _Triad:
     rate2: float = 0.0
 
     def add(self, columns: Array, values: Array, rate: float) -> None:
-        """Fit a window that can be; columns (n, 10) as `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
+        """Fit a window that can be; columns (n, 12) as `_columns`, values (n, 3) in tool axes, mean rate, rad/s."""
+        if not _tells(columns):
+            # At an even speed, or in few short slips, nothing shows a delay; at an even speed it does no harm.
+            columns = columns[:, :_LATE]
         normal = columns.T @ columns
-        if np.linalg.cond(normal) > _WORST_CONDITION:
+        if np.linalg.cond(normal[:_LATE, :_LATE]) > _WORST_CONDITION:
             return
-        found = np.linalg.solve(normal, columns.T @ values)
-        noise = found[_NOISE]
+        inverse = np.linalg.inv(normal)
+        found, spread = inverse @ (columns.T @ values), np.diagonal(inverse)
+        # In units of the amplitude that is known worst of those in use.
+        noise = found[_NOISE] * np.sqrt(spread[[_CONSTANT, _COS, _SIN]].max() / spread[_NOISE, None])
         x, y, z = found[_CONSTANT]
         turning = found[_COS] + 1j * found[_SIN]
         # The mean of y and z, which have the same amplitude a quarter of a turn apart.
@@ -133,8 +139,8 @@ class TurningString:
 
     def _begin(self) -> None:
         self._roll, self._last = 0.0, (0, 0.0)
-        self._rows: list[tuple[Array, Array]] = []
-        self._fields: list[tuple[Array, Array]] = []
+        self._rows: list[tuple[Array, Array, Array]] = []
+        self._fields: list[tuple[Array, Array, Array]] = []
 
     def take_imu(self, stamps: Stamps, rate_x: Array, force: Array, bad: NDArray[np.bool_]) -> None:
         """Take samples of the conventional unit, rad/s and m/s^2; bad: a sensor clipped, in doubt or at fault."""
@@ -162,9 +168,10 @@ class TurningString:
             self._begin()
             return
         self._roll, self._last = float(roll[-1]), (int(stamps[-1]), float(rate[-1]))
-        self._rows.append((roll, force))
+        self._rows.append((roll, rate, force))
         if len(field):
-            self._fields.append((np.interp((mag_stamps - end) * 1e-9, (stamps - end) * 1e-9, roll), field))
+            at, known = (mag_stamps - end) * 1e-9, (stamps - end) * 1e-9
+            self._fields.append((np.interp(at, known, roll), np.interp(at, known, rate), field))
         if len(self._rows) >= _BINS and abs(self._roll) > _TURNED:
             self._fit()
             self._begin()
@@ -193,14 +200,24 @@ class TurningString:
         least = max(_SAMPLES * _BINS, _PER_TURN * abs(self._roll) / math.tau)
         for triad, rows in ((self._force, self._rows), (self._field, self._fields)):
             # A magnetometer that failed for a part of the window tells nothing of it.
-            if len(rows) == len(self._rows) and sum(len(roll) for roll, _ in rows) >= least:
-                roll = np.concatenate([roll for roll, _ in rows])
-                triad.add(_columns(roll, middle), np.concatenate([values for _, values in rows]), rate)
+            if len(rows) == len(self._rows) and sum(len(roll) for roll, _, _ in rows) >= least:
+                roll, rates, values = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+                triad.add(_columns(roll, middle, rates / rate - 1.0), values, rate)
 
 
-def _columns(roll: Array, middle: float) -> Array:
-    """Columns of the fit of a window, shape (n, 10); roll, rad, and that in its middle."""
+def _tells(columns: Array) -> bool:
+    """Whether the samples of a window tell a delay from what else is fitted; columns, shape (n, 12)."""
+    size = np.linalg.norm(columns, axis=0)
+    if not size.min() > 0.0:
+        return False
+    unit = columns / size
+    return bool(np.linalg.cond(unit.T @ unit) < _MOST_ALIKE)
+
+
+def _columns(roll: Array, middle: float, faster: Array) -> Array:
+    """Columns of the fit of a window, shape (n, 12); roll, rad, that in its middle, and rate over mean rate less 1."""
     cos, sin, drift = np.cos(roll), np.sin(roll), (roll - middle) / _TURNED
     half, more = 0.5 * roll, 1.5 * roll
     noise = np.cos(half), np.sin(half), np.cos(more), np.sin(more)
-    return np.stack([np.ones_like(roll), drift, cos, sin, drift * cos, drift * sin, *noise], axis=1)
+    late = faster * cos, faster * sin
+    return np.stack([np.ones_like(roll), drift, cos, sin, drift * cos, drift * sin, *noise, *late], axis=1)

@@ -41,6 +41,7 @@ def string(
     standing=0.0,
     overtaken=0,
     bounce=0.0,
+    slip=0.0,
 ):
     """
     Turns of a tool whose accelerometers see the axis of rotation at (1, mount + whole), its magnetometers at whole.
@@ -48,11 +49,12 @@ def string(
     mount, whole, rad; across: field in the tool, T; arm of the accelerometers, m; wobble of the speed within a turn;
     scale of the gyro; late: samples by which the magnetometer is stamped late; every: of so many it gives one;
     standing: seconds after each half second of turns; overtaken: every 37th sample comes so many samples late;
-    bounce: amplitude along the hole in step with the turns, m.
+    bounce: amplitude along the hole in step with the turns, m; slip: of the speed, goes and comes once in five turns.
     """
     n = int(seconds * RATE_HZ)
     turns = np.arange(n) % int((0.5 + standing) * RATE_HZ) < 0.5 * RATE_HZ
-    roll = np.cumsum(np.where(turns, speed / RATE_HZ, 0.0))
+    speeds = speed * (1.0 + slip * np.sin(0.2 * speed * np.arange(n) / RATE_HZ))
+    roll = np.cumsum(np.where(turns, speeds / RATE_HZ, 0.0))
     roll = roll + wobble * np.sin(roll - 0.4)
     rate = np.gradient(roll) * RATE_HZ
 
@@ -102,6 +104,7 @@ def test_mount_and_collar_are_found_and_their_sigmas_hold():
         {"wobble": 0.05},
         {"scale": 1.005},
         {"late": 3, "wobble": 0.02},
+        {"late": 1, "slip": 0.8},
         {"arm": 0.05, "wobble": 0.02},
         {"whole": (0.02, -0.03)},
         {"speed": -9.0},
