@@ -127,13 +127,20 @@ def _longest_s(tool: ToolConfiguration) -> float:
 
 
 def _same(station: _Station, heard: HeardSurvey) -> bool:
-    """Whether words are of the survey before: taken in the same rest, or equal in all that both have."""
+    """
+    Whether words are of the survey before: taken in the same rest, or equal in all that both have, an angle among it.
+
+    Totals hardly change from station to station: alike, they alone do not tell one survey from the next.
+    """
     one, two = station.heard.at, heard.at
     apart = abs(one.stamp_ns - two.stamp_ns) / NANOSECONDS
     if station.heard.link != heard.link and apart <= one.half_s + two.half_s + _CLOCKS_S < math.inf:
         return True
     both = [name for name in _OF_SURVEY if name in station.values and name in heard.values]
-    return len(both) >= 2 and all(_agree(station.values[name], heard.values[name], name) for name in both)
+    angles = {meanings.INCLINATION, meanings.AZIMUTH}.intersection(both)
+    return (
+        len(both) >= 2 and bool(angles) and all(_agree(station.values[name], heard.values[name], name) for name in both)
+    )
 
 
 def _agree(one: LinkValue, two: LinkValue, quantity: str) -> bool:

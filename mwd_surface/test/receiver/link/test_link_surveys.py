@@ -103,6 +103,16 @@ def test_a_survey_of_the_next_rest_that_differs_by_one_code_is_another_one():
     assert [len(first), len(second)] == [1, 1]
 
 
+def test_totals_alone_do_not_give_a_survey_the_azimuth_of_the_next_station():
+    (first, second), _ = surveys_of(
+        (100.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))),
+        (400.0, heard("mud_pulse", 350.0, without=(meanings.INCLINATION,), magnetic_azimuth=0.1)),
+        tools=(MUD,),
+    )
+    assert [len(first), len(second)] == [1, 0]
+    assert first[0].azimuth_method == ""
+
+
 def test_surveys_whose_time_is_not_known_are_one_where_their_values_agree():
     (first, second, third), _ = surveys_of(
         (100.0, heard("em", 90.0, half_s=math.inf)),
