@@ -182,7 +182,10 @@ class SurveyList:
             raise ValueError(f"survey {sequence} cannot be used: {'; '.join(fatal)}")
         against = conflicts(self, record)
         if against and not replace:
-            raise ValueError(f"survey {sequence} needs an explicit replacement: {'; '.join(against)}")
+            raise ValueError(
+                f"survey {sequence} needs an explicit replacement: {'; '.join(against)}; accept it with replace=true "
+                "(on the page: 'replace the one there')"
+            )
         replaced = {r.survey.uuid for r in at_same_depth(self, record)}
         why = f"replaced by survey {sequence}" + (f": {reason}" if reason else "")
         records = []
