@@ -8,11 +8,12 @@ import math
 from mwd_estimation.survey import check_shots
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Section, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable, fixed
-from mwd_surface.surveys.repeated_surveys import bias_text, shots_of
+from mwd_surface.surveys.repeated_surveys import bias_text, shots_of, tools_text
 
 _COLUMNS = (
     ("MD", "m"),
     ("Surveys", ""),
+    ("Tools", ""),
     ("Inc", "deg"),
     ("spread", "deg"),
     ("expected", "deg"),
@@ -32,7 +33,7 @@ def repeated(table: SurveyTable) -> Section | None:
     rows: list[tuple[str, ...]] = []
     tints = {}
     for shot, numbers in shots_of(table.surveys.records, table.surveys.well.error_model):
-        tints[len(rows), 10] = _TINTS[shot.verdict]
+        tints[len(rows), 11] = _TINTS[shot.verdict]
         angles = (
             fixed(math.degrees(value), 3, 360.0)
             for value in (
@@ -46,10 +47,8 @@ def repeated(table: SurveyTable) -> Section | None:
         )
         biases = "; ".join(bias_text(bias) for bias in shot.biases)
         surveys = ", ".join(str(number) for number in numbers)
-        chi_square = fixed(shot.chi_square, 1)
-        rows.append(
-            (fixed(shot.md, 2), surveys, *angles, chi_square, str(shot.degrees_of_freedom), shot.verdict, biases)
-        )
+        quality = fixed(shot.chi_square, 1), str(shot.degrees_of_freedom), shot.verdict
+        rows.append((fixed(shot.md, 2), surveys, tools_text(shot), *angles, *quality, biases))
     if not rows:
         return None
     legend = (

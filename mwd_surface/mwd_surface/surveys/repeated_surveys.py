@@ -47,11 +47,16 @@ def shots_of(records: Iterable[SurveyRecord], code: str) -> tuple[tuple[CheckSho
     return tuple((shot, tuple(used[k].survey.sequence for k in shot.rows)) for shot in found)
 
 
+def tools_text(shot: CheckShot) -> str:
+    """Names of the tools of a check shot; empty for a rotation shot, which a tool takes of itself."""
+    return " and ".join(tool or "an unnamed tool" for tool in shot.tools) if len(shot.tools) > 1 else ""
+
+
 def sentence(shot: CheckShot) -> str:
     """What the surveys of one depth show, in words."""
     kind = "rotation shot"
     if len(shot.tools) > 1:
-        kind = "check shot by " + " and ".join(tool or "an unnamed tool" for tool in shot.tools)
+        kind = f"check shot by {tools_text(shot)}"
     spread, expected = math.degrees(shot.spread_inclination), math.degrees(shot.expected_inclination)
     parts = [f"inclination spread {spread:.3f} deg (expected {expected:.3f})"]
     if math.isfinite(shot.azimuth):

@@ -46,7 +46,7 @@ def test_a_good_rotation_shot_passes_and_is_in_the_report():
     assert sentence(shot).startswith("1000.0 m, rotation shot of 4 surveys: pass")
     found = next(s for s in content(survey_table(whole, example.MADE)).sheets if s.heading.startswith("Rotation shots"))
     assert found.rows[0][:2] == ("1000.00", "2, 3, 4, 5")
-    assert found.rows[0][10] == "pass"
+    assert (found.rows[0][2], found.rows[0][11]) == ("", "pass")
     assert all(len(row) == len(found.titles) for row in found.rows)
 
 
@@ -63,6 +63,9 @@ def test_a_rejected_survey_and_another_tool_are_told_apart():
     records = [dataclasses.replace(r, tool="B" if r.survey.sequence > 3 else r.tool) for r in _list().records]
     ((shot, _),) = shots_of(records, "MWD+SRGM")
     assert "check shot by T-0042 and B" in sentence(shot)
+    report = content(survey_table(dataclasses.replace(_list(), records=tuple(records)), example.MADE))
+    found = next(s for s in report.sheets if s.heading.startswith("Rotation shots"))
+    assert found.rows[0][2] == "T-0042 and B"
 
 
 def test_a_list_without_repeated_surveys_has_no_such_section():

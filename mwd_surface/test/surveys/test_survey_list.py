@@ -133,7 +133,7 @@ def test_a_duplicate_depth_is_replaced_only_by_explicit_accept():
     whole = filled(*CURVE).add(shot(5, 10.2), 190.2, 0.0)
     assert not whole.find(5).in_use
     assert flags(whole, 5) == ("duplicate depth: survey 4 is at 190.00 m",)
-    with pytest.raises(ValueError, match="needs an explicit replacement: duplicate depth: survey 4 .* replace=true"):
+    with pytest.raises(ValueError, match=r"needs an explicit replacement: duplicate depth: survey 4 .* replace=true"):
         whole.accept(5, "Aslaug", "", 1)
     whole = whole.accept(5, "Aslaug", "better still", 1, replace=True)
     assert whole.find(5).in_use
