@@ -192,7 +192,8 @@ def _read(
     mount = mount_of(bag, topics, estimator.tool.mount)
     params = derivation.health_params(estimator)
     state = monitor.initial(params)
-    reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, Rests())
+    rests = Rests(derivation.still_params(estimator))
+    reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
     without_time = unstamped(bag, topics)
     first = True
     for block in bag.blocks(topics.all, fields=FIELDS):

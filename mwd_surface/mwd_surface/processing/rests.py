@@ -28,8 +28,8 @@ class Rests:
         Longest interval.
     """
 
-    def __init__(self, params: Params | None = None) -> None:
-        self._params = params or Params()
+    def __init__(self, params: Params) -> None:
+        self._params = params
         self.count = 0
         self.longest_s = 0.0
         self._still_s = 0.0
