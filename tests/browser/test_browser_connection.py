@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the page does when tool, surface unit, clock or network fail."""
 
+import re
+
 import pytest
 
 from browser_page import TOKEN, By, rig_on, show, state_of, text, wait
@@ -56,7 +58,8 @@ def test_a_browser_whose_clock_is_hours_off_shows_the_right_age(browser):
             show(browser, rig)
             rig.live()
             wait(browser, lambda: state_of(browser, "attitude.inclination") == "live")
-            assert "< 1 s" in text(browser, '[data-cell="attitude.inclination"]')
+            # Seconds, on a slow machine more than one, and no hours.
+            assert re.search(r"σ(< 1|\d\d?) s$", text(browser, '[data-cell="attitude.inclination"]'))
         finally:
             browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
 

@@ -208,9 +208,14 @@ def test_alarms_troubles_and_what_a_survey_waits_for_are_read_to_their_ends(brow
     words = "#alarm, .alarm-what, .alarm-remedy, .alarm-age, #pills .pill, #datum, .taking, .doing, .value .under"
     with rig_on(browser, size, settings=LiveSettings()) as rig:
         waits = SurveyProgress(True, "averaging on", 12.0, 108.0, waits_for="gyro azimuth sigma 2.1 deg")
-        rig.state.on_survey_progress(waits, time.monotonic())
-        rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))
-        wait(browser, lambda: "WAITS" in text(browser, ".taking"))
+
+        def shown():
+            # Again and again: on a slow machine it is stale before the page has drawn it.
+            rig.state.on_survey_progress(waits, time.monotonic())
+            rig.live(status=int(Status.SENSOR_FAULT | Status.NO_MAG | Status.ROTATING))
+            return "WAITS" in text(browser, ".taking")
+
+        wait(browser, shown)
         for number, row in enumerate(one for one in TABLE if one.severity == Severity.CRITICAL):
             what = row.what.format(limit=row.limit, value=12.0)
             rig.book.raise_alarm(f"a{number}", Severity.CRITICAL, what, row.remedy, time.time_ns() + number)
