@@ -30,7 +30,7 @@ from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_surface.nodes.receiver_settings import ReceiverSettings
 from mwd_surface.receiver.link import link_attitude
-from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput
+from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput, Quality
 from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.receiver.link.link_surveys import LinkSurveys
 from mwd_surface.receiver.sources import SerialBytes
@@ -243,10 +243,17 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             report = link_messages.frame_message(frame, words, link.name, feed.stamp_of)
             report.header.frame_id = rig_frame
             self._frame_publisher.publish(report)
+        for at, quality in out.states:
+            self._publish_quality(quality, link.name, feed.stamp_of(at))
         now_ns = feed.stamp_of(link.now_s) if feed.heard else 0
         for heard in out.surveys:
             self._publish_surveys(self._surveys.take(heard, now_ns))
         self._publish_surveys(self._surveys.advance(now_ns))
+
+    def _publish_quality(self, quality: Quality, link: str, stamp_ns: int) -> None:
+        message = link_messages.quality_message(quality, link, stamp_ns)
+        message.header.frame_id = self.frame(wire.RIG_FRAME)
+        self._quality.publish(message)
 
     def _publish_surveys(self, surveys: Sequence[Survey]) -> None:
         for survey in surveys:
@@ -261,9 +268,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             if abs(now - one.published_quality) >= _QUALITY_S:
                 one.published_quality = now
                 stamp_ns = one.feed.stamp_of(link.now_s) if one.feed.heard else 0
-                message = link_messages.quality_message(link.quality(silent=one.silent), link.name, stamp_ns)
-                message.header.frame_id = self.frame(wire.RIG_FRAME)
-                self._quality.publish(message)
+                self._publish_quality(link.quality(silent=one.silent), link.name, stamp_ns)
         speaking = [one.feed for one in self._inputs if one.feed.heard and not one.silent]
         if not speaking:
             return

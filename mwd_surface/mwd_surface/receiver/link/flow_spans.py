@@ -67,12 +67,11 @@ class FlowSpans:
             self.spans.append(Span(at_s, math.inf))
         del self.spans[:-32]
 
-    @property
-    def flowing(self) -> bool | None:
-        """Whether the pumps are on; None before anything is known."""
+    def flowing(self, at_s: float) -> bool | None:
+        """Whether the pumps are on at a time, s, that is not later than what is known; None before anything is."""
         if not self._known:
             return None
-        return not (self.spans and math.isinf(self.spans[-1].end_s))
+        return not any(span.start_s <= at_s < span.end_s for span in self.spans)
 
     def before(self, time_s: float) -> Span | None:
         """Last span without flow that ended before a time, s; None where there was none."""

@@ -20,7 +20,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.link.flow_spans import FlowSpans
 from mwd_surface.receiver.link.link_attitude import AgeRules, LinkAttitude
-from mwd_surface.receiver.link.link_survey import HeardSurvey, SurveyTime
+from mwd_surface.receiver.link.link_survey import SETTLE_S, SURVEY_S, HeardSurvey, SurveyTime
 from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed
@@ -32,10 +32,6 @@ NEEDED_DB = 6.0
 _NEEDED_DB = {"psk": 3.5}
 _GOODPUT_S = 300.0
 _JUDGED_WORDS = 40
-# Longest survey before which the tool may have stood still unseen: a recording that begins between two connections.
-_SETTLE_S = 6.0
-# A wired tool sends a survey once it was taken, s: half of the time that one takes.
-_HALF_SURVEY_S = 5.0
 _NO_INPUT = {
     "mud": "no pressure arrives: look at the gauge and its cable",
     "earth": "no voltage arrives: look at the antenna and its cable",
@@ -65,17 +61,23 @@ class Quality:
 
 @dataclasses.dataclass
 class LinkOutput:
-    """What a block of samples completed: words, passes of sequences and surveys as heard, in order of time."""
+    """
+    What a block of samples completed: words, passes of sequences and surveys as heard, in order of time.
+
+    states: each new state of the link and since when, s, where a feed asks for it.
+    """
 
     words: list[ReceivedWord] = dataclasses.field(default_factory=list)
     frames: list[FrameReport] = dataclasses.field(default_factory=list)
     surveys: list[HeardSurvey] = dataclasses.field(default_factory=list)
+    states: list[tuple[float, Quality]] = dataclasses.field(default_factory=list)
 
     def add(self, more: LinkOutput) -> None:
         """Take what came later."""
         self.words += more.words
         self.frames += more.frames
         self.surveys += more.surveys
+        self.states += more.states
 
 
 class Link:
@@ -219,17 +221,18 @@ class Link:
     def _taken(self, sent_s: float) -> SurveyTime:
         """When a survey was taken that was sent from a time on: while the pumps were off before."""
         if self._wired:
-            return SurveyTime(self._stamp_ns(sent_s - _HALF_SURVEY_S), _HALF_SURVEY_S)
+            # It sends a survey once it was taken.
+            return SurveyTime(self._stamp_ns(sent_s - 0.5 * SURVEY_S), 0.5 * SURVEY_S)
         span = self.flow.before(sent_s)
         if span is None:
             return SurveyTime(self._stamp_ns(sent_s - self._tool.transmit_delay_s), math.inf)
         half = 0.5 * (span.end_s - span.start_s)
-        return SurveyTime(self._stamp_ns(span.start_s + min(half, _SETTLE_S)), half)
+        return SurveyTime(self._stamp_ns(span.start_s + min(half, SETTLE_S)), half)
 
     def _state(self, silent: bool) -> tuple[int, str]:
         if silent or math.isinf(self.now_s):
             return NO_INPUT, _NO_INPUT[self._tool.medium]
-        if not self._wired and not self.flow.flowing:
+        if not self._wired and not self.flow.flowing(self.now_s):
             return NO_FLOW, "the pumps are off: the tool is silent"
         frame, word, _ = self._heard()
         on_since = self._on_since()

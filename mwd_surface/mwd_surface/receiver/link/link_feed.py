@@ -75,6 +75,7 @@ class LinkFeed:
     def _begin(self) -> None:
         self._origin_ns: int | None = None
         self._waiting: deque[_Burst] = deque()
+        self._stated: tuple[int, str] | None = None
         self.following = FollowingLink(Link(self.in_force, self.tool.link, self._rules, self.stamp_of))
 
     @property
@@ -160,4 +161,10 @@ class LinkFeed:
         burst = self._waiting.popleft()
         start_s = (burst.start_ns - (self._origin_ns or 0)) / NANOSECONDS
         at = start_s + burst.period_s * np.arange(len(burst.values), dtype=np.float64)
-        return self.following.push(at, burst.values)
+        out = self.following.push(at, burst.values)
+        # Of each burst, for in a backlog many are used at once, and no state between may be lost.
+        quality = self.link.quality()
+        if (quality.state, quality.reason) != self._stated:
+            self._stated = (quality.state, quality.reason)
+            out.states.append((self.link.now_s, quality))
+        return out

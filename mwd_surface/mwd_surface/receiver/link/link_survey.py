@@ -25,6 +25,7 @@ from mwd_estimation.survey.totals import Deviations, deviation_covariance
 from mwd_sensors.core import frames
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_surface.receiver.words import LinkValue
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Nine, Survey, Verdict
@@ -36,12 +37,34 @@ _FIELD, _DIP = 5.0e-5, math.radians(65.0)
 _NAMESPACE = uuid.UUID("5b0cfe2c-94f6-4d0e-9c1f-6f0cbd0a5f5e")
 
 
+# How long a survey takes at rest, s, and how long after the begin of the rest its middle is at the latest.
+SURVEY_S, SETTLE_S = 10.0, 6.0
+# Clocks of links and the ends of rests agree so far, s.
+_CLOCKS_S = 5.0
+
+
 @dataclasses.dataclass(frozen=True)
 class SurveyTime:
-    """Stamp of the middle of the time in which a survey was taken, ns, and half of that time, s; inf: unknown."""
+    """When a survey was taken, ns, and half of the time at rest round it, s; inf: unknown."""
 
     stamp_ns: int
     half_s: float
+
+    @property
+    def _rest_s(self) -> tuple[float, float]:
+        """Begin and end of the rest, s."""
+        begin = self.stamp_ns / NANOSECONDS - min(self.half_s, SETTLE_S)
+        return begin, begin + 2.0 * self.half_s
+
+    @property
+    def known(self) -> bool:
+        """Whether the rest is known."""
+        return math.isfinite(self.half_s)
+
+    def in_rest_of(self, other: SurveyTime) -> bool:
+        """Whether both rests, which are known, are one."""
+        (one_begin, one_end), (two_begin, two_end) = self._rest_s, other._rest_s
+        return max(one_begin, two_begin) <= min(one_end, two_end) + _CLOCKS_S
 
 
 class HeardSurvey(NamedTuple):

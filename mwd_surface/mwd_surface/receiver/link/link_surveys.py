@@ -2,7 +2,7 @@
 """
 One list of surveys from all links of a tool: none twice, each with the better word of every quantity.
 
-Words of one survey that came over several links, or again over one, have the same time at rest, or the same values.
+Words of one survey that came over several links, or again over one, were taken in the same rest.
 """
 
 from __future__ import annotations
@@ -17,14 +17,12 @@ from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.link.link_survey import HeardSurvey, survey
+from mwd_surface.receiver.link.link_survey import SURVEY_S, HeardSurvey, survey
 from mwd_surface.receiver.words import LinkValue
 from mwd_surface.surveys.survey_record import Survey
 
 _OF_SURVEY = (meanings.INCLINATION, meanings.AZIMUTH, meanings.G_TOTAL, meanings.B_TOTAL, meanings.DIP)
 _ANGLES = (meanings.AZIMUTH,)
-# Clocks of the links and the ends of spans agree so far, s.
-_CLOCKS_S = 5.0
 _SPARE_S = 30.0
 # Values rounded by two words differ by half a step of each at most; sigma is a step over the root of 12.
 _HALF_STEPS = 0.5 * math.sqrt(12.0) * 1.01
@@ -128,14 +126,21 @@ def _longest_s(tool: ToolConfiguration) -> float:
 
 def _same(station: _Station, heard: HeardSurvey) -> bool:
     """
-    Whether words are of the survey before: taken in the same rest, or equal in all that both have, an angle among it.
+    Whether words are of the survey before.
 
+    A tool takes a new survey in each rest that is long enough for one, and in a straight hole it may have the codes of
+    the survey before: so words of two such rests are never one survey, however equal. Within a rest, over another link
+    they are one; over the same link, where the tool sent again what may be a survey taken while the string moved, if
+    they are equal in all that both have, an angle among it. The same holds where a rest is too short or not known.
     Totals hardly change from station to station: alike, they alone do not tell one survey from the next.
     """
     one, two = station.heard.at, heard.at
-    apart = abs(one.stamp_ns - two.stamp_ns) / NANOSECONDS
-    if station.heard.link != heard.link and apart <= one.half_s + two.half_s + _CLOCKS_S < math.inf:
-        return True
+    if one.known and two.known:
+        same_rest = one.in_rest_of(two)
+        if not same_rest and 2.0 * two.half_s >= SURVEY_S:
+            return False
+        if same_rest and station.heard.link != heard.link:
+            return True
     both = [name for name in _OF_SURVEY if name in station.values and name in heard.values]
     angles = {meanings.INCLINATION, meanings.AZIMUTH}.intersection(both)
     return (

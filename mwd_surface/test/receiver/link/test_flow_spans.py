@@ -26,7 +26,7 @@ def drilled():
 @pytest.mark.parametrize("block", [1, 7, 100, 6000])
 def test_spans_without_flow_are_found_however_the_pressure_is_cut(block):
     spans = pushed(drilled(), block)
-    assert spans.flowing
+    assert [spans.flowing(at) for at in (20.0, 200.0, 330.0, 599.0)] == [False, True, False, True]
     assert [tuple(span) for span in spans.spans] == [
         pytest.approx((0.0, 41.0), abs=1.5),
         pytest.approx((300.0, 360.0), abs=1.5),
@@ -37,12 +37,13 @@ def test_spans_without_flow_are_found_however_the_pressure_is_cut(block):
 
 def test_pumps_that_stop_are_known_to_be_off():
     spans = pushed(drilled()[:3200], 50)
-    assert spans.flowing is False
+    assert spans.flowing(319.0) is False
+    assert spans.flowing(200.0) is True
     assert math.isinf(spans.spans[-1].end_s)
 
 
 def test_before_any_pressure_nothing_is_known():
-    assert FlowSpans().flowing is None
+    assert FlowSpans().flowing(0.0) is None
 
 
 def test_a_sample_that_is_no_number_does_not_make_standing_mud_flow():

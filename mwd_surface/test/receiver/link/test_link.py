@@ -77,15 +77,15 @@ def test_any_cut_gives_the_same_words_and_surveys(run):
         assert surveys == whole[1]
 
 
-def test_the_same_survey_sent_again_is_no_second_one(run):
+@pytest.mark.parametrize(("rest_s", "listed"), [(6.0, 0), (58.0, 1)])
+def test_the_same_codes_are_a_repeat_unless_a_rest_for_another_survey_came_before_them(run, rest_s, listed):
     again = dataclasses.replace(run.sent, pulses=np.vstack([run.sent.pulses, run.sent.pulses + 260.0]))
-    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (262.0, 320.0)))
+    channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (320.0 - rest_s, 320.0)))
     twice = link_run(channel, again, 520.0, 3)
     words, surveys, _ = pushed(link_of(), twice.time_s, twice.pressure_pa)
     assert len([word for word in words if word.name == "Inc" and word.revision]) == 2
     one_list = LinkSurveys((TOOL,), lambda _: None)
-    assert len(surveys) == 2
-    assert [len(one_list.take(heard, 0)) for heard in surveys] == [1, 0]
+    assert [len(one_list.take(heard, 0)) for heard in surveys] == [1, listed]
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 """A link fed with bursts: stamps to times, pressure waits for its strokes, a clock that is set begins anew."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.mud_pumps import Pump
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
+from mwd_surface.receiver.link.link import NO_FLOW, SEARCHING
 from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_feed import LinkFeed
 from mwd_surface.receiver.pulse.pulse_receiver import decode
@@ -113,6 +115,20 @@ def test_words_do_not_depend_on_how_strokes_and_pressure_arrive(counted):
     for steps in (in_time, together, ahead):
         assert fed(tool, steps) == decoded
     assert fed(tool, bursts) != decoded
+
+
+def test_a_backlog_has_each_state_between():
+    """Pumps off for ten seconds in a minute that waited for its strokes, and is then used at once."""
+    feed, _ = feed_of()
+    feed.take_strokes(START, [])
+    for k in range(60):
+        flowing = not 20 <= k < 30
+        assert not feed.push(START + k * SECOND, 0.01, PRESSURE if flowing else 0.01 * PRESSURE).states
+    states = feed.take_strokes(START + 60 * SECOND, []).states
+    # A second is judged once the next one begins.
+    changes = [(0, NO_FLOW), (1, SEARCHING), (21, NO_FLOW), (31, SEARCHING)]
+    found = itertools.groupby(states, lambda row: row[1].state)
+    assert [(int(next(rows)[0]), state) for state, rows in found] == changes
 
 
 def test_a_clock_that_goes_back_begins_anew_with_a_word():

@@ -86,12 +86,45 @@ def test_of_two_words_that_differ_the_surer_one_counts():
 def test_one_link_gives_each_survey_at_once_and_a_repeated_one_once():
     (first, again, complete, other), _ = surveys_of(
         (100.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))),
-        (400.0, heard("mud_pulse", 350.0, without=(meanings.AZIMUTH,))),
-        (700.0, heard("mud_pulse", 650.0)),
+        (400.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))),
+        (700.0, heard("mud_pulse", 50.0)),
         (1000.0, heard("mud_pulse", 950.0, inclination=0.02)),
         tools=(MUD,),
     )
     assert [len(one) for one in (first, again, complete, other)] == [1, 0, 1, 1]
+
+
+@pytest.mark.parametrize("link", ["mud_pulse", "em"])
+def test_a_survey_of_the_next_rest_with_the_same_codes_is_another_one(link):
+    """In a straight hole; over another link too, where that of one was lost."""
+    tools = (MUD,) if link == "mud_pulse" else (MUD, EM)
+    (first, second), _ = surveys_of((100.0, heard("mud_pulse", 50.0)), (400.0, heard(link, 350.0)), tools=tools)
+    assert [len(first), len(second)] == [1, 1]
+
+
+def test_the_azimuth_of_the_next_rest_does_not_complete_a_survey():
+    (first, second), _ = surveys_of(
+        (100.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))), (400.0, heard("mud_pulse", 350.0)), tools=(MUD,)
+    )
+    assert [first[0].azimuth_method, second[0].azimuth_method] == ["", "link"]
+    assert [first[0].sequence, second[0].sequence] == [1, 2]
+
+
+def test_a_rest_too_short_for_a_survey_makes_the_same_codes_a_repeat_and_others_a_survey():
+    (first, again, other), _ = surveys_of(
+        (100.0, heard("mud_pulse", 50.0)),
+        (400.0, heard("mud_pulse", 350.0, half_s=2.0)),
+        (700.0, heard("mud_pulse", 650.0, half_s=2.0, inclination=0.02)),
+        tools=(MUD,),
+    )
+    assert [len(one) for one in (first, again, other)] == [1, 0, 1]
+
+
+def test_a_long_connection_is_not_the_rest_before_it():
+    (first, second), _ = surveys_of(
+        (100.0, heard("em", 50.0)), (2600.0, heard("mud_pulse", 350.0, half_s=900.0, inclination=0.02))
+    )
+    assert [len(first), len(second)] == [1, 1]
 
 
 def test_a_survey_of_the_next_rest_that_differs_by_one_code_is_another_one():
