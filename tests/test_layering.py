@@ -29,8 +29,8 @@ ROS = {
 }
 MODULES = [path for package in LINE[1:] for path in sorted((ROOT / package / package).rglob("*.py")) if path.is_file()]
 KERNELS = [path for path in MODULES if not {"nodes", "ros"} & set(path.parts)]
-# Rooms by rank: a room imports only rooms of a lower rank. Rooms of mwd_surface that are not listed only keep clear of
-# circles.
+# Rooms by rank: a room imports only rooms of a lower rank, and no module outside rooms. Rooms of mwd_surface that are
+# not listed only keep clear of circles.
 RANKS = {
     "mwd_estimation": {
         "core": 0,
@@ -111,10 +111,15 @@ def test_packages_depend_one_way():
 
 
 def _room(name):
-    """The package of a dotted name and its room, "" outside rooms."""
+    """The package of a dotted name and its room, or its module outside rooms; "" for the package itself."""
     package, _, rest = name.partition(".")
-    room = rest.partition(".")[0]
-    return package, room if room and (ROOT / package / package / room).is_dir() else ""
+    room, folder = rest.partition(".")[0], ROOT / package / package
+    return package, room if room and ((folder / room).is_dir() or (folder / f"{room}.py").is_file()) else ""
+
+
+def test_every_room_of_the_estimator_has_a_rank():
+    rooms = {_room(_module(path))[1] for path in MODULES if path.is_relative_to(ROOT / "mwd_estimation")}
+    assert rooms - {"__init__"} == set(RANKS["mwd_estimation"])
 
 
 def test_ranked_rooms_depend_one_way():
