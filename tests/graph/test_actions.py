@@ -19,7 +19,6 @@ SETTINGS = {
     "tool__precision__gyro__g_deg_h_g": 0.0,
     "tool__precision__gyro__walk_deg_h_sqrt_h": 0.0,
     "survey__automatic": False,
-    "survey__min_gyro_s": 10.0,
     "place__field": "fixed",
     "place__lat_deg": 50.0,
     "place__total_nt": 48000.0,

@@ -214,8 +214,6 @@ def text(reason: Reason) -> str:
         "names_listed": ", ".join(reason.names),
         "causes": "; ".join(causes),
         "causes_listed": ", ".join(causes),
-        "cause": causes[0] if causes else "",
-        "others": "; ".join(causes[1:]),
         "odds": ", ".join(
             f"{HYPOTHESES.get(name, name)} {100.0 * odds:.0f} %"
             for name, odds in zip(reason.names, reason.values, strict=False)

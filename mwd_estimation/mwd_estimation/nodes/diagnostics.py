@@ -45,9 +45,7 @@ def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
     found = [Diagnostic(f"stated noise {k + 1}", OK, note) for k, note in enumerate(pipeline.noise_notes)]
     if pipeline.temperature.outside_now:
         message = f"{pipeline.temperature.last:.0f} degC is outside of the calibration: sigma of surveys is widened"
-        remedy = (
-            "cool the tool, or calibrate it at that temperature and set tool.calibrated_low_c and calibrated_high_c"
-        )
+        remedy = "cool the tool, or calibrate it at that temperature and set tool.calibrated_c"
         found.append(Diagnostic("temperature", WARN, message, remedy))
     if pipeline.clock_note:
         found.append(Diagnostic("time imu/mag", WARN, pipeline.clock_note, "stamp both sensors when they measure"))

@@ -129,7 +129,6 @@ def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.P
     attitude, tool = settings.attitude, settings.tool
     return time_alignment_state.Params(
         mag_lag_ns=round(tool.magnetometer.delay_s * 1e9),
-        smoothing_s=attitude.smoothing_s,
         vertical_enter=math.radians(attitude.vertical_deg),
         vertical_leave=math.radians(attitude.vertical_deg + 1.0),
         latency_s=tool.latency_s,
@@ -138,8 +137,11 @@ def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.P
 
 def interference_params(settings: EstimatorSettings) -> interference_state.Params:
     """Parameters of the filter of the drill string's field."""
+    tool, usual = settings.tool, interference_state.Params()
+    # What is possible at all is in proportion to what is expected; below the bias of the magnetometer neither shows.
+    axial = usual.axial * (tool.axial_interference_nt / Tool().axial_interference_nt)
     return interference_state.Params(
-        axial=settings.tool.possible_axial_nt * 1e-9, scale=settings.tool.magnetometer.scale_ppm / 1e6
+        axial=max(axial, tool.magnetometer.bias_nt * 1e-9), scale=tool.magnetometer.scale_ppm / 1e6
     )
 
 
@@ -176,7 +178,6 @@ def gyrocompass_params(settings: EstimatorSettings) -> GyroParams:
     gyro = settings.tool.precision.gyro
     unit = dataclasses.replace(
         TACTICAL,
-        shortest=settings.survey.min_gyro_s,
         gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
         gyro_bias_deg_h=gyro.bias_deg_h,
         gyro_x_bias_deg_h=gyro.bias_deg_h,
@@ -263,12 +264,9 @@ def check(settings: EstimatorSettings) -> None:
     ValueError
         As `reference`, or the temperatures of the tool's calibration are the wrong way round.
     """
-    tool = settings.tool
-    if tool.calibrated_low_c > tool.calibrated_high_c:
-        raise SettingsError(
-            f"tool.calibrated_low_c: {tool.calibrated_low_c:g} degC is above tool.calibrated_high_c "
-            f"({tool.calibrated_high_c:g} degC); exchange the two"
-        )
+    low_c, high_c = settings.tool.calibrated_c
+    if low_c > high_c:
+        raise SettingsError(f"tool.calibrated_c: {low_c:g} degC is above {high_c:g} degC; exchange the two")
     first_year, _ = earth.years(settings.place.model)
     day = datetime.datetime(math.ceil(first_year) + 1, 1, 1, tzinfo=datetime.UTC)
     reference(settings, round(day.timestamp()) * 10**9)
@@ -349,8 +347,7 @@ def sag_correction(tool: Tool) -> SagCorrection:
 def calibrated_range(tool: Tool) -> CalibratedRange:
     """Temperatures the tool was calibrated at, and the growth of its errors beyond them."""
     return CalibratedRange(
-        low_c=tool.calibrated_low_c,
-        high_c=tool.calibrated_high_c,
+        *tool.calibrated_c,
         accelerometer_mps2_per_c=tool.accelerometer.bias_ug_per_c / 1e6 * STANDARD_GRAVITY,
         magnetometer_t_per_c=tool.magnetometer.bias_nt_per_c * 1e-9,
     )
@@ -362,8 +359,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
     return StationSettings(
         north=survey.north,
         sag=sag_correction(tool),
-        misalignment_y_deg=tool.misalignment_y_deg,
-        misalignment_z_deg=tool.misalignment_z_deg,
+        hole_axis_deg=tool.hole_axis_deg,
         toolface_offset_deg=tool.toolface_offset_deg,
         errors=sensor_errors(settings),
         calibrated=calibrated_range(tool),

@@ -68,14 +68,6 @@ class Survey:
         choices=("seek", "s1"),
         expert=True,
     )
-    min_gyro_s: float = setting(
-        30.0,
-        "Shortest data from which the precision unit gives an azimuth. Lowering it gives earlier, less certain ones.",
-        unit="s",
-        low=1.0,
-        high=3600.0,
-        expert=True,
-    )
     tool_code: str = setting(
         "",
         "ISCWSA / OWSG tool code whose magnitudes replace the tool's biases, scales, interference and alignment in "
@@ -140,14 +132,8 @@ class Gravity:
 class Attitude:
     """The continuous attitude while drilling."""
 
-    smoothing_s: float = setting(
-        1.0,
-        "Time constant of the magnetic azimuth where no gyro carries it. Raising it smooths and delays the azimuth.",
-        unit="s",
-        low=0.0,
-        high=60.0,
-        expert=True,
-    )
+    FORMER: ClassVar[Mapping[str, str]] = former("attitude")
+
     vertical_deg: float = setting(
         3.0,
         "Inclination below which azimuth and high side are not given; they return one degree above. Lowering it "

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-# Parameters that are constants now, with the value that each had by default. In brackets: what brings the number.
+# Parameters of before with the value that each had by default. In brackets: what brings the number now.
 CONSTANT: Mapping[str, float] = {
     "tool.gyro.walk_deg_h_sqrt_h": 10.0,  # in proportion to the bias (derivation.py)
     "tool.gyro.scale_ppm": 5000.0,  # of an x gyro that a tumble calibration has not reached (SessionParams)
@@ -26,6 +26,7 @@ CONSTANT: Mapping[str, float] = {
     "place.storm_nt": 100.0,  # (external_field.py)
     "survey.rotary_s": 30.0,  # a request may name another
     "survey.north_seek_s": 120.0,  # likewise
+    "survey.min_gyro_s": 30.0,  # (SeekParams)
     "survey.max_rate": 0.03,  # survey.motion multiplies this and the next two
     "survey.max_rate_noise": 0.03,
     "survey.max_force_noise": 0.25,
@@ -34,6 +35,14 @@ CONSTANT: Mapping[str, float] = {
     "verdict.max_gyro_sigma_deg": 20.0,  # beyond it an azimuth hardly weighs (SeekParams)
     "dynamics.period_s": 1.0,  # (drilling_dynamics.Params)
     "transmit.continuous_s": 10.0,  # (transmitter.py)
+    "tool.possible_axial_nt": 2000.0,  # in proportion to tool.axial_interference_nt (derivation.py)
+    "place.gravity_mps2": 0.0,  # by the latitude
+    "gravity.expert.max_bridged_gap_s": 10.0,  # (bounded.Params)
+    "attitude.smoothing_s": 1.0,  # (time_alignment_state.Params)
+    "tool.calibrated_low_c": -40.0,  # two in one (tool.calibrated_c)
+    "tool.calibrated_high_c": 175.0,
+    "tool.misalignment_y_deg": 0.0,  # (tool.hole_axis_deg)
+    "tool.misalignment_z_deg": 0.0,
 }
 
 # Other names, blocks of before among them, and what does their work now.
@@ -42,7 +51,7 @@ FORMER: Mapping[str, str] = {
     "reference": "place",
     "azimuth": "attitude, tool.magnetometer.delay_s and tool.latency_s",
     "carried": "attitude and tool.gyro",
-    "interference": "tool.possible_axial_nt",
+    "interference": "tool.axial_interference_nt",
     "station": "survey, verdict and tool",
     "gyro": "tool.precision, survey.gyro_method and place.lat_deg",
     "multistation": "part of every survey; its priors are constants",
@@ -65,6 +74,10 @@ FORMER: Mapping[str, str] = {
     **dict.fromkeys(("survey.max_rate", "survey.max_rate_noise", "survey.max_force_noise"), "survey.motion"),
     "tool.precision.accelerometer": "two constants (noise 30 ug/sqrt(Hz), bias 200 ug)",
     "verdict.magnetised_string": "a constant (0.3); tool.axial_interference_nt tells of a magnetic string",
+    "tool.possible_axial_nt": "derived: nine times tool.axial_interference_nt",
+    "place.gravity_mps2": "derived: of place.lat_deg, or the standard value without it",
+    **dict.fromkeys(("tool.calibrated_low_c", "tool.calibrated_high_c"), "tool.calibrated_c, lowest and highest"),
+    **dict.fromkeys(("tool.misalignment_y_deg", "tool.misalignment_z_deg"), "tool.hole_axis_deg, about y and z"),
     "tool.sag_deg": "derived: 0.2 deg, or 0.08 with tool.sag_correction_deg or tool.assembly_file",
 }
 

@@ -3,15 +3,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+from mwd_estimation.settings.former import former
 from mwd_sensors.core.settings import setting
 
 
 @dataclass(frozen=True)
 class Bounded:
     """The velocity-bounded filter."""
+
+    FORMER: ClassVar[Mapping[str, str]] = former("gravity.expert")
 
     axial_speed: float = setting(
         1.0,
@@ -20,15 +24,6 @@ class Bounded:
         unit="m/s",
         low=0.0,
         high=10.0,
-        expert=True,
-    )
-    max_bridged_gap_s: float = setting(
-        10.0,
-        "Longest data gap over which the attitude is continued with a wider sigma; a longer one starts it anew. "
-        "Raising it keeps the attitude over longer gaps of a tool that does not turn.",
-        unit="s",
-        low=0.0,
-        high=600.0,
         expert=True,
     )
 

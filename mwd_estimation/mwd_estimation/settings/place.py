@@ -36,7 +36,8 @@ class Place:
     )
     lat_deg: float | None = setting(
         None,
-        "Latitude, WGS 84, north positive. The gyro azimuth needs it too. nan: not given.",
+        "Latitude, WGS 84, north positive. The gyro azimuth needs it too, and gravity beside a fixed field follows "
+        "from it. nan: not given.",
         unit="deg",
         low=-90.0,
         high=90.0,
@@ -110,15 +111,6 @@ class Place:
         high=180.0,
         expert=True,
     )
-    gravity_mps2: float = setting(
-        0.0,
-        "Gravity beside a fixed field; 0: by the latitude, or the standard value where that is not known either. A "
-        "model gives its own.",
-        unit="m/s^2",
-        low=0.0,
-        high=9.84,
-        expert=True,
-    )
     observatory_file: str = setting(
         "",
         "File of a magnetic observatory near the well, IAGA-2002 format; empty: none. Its disturbance is added to the "
@@ -184,7 +176,7 @@ def _fixed(place: Place) -> Reference:
         dip=math.radians(place.dip_deg),
         declination=math.radians(place.declination_deg),
         convergence=math.radians(place.convergence_deg),
-        gravity=place.gravity_mps2 or _gravity_at(place),
+        gravity=None if place.lat_deg is None else earth.gravity(math.radians(place.lat_deg), place.height_m),
         source=place.source or "configured",
     )
     sigmas = {name: getattr(place, name) for name in ("sigma_total_nt", "sigma_dip_deg", "sigma_declination_deg")}
@@ -206,7 +198,3 @@ def _fixed(place: Place) -> Reference:
         sigma_declination=math.radians(place.sigma_declination_deg),
         sigma_declination_field=0.0,
     )
-
-
-def _gravity_at(place: Place) -> float | None:
-    return None if place.lat_deg is None else earth.gravity(math.radians(place.lat_deg), place.height_m)

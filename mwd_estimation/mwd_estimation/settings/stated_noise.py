@@ -7,6 +7,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 
+from mwd_estimation.attitude import time_alignment_state
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -43,7 +44,7 @@ def with_noise(settings: EstimatorSettings, stated: Mapping[str, Noise]) -> tupl
     accel_bias = tool.accelerometer.bias_ug
     taken = "more than the tool's: sigma is widened by it"
     # What the continuous attitude averages over, s, which is less than a station does.
-    seconds = max(2.0 * settings.attitude.smoothing_s, accel.period_s, mag.period_s)
+    seconds = max(2.0 * time_alignment_state.Params().smoothing_s, accel.period_s, mag.period_s)
     density = math.degrees(gyro.density) * 60.0
     if density > _LARGER * gyro_noise:
         gyro_noise = density

@@ -194,19 +194,10 @@ class Tool:
         "coning of 2 deg drifts by 65 deg/h. From the data sheet.",
         choices=("integrated", "means", "points"),
     )
-    calibrated_low_c: float = setting(
-        -40.0,
-        "Lowest temperature of the calibration. Surveys below it have wider sigmas, and a warning says so. Set it from "
-        "the calibration's report.",
-        unit="degC",
-        low=-273.0,
-        high=300.0,
-        expert=True,
-    )
-    calibrated_high_c: float = setting(
-        175.0,
-        "Highest temperature of the calibration. Surveys above it have wider sigmas, and a warning says so. Set it "
-        "from the calibration's report.",
+    calibrated_c: tuple[float, float] = setting(
+        (-40.0, 175.0),
+        "Lowest and highest temperature of the calibration. Surveys beyond them have wider sigmas, and a warning says "
+        "so. Set them from the calibration's report.",
         unit="degC",
         low=-273.0,
         high=1000.0,
@@ -228,17 +219,9 @@ class Tool:
         low=-360.0,
         high=360.0,
     )
-    misalignment_y_deg: float = setting(
-        0.0,
-        "Known angle of the hole axis from the tool axis, about y (towards -z); taken off.",
-        unit="deg",
-        low=-10.0,
-        high=10.0,
-        expert=True,
-    )
-    misalignment_z_deg: float = setting(
-        0.0,
-        "Known angle of the hole axis from the tool axis, about z (towards +y); taken off.",
+    hole_axis_deg: tuple[float, float] = setting(
+        (0.0, 0.0),
+        "Known angles of the hole axis from the tool axis, about y (towards -z) and z (towards +y); taken off.",
         unit="deg",
         low=-10.0,
         high=10.0,
@@ -261,18 +244,9 @@ class Tool:
     axial_interference_nt: float = setting(
         220.0,
         "Axial field of the drill string at the magnetometer, 1 sigma, expected with enough non-magnetic collar. "
-        "Raising it widens the sigma of uncorrected azimuths and calls for the axial correction sooner. Set it from "
-        "the collar's length.",
+        "Raising it widens the sigma of uncorrected azimuths, calls for the axial correction sooner and lets it "
+        "explain a stronger string: samples are read with up to nine times as much. Set it from the collar's length.",
         unit="nT",
         low=0.0,
         high=50000.0,
-    )
-    possible_axial_nt: float = setting(
-        2000.0,
-        "Axial field of the drill string that is possible at all, 1 sigma. Raising it lets the corrections explain a "
-        "stronger string and widens sigma where the attitude hides it. Raise it with too little non-magnetic collar.",
-        unit="nT",
-        low=1.0,
-        high=100000.0,
-        expert=True,
     )

@@ -266,7 +266,7 @@ def _north(reference: Reference | None, wanted: str, has_field: bool) -> tuple[N
 
 def _to_hole(settings: StationSettings) -> Array:
     """Rotation (3, 3) from tool axes to hole axes by the known misalignment."""
-    angles = np.array([0.0, math.radians(settings.misalignment_y_deg), math.radians(settings.misalignment_z_deg)])
+    angles = np.array([0.0, *map(math.radians, settings.hole_axis_deg)])
     return np.asarray(mat_from_quat(quat_from_rotvec(-angles)))
 
 

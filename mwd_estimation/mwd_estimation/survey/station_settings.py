@@ -23,11 +23,8 @@ class StationSettings:
         choices=("best", "grid", "true", "magnetic"),
     )
     sag: SagCorrection = setting(SagCorrection, "Added to the inclination: sag of the assembly")
-    misalignment_y_deg: float = setting(
-        0.0, "Hole axis against tool axis, turned about y (towards -z)", unit="deg", low=-10.0, high=10.0
-    )
-    misalignment_z_deg: float = setting(
-        0.0, "Hole axis against tool axis, turned about z (towards +y)", unit="deg", low=-10.0, high=10.0
+    hole_axis_deg: tuple[float, float] = setting(
+        (0.0, 0.0), "Hole axis against tool axis, about y (towards -z) and z (towards +y)", unit="deg"
     )
     toolface_offset_deg: float = setting(
         0.0, "Added to both toolfaces: sensor housing against scribe line", unit="deg", low=-360.0, high=360.0

@@ -78,7 +78,7 @@ def test_temperatures_beyond_the_calibration_are_noted_until_the_tool_has_cooled
 
 @pytest.mark.fault_case(23)
 def test_the_settings_of_the_tool_are_those_of_the_range_and_the_pipeline_watches_it():
-    tool = dataclasses.replace(EstimatorSettings().tool, calibrated_low_c=10.0, calibrated_high_c=90.0)
+    tool = dataclasses.replace(EstimatorSettings().tool, calibrated_c=(10.0, 90.0))
     settings = EstimatorSettings(tool=tool)
     found = derivation.station_params(settings).calibrated
     assert (found.low_c, found.high_c, found.magnetometer_t_per_c) == (10.0, 90.0, pytest.approx(1e-9))
@@ -88,4 +88,4 @@ def test_the_settings_of_the_tool_are_those_of_the_range_and_the_pipeline_watche
     pipeline.push_temperature(heat)
     assert pipeline.temperature.outside == (120.0, 120.0)
     with pytest.raises(ValueError, match="exchange the two"):
-        Pipeline(EstimatorSettings(tool=dataclasses.replace(tool, calibrated_low_c=91.0)))
+        Pipeline(EstimatorSettings(tool=dataclasses.replace(tool, calibrated_c=(91.0, 90.0))))

@@ -191,7 +191,6 @@ def estimated(streams, cut=10**9):
             field="fixed",
             total_nt=field.total * 1e9,
             dip_deg=np.degrees(field.dip),
-            gravity_mps2=field.gravity,
             declination_deg=np.degrees(field.declination),
             lat_deg=38.0,
         ),

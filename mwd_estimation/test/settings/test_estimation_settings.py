@@ -49,7 +49,7 @@ def test_without_a_field_there_is_no_reference_and_a_fixed_one_is_as_it_says():
 def test_a_fixed_field_at_a_known_latitude_has_the_gravity_of_that_latitude():
     placed = Place(field="fixed", total_nt=50000.0, lat_deg=58.4)
     assert reference_of(placed, START).gravity == earth.gravity(math.radians(58.4), 0.0)
-    assert reference_of(dataclasses.replace(placed, gravity_mps2=9.81), START).gravity == 9.81
+    assert reference_of(Place(field="fixed", total_nt=50000.0), START).gravity is None
 
 
 def test_only_a_named_grid_gives_the_model_a_convergence():
@@ -182,6 +182,9 @@ def test_only_the_parameters_of_the_selected_gravity_method_are_there():
         ("survey.max_rate", "survey.max_rate is now survey.motion"),
         ("tool.sag_deg", "derived: 0.2 deg, or 0.08"),
         ("tool.gyro.delay_ms", "a constant (0.5)"),
+        ("tool.calibrated_low_c", "tool.calibrated_c"),
+        ("tool.possible_axial_nt", "derived: nine times tool.axial_interference_nt"),
+        ("gravity.expert.max_bridged_gap_s", "a constant (10.0)"),
     ],
 )
 def test_a_former_name_is_refused_and_the_new_one_named(old, new):
@@ -199,6 +202,8 @@ def test_a_former_name_is_refused_and_the_new_one_named(old, new):
         ({"tool": {"precision": {"accelerometer": {"bias_ug": 50.0}}}}, "accelerometer is now two constants"),
         ({"verdict": {"magnetised_string": 0.1}}, "tool.axial_interference_nt"),
         ({"transmit": {"continuous_s": 5.0}}, "continuous_s is now a constant"),
+        ({"attitude": {"smoothing_s": 2.0}}, "smoothing_s is now a constant"),
+        ({"gravity": {"expert": {"max_bridged_gap_s": 5.0}}}, "max_bridged_gap_s is now a constant"),
     ],
 )
 def test_a_former_name_in_a_file_is_refused_and_what_took_its_place_named(table, now):
@@ -217,7 +222,7 @@ def test_constants_are_what_the_filters_have_and_no_parameters():
     assert not set(CONSTANT) & set(flat(EstimatorSettings()))
     usual, errors = derivation.gyro_azimuth_params(EstimatorSettings()), SensorErrors()
     seek, still = derivation.gyrocompass_params(EstimatorSettings()).unit, derivation.still_params(EstimatorSettings())
-    priors = derivation.station_params(EstimatorSettings()).priors
+    station = derivation.station_params(EstimatorSettings())
     assert {name: value for name, value in CONSTANT.items() if name.startswith(("tool", "verdict", "survey.max"))} == {
         "tool.gyro.walk_deg_h_sqrt_h": usual.conventional.walk_deg_h_rth,
         "tool.gyro.scale_ppm": derivation.north_params(EstimatorSettings()).x_scale_ppm,
@@ -230,19 +235,32 @@ def test_constants_are_what_the_filters_have_and_no_parameters():
         "tool.misalignment_deg": errors.misalignment_deg,
         "tool.course_misalignment_deg": errors.course_misalignment_deg,
         "tool.sag_deg": errors.sag_deg,
+        "tool.possible_axial_nt": round(1e9 * derivation.interference_params(EstimatorSettings()).axial, 6),
+        "tool.calibrated_low_c": station.calibrated.low_c,
+        "tool.calibrated_high_c": station.calibrated.high_c,
+        "tool.misalignment_y_deg": station.hole_axis_deg[0],
+        "tool.misalignment_z_deg": station.hole_axis_deg[1],
         "survey.max_rate": still.max_rate,
         "survey.max_rate_noise": still.max_rate_noise,
         "survey.max_force_noise": still.max_force_noise,
-        "verdict.magnetised_string": priors.axial,
-        "verdict.wrong_reference": priors.reference,
+        "verdict.magnetised_string": station.priors.axial,
+        "verdict.wrong_reference": station.priors.reference,
         "verdict.max_gyro_sigma_deg": seek.worst_sigma_deg,
     }
 
 
 def test_a_user_has_few_parameters_to_read():
     rules = [rule for _, rule in flat(EstimatorSettings()).values()]
-    assert len(rules) <= 90
+    assert len(rules) <= 81
     assert sum(not rule.expert for rule in rules) <= 25
+
+
+def test_a_string_may_be_as_magnetic_as_its_expected_field_says_and_the_magnetometers_bias_allows():
+    def possible_nt(changes):
+        return 1e9 * derivation.interference_params(changed(EstimatorSettings(), changes)).axial
+
+    assert possible_nt({"tool.axial_interference_nt": 440.0}) == pytest.approx(4000.0)
+    assert possible_nt({"tool.axial_interference_nt": 0.0}) == pytest.approx(70.0)
 
 
 def test_the_walk_of_a_gyros_bias_follows_its_bias():

@@ -51,7 +51,7 @@ def estimated(case, cut=10**9):
             total_nt=field.total * 1e9,
             dip_deg=np.degrees(field.dip),
             declination_deg=np.degrees(field.declination),
-            gravity_mps2=field.gravity,
+            lat_deg=38.0,
         )
     )
     pipeline = Pipeline(settings)

@@ -190,29 +190,29 @@ def test_noise_of_the_averages_adds_to_the_sigmas():
 
 def test_known_sag_misalignment_and_toolface_offset_are_taken_off():
     f_t, b_t = readings(60, 100, 0)
-    settings = StationSettings(sag=SagCorrection(math.radians(0.2)), toolface_offset_deg=29.0, misalignment_y_deg=0.0)
+    settings = StationSettings(sag=SagCorrection(math.radians(0.2)), toolface_offset_deg=29.0)
     shot = station(f_t, b_t, REFERENCE, settings)
     assert math.degrees(shot.inclination) == pytest.approx(60 + 0.2 * math.sin(60 * DEG))
     assert "inclination corrected for sag by +0.17 deg" in texts(shot.reasons)
     assert math.degrees(shot.gravity_toolface) == pytest.approx(29.0)
     # Scribe line on the high side: the hole axis bent half a degree away from +z is lower, bent to +y turns right or
     # left.
-    bent = station(f_t, b_t, REFERENCE, StationSettings(misalignment_y_deg=0.5))
+    bent = station(f_t, b_t, REFERENCE, StationSettings(hole_axis_deg=(0.5, 0.0)))
     assert abs(math.degrees(bent.inclination) - 60) == pytest.approx(0.5, abs=1e-3)
-    turned = station(f_t, b_t, REFERENCE, StationSettings(misalignment_z_deg=0.5))
+    turned = station(f_t, b_t, REFERENCE, StationSettings(hole_axis_deg=(0.0, 0.5)))
     assert abs(math.degrees(turned.azimuth) - 102) == pytest.approx(0.5 / math.sin(60 * DEG), abs=1e-2)
     assert math.degrees(turned.inclination) == pytest.approx(60, abs=0.01)
 
 
 def test_misalignment_settings_say_where_the_hole_axis_lies_in_tool_axes():
     hole = mat_nt(60 * DEG, 100 * DEG, 40 * DEG)
-    for name, axis in (("misalignment_y_deg", [0, 1, 0]), ("misalignment_z_deg", [0, 0, 1])):
+    for angles, axis in (((1.5, 0.0), [0, 1, 0]), ((0.0, 1.5), [0, 0, 1])):
         from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec
 
         mat_th = mat_from_quat(quat_from_rotvec(np.array(axis) * 1.5 * DEG))
         f_t = mat_th @ hole.T @ np.array([0, 0, -9.81])
         b_t = mat_th @ hole.T @ np.array([REFERENCE.horizontal, 0, REFERENCE.vertical])
-        shot = station(f_t, b_t, REFERENCE, StationSettings(**{name: 1.5}))
+        shot = station(f_t, b_t, REFERENCE, StationSettings(hole_axis_deg=angles))
         assert np.degrees([shot.inclination, shot.azimuth, shot.gravity_toolface]) == pytest.approx(
             [60, 102, 40], abs=0.05
         )

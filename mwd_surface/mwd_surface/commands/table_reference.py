@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # Settings of the place that a table does not use beside each source of the field.
 _UNUSED = {
     "fixed": ("model", "grid", "date"),
-    "model": ("total_nt", "dip_deg", "declination_deg", "convergence_deg", "gravity_mps2"),
+    "model": ("total_nt", "dip_deg", "declination_deg", "convergence_deg"),
 }
 # Settings that count beside a field of the table's own columns too.
 _ANY_FIELD = ("field", "observatory_file", "observatory_share")

@@ -12,6 +12,7 @@ from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.status import Status
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey import Survey
 from mwd_surface.processing.bag_input import Topics
@@ -134,11 +135,12 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
             "attitude is that of single samples; record it at the rate of the sensor"
         )
     if summary.disturbed > _MANY_DISTURBED * summary.rows:
+        possible = derivation.interference_params(estimator).axial
         warnings.append(
             f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field is not the "
             f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
-            "dip off): external interference, or a string magnetised beyond tool.possible_axial_nt "
-            f"({estimator.tool.possible_axial_nt:,.0f} nT), which the first survey that is accepted tells"
+            f"dip off): external interference, or a string magnetised beyond {1e9 * possible:,.0f} nT (nine times "
+            "tool.axial_interference_nt), which the first survey that is accepted tells"
         )
     if pipeline.went_back:
         often, (left_ns, begun_ns) = len(pipeline.went_back), pipeline.went_back[0]

@@ -185,10 +185,8 @@ def within_calibration(settings: EstimatorSettings, path: Path) -> EstimatorSett
     given = about.get("temperature_c") if isinstance(about, dict) else None
     if not isinstance(given, list) or len(given) != 2 or not all(isinstance(one, (int, float)) for one in given):
         return settings
-    low, high = min(given) - _MARGIN, max(given) + _MARGIN
-    return dataclasses.replace(
-        settings, tool=dataclasses.replace(settings.tool, calibrated_low_c=low, calibrated_high_c=high)
-    )
+    calibrated = min(given) - _MARGIN, max(given) + _MARGIN
+    return dataclasses.replace(settings, tool=dataclasses.replace(settings.tool, calibrated_c=calibrated))
 
 
 def _run(source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str, str]) -> Run:

@@ -111,7 +111,7 @@ def test_the_temperatures_of_the_run_bound_those_of_the_tool_with_what_its_slope
     _, _, found, _ = tumbled()
     calibration_run.write(tmp_path / "cal.yaml", found, {"temperature_c": [25.0, 85.0]})
     tool = calibration_run.within_calibration(EstimatorSettings(), tmp_path / "cal.yaml").tool
-    assert (tool.calibrated_low_c, tool.calibrated_high_c) == (15.0, 95.0)
+    assert tool.calibrated_c == (15.0, 95.0)
     calibration_run.write(tmp_path / "old.yaml", found, {})
     assert calibration_run.within_calibration(EstimatorSettings(), tmp_path / "old.yaml") == EstimatorSettings()
 
