@@ -124,6 +124,9 @@ def main() -> None:
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     # Nodes find each other on this machine alone, and files are not for other users, unless set otherwise.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    # Matrices have some tens of rows: the threads of OpenBLAS wait for each other longer than they work. It looks when
+    # numpy is first imported, which a command does.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.umask(os.umask(0o077) | 0o027)
     try:
         app(prog_name="mwd")

@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Plugin of the gate: linear algebra in one thread, as `mwd` has it.
+
+Each worker's OpenBLAS would start a thread for each core, which wait for each other longer than they work. OpenBLAS
+reads the variable when numpy is first imported: this plugin is loaded before anything that imports numpy.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
