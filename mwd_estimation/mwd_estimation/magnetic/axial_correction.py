@@ -62,17 +62,13 @@ class AxialCorrection:
     #: `interference`, `sigma_interference`: axial field not of the Earth, T, positive down-hole, and 1 sigma.
     interference: Array
     sigma_interference: Array
-    #: Misfit of the field against the reference, one degree of freedom (two with a finite prior): large means that the
-    #: disturbance is not axial, or that the reference is not this place's.
+    #: Misfit of the field against the reference, one degree of freedom: large means that the disturbance is not axial,
+    #: or that the reference is not this place's.
     chi_square: Array
     #: bool; a second azimuth explains the readings nearly as well (a horizontal hole seen without the axial
     #: magnetometer).
     mirror: np.ndarray
     both: Array  #: shape (..., 2); the better of the two and the other, rad; nan where there is no mirror
-    share: Array  #: of the other, in the probability; 0 where there is none
-    #: shape (..., 6); derivative of the azimuth by (f_t, b_t), rad per m/s^2 and per T, for covariances with other
-    #: angles.
-    sensitivity: Array
 
 
 def axial_correction(
@@ -82,11 +78,12 @@ def axial_correction(
     vertical: ArrayLike,
     sensor_covariance: ArrayLike,
     reference_covariance: ArrayLike,
-    interference_sigma: float = math.inf,
     plausible: float = math.inf,
 ) -> AxialCorrection:
     """
     Azimuth and axial interference by maximum likelihood (S0 eqs 12-21 with every equation weighted by its worth).
+
+    Nothing is assumed of the interference, so that the axial magnetometer only shows it (the short-collar method).
 
     Parameters
     ----------
@@ -98,9 +95,6 @@ def axial_correction(
         Of (f_t, b_t), (m/s^2)^2 and T^2: noise of the averages and what calibration left.
     reference_covariance : array_like, shape (..., 2, 2) or (2, 2)
         Of (horizontal, vertical), T^2.
-    interference_sigma : float
-        What interference is expected beforehand, 1 sigma, T. Infinite: the axial magnetometer is not used at all (S0,
-        the short-collar method). A few hundred nT: an ordinary survey, the three directions weighed together.
     plausible : float
         Interference possible at all, 1 sigma, T; of more there is a small chance that has no scale. It only decides
         between azimuths that fit alike (a horizontal hole without the axial magnetometer has a mirror, an east-west one
@@ -114,11 +108,10 @@ def axial_correction(
     Raises
     ------
     ValueError
-        An `interference_sigma` or `plausible` that is not positive, or shapes that do not fit together.
+        A `plausible` that is not positive, or shapes that do not fit together.
     """
-    for name, value in (("interference_sigma", interference_sigma), ("plausible", plausible)):
-        if not value > 0.0:
-            raise ValueError(f"{name}: must be positive, got {value!r} T")
+    if not plausible > 0.0:
+        raise ValueError(f"plausible: must be positive, got {plausible!r} T")
     f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
     lead = f_t.shape[:-1]
     n = math.prod(lead)
@@ -129,7 +122,7 @@ def axial_correction(
     # An exactly vertical hole has no azimuth: worked through with a stand-in attitude, then withheld.
     vertical_hole = ~(np.hypot(f[:, 1], f[:, 2]) > 1e-12 * np.linalg.norm(f, axis=1))
     f = np.where(vertical_hole[:, None], np.array([-1.0, 0.0, 1.0]), f)
-    stations = _Stations(f, b, h, v, cov_s, cov_r, interference_sigma, plausible)
+    stations = _Stations(f, b, h, v, cov_s, cov_r, plausible)
     return _corrected(stations, vertical_hole, plausible, lead)
 
 
@@ -143,7 +136,7 @@ def _corrected(stations: _Stations, vertical: np.ndarray, plausible: float, lead
     sigma = np.where(best.wide, best.spread, fit.variance_azimuth + share * peaks.apart**2)
     sigma = np.minimum(np.sqrt(sigma), np.pi / np.sqrt(3.0))
     # The interference follows the azimuth through the field along the axis.
-    slope = stations.h * fit.sin_inc * np.sin(best.azimuth)
+    slope = stations.h * stations.sin * np.sin(best.azimuth)
     variance_e = fit.variance_interference + slope**2 * (sigma**2 - fit.variance_azimuth)
     sigma_e = np.sqrt(np.maximum(variance_e, fit.variance_along))
 
@@ -159,8 +152,6 @@ def _corrected(stations: _Stations, vertical: np.ndarray, plausible: float, lead
         chi_square=shaped(stations.misfit(peaks.azimuth[:, None])[0][:, 0]),
         mirror=mirror.reshape(lead),
         both=both.reshape(*lead, 2),
-        share=np.where(vertical, 0.0, share).reshape(lead),
-        sensitivity=np.where(vertical[:, None], np.nan, fit.sensitivity).reshape(*lead, 6),
     )
 
 
@@ -236,18 +227,13 @@ class _Fit:
     variance_azimuth: Array
     variance_interference: Array
     variance_along: Array
-    sensitivity: Array
-    sin_inc: Array
 
 
 class _Stations:
     """Readings of n stations and their reference, with the misfit of any azimuth."""
 
-    def __init__(
-        self, f: Array, b: Array, h: Array, v: Array, cov_s: Array, cov_r: Array, sigma_e: float, plausible: float
-    ) -> None:
-        self.h, self.v, self.cov_r = h, v, cov_r
-        self.information_e, self.information_plausible = 1.0 / sigma_e**2, 1.0 / plausible**2
+    def __init__(self, f: Array, b: Array, h: Array, v: Array, cov_s: Array, cov_r: Array, plausible: float) -> None:
+        self.h, self.v, self.cov_r, self.information_plausible = h, v, cov_r, 1.0 / plausible**2
         self.seen = hole_components(f, b)
         across, g = np.hypot(f[:, 1], f[:, 2]), np.linalg.norm(f, axis=1)
         self.sin, self.cos = across / g, -f[:, 0] / g
@@ -255,26 +241,19 @@ class _Stations:
         n, zero = len(f), np.zeros(len(f))
         # Derivatives of the three components by (f, b): the high side turns with the toolface.
         toolface_f = np.stack([zero, c / across, -s / across], axis=1)
-        self.inclination_f = np.stack([across / g**2, -f[:, 0] * s / g**2, -f[:, 0] * c / g**2], axis=1)
+        inclination_f = np.stack([across / g**2, -f[:, 0] * s / g**2, -f[:, 0] * c / g**2], axis=1)
         seen_in = np.zeros((n, 3, 6))
         seen_in[:, 0, 3] = 1.0
         seen_in[:, 1, :3], seen_in[:, 2, :3] = -self.seen[:, 2:] * toolface_f, self.seen[:, 1:2] * toolface_f
         seen_in[:, 1, 4], seen_in[:, 1, 5] = s, c
         seen_in[:, 2, 4], seen_in[:, 2, 5] = -c, s
-        self.seen_in = seen_in
         # Covariances of the three components, of them with the inclination, and of the inclination.
         self.cov_seen = seen_in @ cov_s @ np.swapaxes(seen_in, 1, 2)
-        self.cov_both = np.squeeze(seen_in @ cov_s[:, :, :3] @ self.inclination_f[:, :, None], 2)
-        self.var_inc = np.squeeze(
-            self.inclination_f[:, None, :] @ cov_s[:, :3, :3] @ self.inclination_f[:, :, None], (1, 2)
-        )
+        self.cov_both = np.squeeze(seen_in @ cov_s[:, :, :3] @ inclination_f[:, :, None], 2)
+        self.var_inc = np.squeeze(inclination_f[:, None, :] @ cov_s[:, :3, :3] @ inclination_f[:, :, None], (1, 2))
 
-    def _linear(self, azimuth: Array) -> tuple[Array, Array, Array]:
-        """
-        Misfit of azimuths of shape (n, m), its covariance, and the model's slope by inclination.
-
-        Returns shapes (n, m, 3), (n, m, 3, 3), (n, m, 3).
-        """
+    def _linear(self, azimuth: Array) -> tuple[Array, Array]:
+        """Misfit of azimuths of shape (n, m) and its covariance, shapes (n, m, 3) and (n, m, 3, 3)."""
         h, v, s, c = (x[:, None] for x in (self.h, self.v, self.sin, self.cos))
         s_a, c_a = np.sin(azimuth), np.cos(azimuth)
         zero = np.zeros_like(s_a)
@@ -291,7 +270,7 @@ class _Stations:
             + slope[..., :, None] * slope[..., None, :] * self.var_inc[:, None, None, None]
             + into @ self.cov_r[:, None] @ np.swapaxes(into, 2, 3)
         )
-        return misfit, cov, slope
+        return misfit, cov
 
     def misfit(self, azimuth: Array) -> tuple[Array, Array, Array]:
         """
@@ -301,7 +280,7 @@ class _Stations:
         the interference being at its best; the first alone has its minimum exactly at the truth for readings without
         error.
         """
-        misfit, cov, _ = self._linear(azimuth)
+        misfit, cov = self._linear(azimuth)
         a, b, d = cov[..., 1, 1], cov[..., 1, 2], cov[..., 2, 2]
         det = a * d - b * b
         y, z = misfit[..., 1], misfit[..., 2]
@@ -309,41 +288,23 @@ class _Stations:
         # What is left of the axial reading once the across-axis misfit has predicted its share.
         p, q = cov[..., 0, 1], cov[..., 0, 2]
         k_y, k_z = (d * p - b * q) / det, (a * q - b * p) / det
-        left = misfit[..., 0] - k_y * y - k_z * z
-        variance = cov[..., 0, 0] - k_y * p - k_z * q
-        kept = 1.0 / (1.0 + self.information_e * variance)
-        # Up to a constant log(variance + sigma_e^2), finite also for an infinite prior.
-        log = np.log(det) + np.log1p(self.information_e * variance)
-        return np.asarray(across + left**2 * self.information_e * kept), np.asarray(log), np.asarray(left * kept)
+        return np.asarray(across), np.asarray(np.log(det)), np.asarray(misfit[..., 0] - k_y * y - k_z * z)
 
     def fit(self, azimuth: Array) -> _Fit:
-        """Variances of azimuth and interference at an azimuth, shape (n,), and how the azimuth follows the readings."""
-        _, covs, slopes = self._linear(azimuth[:, None])
-        cov, by_inclination = covs[:, 0], slopes[:, 0]
-        into = self.seen_in.copy()
-        into[:, :, :3] -= by_inclination[:, :, None] * self.inclination_f[:, None, :]
+        """Variances of azimuth and interference at an azimuth, shape (n,)."""
+        cov = self._linear(azimuth[:, None])[1][:, 0]
         s_a, c_a = np.sin(azimuth), np.cos(azimuth)
         slope = np.stack([-self.h * self.sin * s_a, -self.h * self.cos * s_a, -self.h * c_a], axis=1)
         unit = np.zeros_like(slope)
         unit[:, 0] = 1.0
-        design = np.stack([slope, unit], axis=2)
         # Scaled to the field, so that angles and tesla invert alike.
         scale = np.stack([np.ones_like(self.h), self.h], axis=1)
-        weighted = np.swapaxes(np.linalg.solve(cov, design * scale[:, None, :]), 1, 2)
-        information = weighted @ (design * scale[:, None, :])
-        information[:, 1, 1] += self.information_e * self.h**2
+        design = np.stack([slope, unit], axis=2) * scale[:, None, :]
+        information = np.swapaxes(np.linalg.solve(cov, design), 1, 2) @ design
         # At the exact east-west horizontal the azimuth has no information of its own: keep the inverse finite.
         information[:, 0, 0] += 1e-6
-        inverse = np.linalg.inv(information)
-        gain = (inverse @ weighted) * scale[:, :, None]
-        covariance = inverse * scale[:, :, None] * scale[:, None, :]
-        return _Fit(
-            variance_azimuth=covariance[:, 0, 0],
-            variance_interference=covariance[:, 1, 1],
-            variance_along=self.h**2 / information[:, 1, 1],
-            sensitivity=np.squeeze(gain[:, :1, :] @ into, 1),
-            sin_inc=self.sin,
-        )
+        covariance = np.linalg.inv(information) * scale[:, :, None] * scale[:, None, :]
+        return _Fit(covariance[:, 0, 0], covariance[:, 1, 1], self.h**2 / information[:, 1, 1])
 
     def cost(self, azimuth: Array) -> Array:
         """Minus twice the log probability of azimuths, shape (n, m), counting implausible interference against them."""

@@ -20,8 +20,6 @@ GOOD = AxialCorrection(
     chi_square=np.array(0.5),
     mirror=np.array(False),
     both=np.full(2, np.nan),
-    share=np.array(0.0),
-    sensitivity=np.zeros(6),
 )
 
 
