@@ -11,6 +11,7 @@ drawn: biases, leakage, lag, lead, scale. A run that is refused gives no azimuth
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -197,12 +198,18 @@ def half_turn(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
 
 def s1_filter(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
     """Cells of S1's 15-state filter on a still tool with known bias."""
-    params = static_ekf.Params(
-        latitude_deg=lat, gyro_noise_deg_rth=noise, gyro_bias_deg_h=noise / 50.0, accel_bias_ug=20.0
+    # Of the shortest seek the first half is the coarse alignment.
+    params = SeekParams(
+        latitude_deg=lat,
+        gyro_noise_deg_rth=noise,
+        gyro_bias_deg_h=noise / 50.0,
+        gyro_walk_deg_h_rth=0.0,
+        accel_bias_ug=20.0,
+        shortest=40.0,
     )
     clean = motion(TIMES[-1], math.radians(lat), INCLINATION, AZIMUTH, still, RATE)
     rng = np.random.default_rng(seed)
-    at = [round(seconds * RATE) - 1 for seconds in TIMES]
+    ends = [round(seconds * RATE) for seconds in TIMES]
     error, sigma = np.empty((runs, len(TIMES))), np.empty((runs, len(TIMES)))
     for r in range(runs):
         gyro, accel = measured(
@@ -214,8 +221,11 @@ def s1_filter(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
             rng.standard_normal(3) * params.gyro_bias_deg_h * DEG_PER_HOUR,
             rng.standard_normal(3) * 20 * MICRO_G,
         )
-        north = static_ekf.run(params, static_ekf.initial(params), clean.stamp_ns, gyro, accel)
-        error[r], sigma[r] = wrap_pi(north.azimuth[at] - AZIMUTH), north.sigma_azimuth[at]
+        state = static_ekf.initial()
+        for j, (start, end) in enumerate(itertools.pairwise([0, *ends])):
+            static_ekf.run(params, state, clean.stamp_ns[start:end], gyro[start:end], accel[start:end])
+            north = static_ekf.north(state)
+            error[r, j], sigma[r, j] = wrap_pi(north.azimuth - AZIMUTH), north.sigma
     rate = EARTH_RATE * math.cos(math.radians(lat))
     limits = [noise * DEG_PER_ROOT_HOUR / (rate * math.sqrt(seconds)) for seconds in TIMES]
     return [

@@ -19,7 +19,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     BinSums,
     Error,
     GyroSample,
-    KernelParams,
+    Params,
     PrecisionRates,
     State,
 )
@@ -60,7 +60,7 @@ def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: 
 
 
 @compiled
-def add_sample(p: KernelParams, s: State, sample: GyroSample, earth_north: float) -> None:
+def add_sample(p: Params, s: State, sample: GyroSample, earth_north: float) -> None:
     """
     Take in a sample of the conventional unit: later than the last one, its y and z rates and vertical finite.
 
@@ -130,7 +130,7 @@ def gyro_turn_at(s: State, at: int) -> float:
 
 
 @compiled
-def precision_sums(p: KernelParams, s: State, sums: BinSums, precision: PrecisionRates, start: int) -> tuple[bool, int]:
+def precision_sums(p: Params, s: State, sums: BinSums, precision: PrecisionRates, start: int) -> tuple[bool, int]:
     """
     Fill `s.precision_sums` for the bin of `sums`, with gravity and x rate of the sample at or after each rate.
 

@@ -74,8 +74,7 @@ class StationAzimuth(NamedTuple):
 NO_STATION = StationAzimuth()
 
 
-@dataclasses.dataclass(frozen=True)
-class BinEvent:
+class BinEvent(NamedTuple):
     """A bin judged before the sample at `place`: its index, its end, and the azimuths that were found in it."""
 
     place: int

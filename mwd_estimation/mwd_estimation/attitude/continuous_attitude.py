@@ -17,16 +17,24 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.attitude import attitude_rows, gyro_azimuth, rejected_samples, time_alignment, time_alignment_state
+from mwd_estimation.attitude import (
+    attitude_rows,
+    gyro_azimuth,
+    gyro_azimuth_state,
+    rejected_samples,
+    time_alignment,
+    time_alignment_state,
+)
 from mwd_estimation.attitude.attitude_rows import LAST_MAGNETIC, Sources, Stretch
-from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationAzimuth
+from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce
 from mwd_estimation.attitude.gyro_azimuth_filter import GATE
 from mwd_estimation.attitude.gyro_azimuth_state import (
-    BIN_STEP,
+    BIN_EVENT,
     MAGNETIC_AZIMUTH,
     GyroBlock,
     PrecisionRates,
     PropagatedAzimuth,
+    at_latitude,
 )
 from mwd_estimation.attitude.gyro_azimuth_state import initial as initial_azimuth
 from mwd_estimation.attitude.magnetic_azimuth import MagneticAzimuths
@@ -54,10 +62,8 @@ class AttitudeStream:
     ----------
     alignment : time_alignment_state.Params
     interference : interference_state.Params
-    azimuth : gyro_azimuth.Params
+    azimuth : gyro_azimuth_state.Params
     errors : SensorErrors
-    bin_ns : int
-        Length of the bins of `BinEvent`.
     latitude_deg : float or None
 
     Attributes
@@ -72,14 +78,13 @@ class AttitudeStream:
         self,
         alignment: time_alignment_state.Params,
         interference: interference_state.Params,
-        azimuth: gyro_azimuth.Params,
+        azimuth: gyro_azimuth_state.Params,
         errors: SensorErrors,
-        bin_ns: int,
         latitude_deg: float | None,
     ) -> None:
         self._alignment, self._mag_lag_ns = alignment, alignment.mag_lag_ns
-        self._azimuth = gyro_azimuth.kernel_params(azimuth, bin_ns, latitude_deg, alignment.interval_ns / 1e9)
-        self._magnetic = MagneticAzimuths(interference, errors, azimuth.slow_share)
+        self._azimuth = at_latitude(azimuth, latitude_deg)
+        self._magnetic = MagneticAzimuths(interference, errors)
         self._alignment_state = initial_alignment()
         self._rejected_state = rejected_samples.initial()
         self._mag = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
@@ -214,16 +219,12 @@ class AttitudeStream:
 
     def _propagate(self, block: Block, events: list[BinEvent], magnetic: Samples, precision: PrecisionRates) -> Samples:
         """Azimuth of every sample, by the gyros and the magnetic azimuths of the bins that close."""
-        steps = np.zeros(len(events), dtype=BIN_STEP)
-        for name in ("place", "bin", "seek_azimuth", "seek_sigma"):
-            steps[name] = [getattr(event, name) for event in events]
-        stations = [event.station for event in events]
-        for k, name in enumerate(StationAzimuth._fields):
-            steps[f"station_{name}"] = [value[k] for value in stations]
         known = _joined([self._waiting, magnetic]) if len(self._waiting) else magnetic
         track = block.track
         samples = GyroBlock(block.stamps, block.gyro, track.g_t, track.sigma_inclination)
-        rows, propagated, used = gyro_azimuth.run(self._azimuth, self._azimuth_state, samples, steps, known, precision)
+        rows, propagated, used = gyro_azimuth.run(
+            self._azimuth, self._azimuth_state, samples, np.array(events, dtype=BIN_EVENT), known, precision
+        )
         self._waiting = known[used:]
         self.propagated = [PropagatedAzimuth(*row) for row in propagated.tolist()]
         return rows

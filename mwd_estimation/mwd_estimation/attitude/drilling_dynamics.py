@@ -4,20 +4,20 @@ Drilling dynamics in the numbers of the field, from IMU samples and the gravity 
 
 Rotary speed and stick-slip severity as used in the field (SSI = (max - min) / (2 mean) of the down-hole rotary speed),
 vibration as the root mean square of the non-gravity acceleration along and across the axis, peaks, and shocks counted
-as separate excursions beyond a threshold, over the last seconds, every so often. Of strapdown-integrated samples these
-are averages over the sample interval: what shook faster than half the rate is not in them.
+as separate excursions beyond a threshold, over the last ten seconds, every second. Of strapdown-integrated samples
+these are averages over the sample interval: what shook faster than half the rate is not in them.
 
-Time is cut at multiples of the period since the epoch, so that any cut of the stream into blocks gives the same bits.
+Time is cut at full seconds since the epoch, so that any cut of the stream into blocks gives the same bits.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from typing import NamedTuple
+from collections.abc import MutableSequence
+from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
@@ -25,39 +25,27 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of
 
+PERIOD_NS, PERIODS = 1_000_000_000, 10  # a summary comes each period and looks back over so many
+SLOTS = 20  # of a period, over each of which the rotary speed is a mean: 50 ms
+_SLOT_NS = PERIOD_NS // SLOTS
+# Excursions closer than this are one shock, ns, with a microsecond for stamps that are not even.
+_SEPARATION_NS = 10_001_000
+_LEAST_SPEED = 0.5  # rad/s; slower there is no stick-slip to name
 _NONE = np.iinfo(np.int64).min
 
 
-@dataclasses.dataclass(frozen=True)
-class Params:
+class Params(NamedTuple):
     """Settings of the summary."""
 
-    period_s: float = 1.0  #: a summary every so often, s
-    window_s: float = 10.0  #: time it looks back, in whole periods, s
     shock_threshold: float = 25.0 * STANDARD_GRAVITY  #: non-gravity acceleration that counts as a shock, m/s^2
-    shock_separation_s: float = 0.01  #: excursions closer than this are one shock, s
-    speed_smoothing_s: float = 0.05  #: mean over which rotary speed is read, s
-    least_speed: float = 0.5  #: slower than this there is no stick-slip to name, rad/s
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
-
-
-class KernelParams(NamedTuple):
-    """Settings in SI units; `shock_separation_ns` holds a microsecond for stamps that are not even."""
-
-    period_ns: int
-    gravity: float
-    shock_threshold2: float
-    shock_separation_ns: float
-    min_speed: float
 
 
 class Period:
     """Sums over a period."""
 
-    index: int  #: of the period, its start over its length
-    #: `samples`, `slots`: in it, and slots of rotary speed that had any.
+    index: int  #: of the period, its start over its length; _NONE where there is none
     samples: int
-    slots: int
     rate: float  #: rad/s
     #: `axial2`, `lateral2`: squared non-gravity acceleration, (m/s^2)^2.
     axial2: float
@@ -67,12 +55,13 @@ class Period:
     lateral_peak2: float
     whole_peak2: float
     shocks: int  #: that began in it
+    speeds: Annotated[Array, SLOTS]  #: mean rotary speed of its slots, rad/s; nan where a slot had no sample
 
 
-class Now:
-    """The open period and what is remembered of the last sample."""
+class State:
+    """All that changes."""
 
-    open: Period  #: sums; its index is _NONE before the first sample
+    open: Period  #: the period of now
     #: `slot`, `slot_rate`, `slot_samples`: slot of the rotary speed that is open, and its sums, rad/s.
     slot: int
     slot_rate: float
@@ -83,25 +72,11 @@ class Now:
     above: bool  #: the last sample was beyond the threshold
     shocks_total: int  #: since the start
     status: int  #: bits of the last sample
+    #: The periods that are over, each at its index modulo their number.
+    window: Annotated[MutableSequence[Period], PERIODS]
 
 
-NOW, PERIOD = dtype_of(Now), dtype_of(Period)
-
-
-class State(NamedTuple):
-    """All that changes; a copy resumes."""
-
-    now: Samples  #: dtype NOW, shape (1,)
-    #: shape (slots,); mean rotary speed of the slots of the open period, rad/s; nan where a slot had no sample.
-    speeds: Array
-    #: `periods`, `period_speeds`: dtype PERIOD, shape (periods,), and ndarray, shape (periods, slots); the periods of a
-    #: window that are over, each at its index modulo their number, and their speeds.
-    periods: Samples
-    period_speeds: Array
-
-    def copy(self) -> State:
-        """Independent copy."""
-        return State(self.now.copy(), self.speeds.copy(), self.periods.copy(), self.period_speeds.copy())
+STATE = dtype_of(State)
 
 
 class _Block(NamedTuple):
@@ -114,40 +89,37 @@ class _Block(NamedTuple):
     status: NDArray[np.uint32]
 
 
-def initial(params: Params) -> State:
-    """State before the first sample."""
-    periods = max(round(params.window_s / params.period_s), 1)
-    slots = max(round(params.period_s / params.speed_smoothing_s), 1)
-    state = State(np.zeros(1, NOW), np.zeros(slots), np.zeros(periods, PERIOD), np.zeros((periods, slots)))
-    state.periods["index"] = _NONE
-    state.now[0].open.index = state.now[0].last_ns = state.now[0].shock_ns = _NONE
+def initial() -> Samples:
+    """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
+    state = np.zeros(1, dtype=STATE)
+    state["window"]["index"] = state["open"]["index"] = state["last_ns"] = state["shock_ns"] = _NONE
     return state
 
 
 def run(
     params: Params,
-    state: State,
-    stamp_ns: ArrayLike,
-    gyro_t: ArrayLike,
-    accel_t: ArrayLike,
-    g_t: ArrayLike,
-    status: ArrayLike,
+    state: Samples,
+    stamp_ns: Stamps,
+    gyro_t: Array,
+    accel_t: Array,
+    g_t: Array,
+    status: NDArray[np.uint32],
 ) -> Samples:
     """
-    Take in a block of samples.
+    Take in a block of n samples.
 
     Parameters
     ----------
     params : Params
-    state : State
-        Changed in place.
-    stamp_ns : array_like of int64, shape (n,)
+    state : ndarray, shape (1,)
+        From `initial`; changed in place.
+    stamp_ns : ndarray of int64, shape (n,)
         Samples whose stamp does not advance are left out.
-    gyro_t, accel_t : array_like, shape (n, 3)
+    gyro_t, accel_t : ndarray, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes; not finite: left out.
-    g_t : array_like, shape (n, 3)
+    g_t : ndarray, shape (n, 3)
         Unit vector down in tool axes, as a gravity method gives it; NaN before it has one.
-    status : array_like of uint32, shape (n,)
+    status : ndarray of uint32, shape (n,)
         Attitude bits.
 
     Returns
@@ -155,92 +127,53 @@ def run(
     ndarray of dtype `wire.DYNAMICS`
         One summary for each period that is over, stamped with its end: index and share of sticking are -1 where the
         tool does not turn.
-
-    Raises
-    ------
-    ValueError
-        Shapes that do not match.
     """
-    stamps = np.ascontiguousarray(stamp_ns, dtype=np.int64)
-    gyro, accel, g = (np.ascontiguousarray(block, dtype=float) for block in (gyro_t, accel_t, g_t))
-    bits = np.ascontiguousarray(status, dtype=np.uint32)
-    for name, block in (("gyro_t", gyro), ("accel_t", accel), ("g_t", g)):
-        if block.shape != (*stamps.shape, 3) or stamps.ndim != 1:
-            raise ValueError(f"{name}: expected shape ({stamps.size}, 3) beside stamps (n,), got {block.shape}")
-    if bits.shape != stamps.shape:
-        raise ValueError(f"status: expected shape {stamps.shape}, got {bits.shape}")
-    period_ns = round(params.period_s * 1e9)
-    span = int(stamps.max() - stamps.min()) if len(stamps) else 0
-    out = wire.DYNAMICS.empty(min(len(stamps), span // period_ns + 2))
-    limits = KernelParams(
-        period_ns=period_ns,
-        gravity=params.gravity,
-        shock_threshold2=params.shock_threshold**2,
-        shock_separation_ns=params.shock_separation_s * 1e9 + 1e3,
-        min_speed=params.least_speed,
-    )
-    count = _run(limits, state, _Block(stamps, gyro, accel, g, bits), out)
+    # One layout, and so one compilation.
+    block = _Block._make(np.ascontiguousarray(column) for column in (stamp_ns, gyro_t, accel_t, g_t, status))
+    span = int(stamp_ns.max() - stamp_ns.min()) if len(stamp_ns) else 0
+    out = wire.DYNAMICS.empty(min(len(stamp_ns), span // PERIOD_NS + 2))
+    count = _run(params, state[0], block, out)
     return out[:count]
 
 
 @compiled
 def _end_slot(s: State) -> None:
-    now = s.now[0]
-    if now.slot_samples > 0.0:
-        s.speeds[now.slot] = now.slot_rate / now.slot_samples
-        now.slot_rate = now.slot_samples = 0.0
-
-
-@compiled
-def _end_period(s: State) -> None:
-    """Move the open period to those of the window."""
-    _end_slot(s)
-    now = s.now[0]
-    at = now.open.index % len(s.periods)
-    slots = 0
-    for k in range(len(s.speeds)):
-        if math.isfinite(s.speeds[k]):
-            s.period_speeds[at, slots] = s.speeds[k]
-            slots += 1
-    now.open.slots = slots
-    s.periods[at] = now.open
+    if s.slot_samples > 0.0:
+        s.open.speeds[s.slot] = s.slot_rate / s.slot_samples
+        s.slot_rate = s.slot_samples = 0.0
 
 
 @compiled
 def _begin_period(s: State, index: int) -> None:
-    now = s.now[0]
-    p = now.open
-    p.index, p.samples, p.slots, p.shocks, now.slot = index, 0, 0, 0, 0
+    p = s.open
+    p.index, p.samples, p.shocks, s.slot = index, 0, 0, 0
     p.rate = p.axial2 = p.lateral2 = p.axial_peak2 = p.lateral_peak2 = p.whole_peak2 = 0.0
-    now.slot_rate = now.slot_samples = 0.0
-    for k in range(len(s.speeds)):
-        s.speeds[k] = math.nan
+    p.speeds[:] = math.nan
 
 
 @compiled
 def _speeds(s: State, mean: float) -> tuple[float, float, float]:
     """Least and largest rotary speed of the window, rad/s, and the share of its slots below a tenth of the mean."""
-    oldest = s.now[0].open.index - len(s.periods)
+    oldest = s.open.index - PERIODS
     least, most, slots, sticking = math.inf, -math.inf, 0, 0
-    for k in range(len(s.periods)):
-        if s.periods[k].index > oldest:
-            for i in range(s.periods[k].slots):
-                speed = s.period_speeds[k, i]
-                least, most, slots = min(least, speed), max(most, speed), slots + 1
-                if speed * mean < 0.1 * mean * mean:
-                    sticking += 1
+    for k in range(PERIODS):
+        if s.window[k].index > oldest:
+            for speed in s.window[k].speeds:
+                if math.isfinite(speed):
+                    least, most, slots = min(least, speed), max(most, speed), slots + 1
+                    if speed * mean < 0.1 * mean * mean:
+                        sticking += 1
     return least, most, sticking / slots
 
 
 @compiled
-def _summarise(p: KernelParams, s: State, row: Samples) -> None:
+def _summarise(s: State, row: Samples) -> None:
     """Put the window that ends with the period now over into one output sample."""
-    now = s.now[0]
     count, periods, shocks = 0, 0, 0
     rate, axial2, lateral2, axial_peak2, lateral_peak2, whole_peak2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(len(s.periods)):
-        one = s.periods[k]
-        if one.index > now.open.index - len(s.periods):
+    for k in range(PERIODS):
+        one = s.window[k]
+        if one.index > s.open.index - PERIODS:
             periods, count, shocks = periods + 1, count + one.samples, shocks + one.shocks
             rate += one.rate
             axial2 += one.axial2
@@ -250,9 +183,9 @@ def _summarise(p: KernelParams, s: State, row: Samples) -> None:
             whole_peak2 = max(whole_peak2, one.whole_peak2)
     mean = rate / count
     least, most, sticking = _speeds(s, mean)
-    turns = abs(mean) >= p.min_speed
-    row["stamp_ns"] = (now.open.index + 1) * p.period_ns
-    row["duration"] = periods * p.period_ns * 1e-9
+    turns = abs(mean) >= _LEAST_SPEED
+    row["stamp_ns"] = (s.open.index + 1) * PERIOD_NS
+    row["duration"] = periods * PERIOD_NS * 1e-9
     row["samples"] = count
     row["rotary_speed"] = mean
     row["rotary_speed_least"] = least
@@ -265,30 +198,30 @@ def _summarise(p: KernelParams, s: State, row: Samples) -> None:
     row["lateral_peak"] = math.sqrt(lateral_peak2)
     row["shocks"] = shocks
     row["shock_peak"] = math.sqrt(whole_peak2)
-    row["shocks_total"] = now.shocks_total
-    row["status"] = now.status
+    row["shocks_total"] = s.shocks_total
+    row["status"] = s.status
 
 
 @compiled
-def _count_shock(p: KernelParams, now: Now, stamp: int, whole2: float) -> None:
+def _count_shock(p: Params, s: State, stamp: int, whole2: float) -> None:
     """Count an excursion beyond the threshold once; two samples in a row are one shock, however slow the samples."""
-    if whole2 < p.shock_threshold2:
-        now.above = False
+    if whole2 < p.shock_threshold * p.shock_threshold:
+        s.above = False
         return
-    far = now.shock_ns == _NONE or stamp - now.shock_ns > p.shock_separation_ns
-    if not now.above and far:
-        now.open.shocks += 1
-        now.shocks_total += 1
-    now.shock_ns, now.above = stamp, True
+    far = s.shock_ns == _NONE or stamp - s.shock_ns > _SEPARATION_NS
+    if not s.above and far:
+        s.open.shocks += 1
+        s.shocks_total += 1
+    s.shock_ns, s.above = stamp, True
 
 
 @compiled
-def _add(now: Now, rate: float, axial2: float, lateral2: float) -> None:
+def _add(s: State, rate: float, axial2: float, lateral2: float) -> None:
     """Add a sample to the open period."""
-    p, whole2 = now.open, axial2 + lateral2
+    p, whole2 = s.open, axial2 + lateral2
     p.samples += 1
-    now.slot_rate += rate
-    now.slot_samples += 1.0
+    s.slot_rate += rate
+    s.slot_samples += 1.0
     p.rate += rate
     p.axial2 += axial2
     p.lateral2 += lateral2
@@ -298,11 +231,11 @@ def _add(now: Now, rate: float, axial2: float, lateral2: float) -> None:
 
 
 @compiled
-def _run(p: KernelParams, s: State, block: _Block, out: Samples) -> int:
+def _run(p: Params, s: State, block: _Block, out: Samples) -> int:
     """Arguments as in `run`; fills `out` and returns how many periods closed."""
-    now, slot_ns, closed = s.now[0], p.period_ns // len(s.speeds), 0
+    closed = 0
     # Where the open period ends: a division for each sample would cost more than its sums.
-    end_ns = (now.open.index + 1) * p.period_ns if now.open.index != _NONE else _NONE
+    end_ns = (s.open.index + 1) * PERIOD_NS if s.open.index != _NONE else _NONE
     for i in range(len(block.stamp_ns)):
         stamp, rate = block.stamp_ns[i], block.gyro_t[i, 0]
         # Force is acceleration less gravity (f = a - g down), so that what is not gravity is f + g.
@@ -310,20 +243,21 @@ def _run(p: KernelParams, s: State, block: _Block, out: Samples) -> int:
         y = block.accel_t[i, 1] + p.gravity * block.g_t[i, 1]
         z = block.accel_t[i, 2] + p.gravity * block.g_t[i, 2]
         axial2, lateral2 = x * x, y * y + z * z
-        if stamp <= now.last_ns or not math.isfinite(rate + axial2 + lateral2):
+        if stamp <= s.last_ns or not math.isfinite(rate + axial2 + lateral2):
             continue
         if stamp >= end_ns:
-            if now.open.index != _NONE:
-                _end_period(s)
-                _summarise(p, s, out[closed])
+            if s.open.index != _NONE:
+                _end_slot(s)
+                s.window[s.open.index % PERIODS] = s.open
+                _summarise(s, out[closed])
                 closed += 1
-            _begin_period(s, stamp // p.period_ns)
-            end_ns = (now.open.index + 1) * p.period_ns
-        now.last_ns, now.status = stamp, block.status[i]
-        slot = min((stamp - (end_ns - p.period_ns)) // slot_ns, len(s.speeds) - 1)
-        if slot != now.slot:
+            _begin_period(s, stamp // PERIOD_NS)
+            end_ns = (s.open.index + 1) * PERIOD_NS
+        s.last_ns, s.status = stamp, block.status[i]
+        slot = min((stamp - (end_ns - PERIOD_NS)) // _SLOT_NS, SLOTS - 1)
+        if slot != s.slot:
             _end_slot(s)
-            now.slot = slot
-        _add(now, rate, axial2, lateral2)
-        _count_shock(p, now, stamp, axial2 + lateral2)
+            s.slot = slot
+        _add(s, rate, axial2, lateral2)
+        _count_shock(p, s, stamp, axial2 + lateral2)
     return closed

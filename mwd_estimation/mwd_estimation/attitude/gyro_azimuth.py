@@ -16,7 +16,6 @@ magnetometer, for the continuity check at the next one. Derivation and limits: `
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -24,19 +23,18 @@ import numpy as np
 
 from mwd_estimation.attitude import azimuth_rate
 from mwd_estimation.attitude import gyro_azimuth_filter as kalman_filter
+from mwd_estimation.attitude.block import BinEvent
 from mwd_estimation.attitude.gyro_azimuth_state import (
     AZIMUTH_ROW,
     BINS,
     NO_BIN,
     PROPAGATED_AZIMUTH,
     AzimuthRow,
-    BinStep,
     Error,
     GyroBlock,
     GyroSample,
-    GyroUnit,
-    KernelParams,
     MagneticAzimuth,
+    Params,
     PrecisionRates,
     PropagatedAzimuth,
     State,
@@ -44,101 +42,12 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.compiled import compiled
-from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 
 _AIDED = int(Status.GYRO_AIDED)
 
 
-@dataclasses.dataclass(frozen=True)
-class UnitErrors:
-    """
-    Errors of the y and z gyros of a unit, one sigma.
-
-    Noise, deg/sqrt(h), bias, deg/h, its walk, deg/h per sqrt(h), x rate that they feel, urad, g-sensitivity, each to
-    itself, deg/h/g, and lag behind the gravity found, ms; and the unit's range, deg/s.
-    """
-
-    noise_deg_rth: float
-    bias_deg_h: float
-    walk_deg_h_rth: float
-    leak_urad: float = 300.0
-    g_sensitivity_deg_h_g: float = 0.5
-    lag_ms: float = 2.0
-    range_dps: float = 100.0
-
-
-CONVENTIONAL = UnitErrors(0.42, 400.0, 10.0, 300.0, 3.6, 0.5, 2000.0)
-TACTICAL = UnitErrors(0.05, 5.0, 0.3)
-
-
-@dataclasses.dataclass(frozen=True)
-class Params:
-    """Settings."""
-
-    #: `conventional`, `precision`: of the two units.
-    conventional: UnitErrors = CONVENTIONAL
-    precision: UnitErrors = TACTICAL
-    slow_share: float = 0.95  #: share of the magnetic sigma that stays, without a reference to separate its parts
-    slow_error_time_s: float = 14400.0  #: time constant of the slow error of the magnetic azimuth, s
-    held_time_s: float = 10.0  #: time for which an error of the vertical stays in the magnetic azimuth, s
-    reset_time_s: float = 60.0  #: time for which good azimuths must be rejected before the azimuth is reset to them, s
-    mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth used, beyond which the azimuth is gyro-aided, s
-    vertical_below_deg: float = 3.0  #: inclination without an azimuth, deg
-    gap_rate_dps: float = 0.05  #: rate at which the axis may turn during a data gap, 1 sigma, deg/s
-    tilt_memory_s: float = 5.0  #: correlation time of the error of the gravity direction, s
-    max_sigma_deg: float = 45.0  #: largest sigma with which an azimuth is given, deg
-
-
-def kernel_params(params: Params, bin_ns: int, latitude_deg: float | None, interval_s: float = 0.2) -> KernelParams:
-    """
-    Settings in SI units.
-
-    Parameters
-    ----------
-    params : Params
-    bin_ns : int
-        Length of a bin, ns.
-    latitude_deg : float or None
-        None where unknown; what the Earth's rotation does to the azimuth then counts as drift.
-    interval_s : float
-        Between magnetic azimuths.
-    """
-    north, down, unknown = 0.0, 0.0, EARTH_RATE
-    if latitude_deg is not None:
-        latitude = math.radians(latitude_deg)
-        north, down, unknown = EARTH_RATE * math.cos(latitude), -EARTH_RATE * math.sin(latitude), 0.0
-    return KernelParams(
-        bin_ns=bin_ns,
-        earth_north=north,
-        earth_down=down,
-        held_repeats=max(2.0 * params.held_time_s / interval_s, 1.0),
-        slow_error_time_s=params.slow_error_time_s,
-        reset_time_s=params.reset_time_s,
-        mag_timeout_s=params.mag_timeout_s,
-        vertical_sin2=math.sin(math.radians(params.vertical_below_deg)) ** 2,
-        gap_rate=math.radians(params.gap_rate_dps),
-        tilt_memory_s=params.tilt_memory_s,
-        max_sigma=math.radians(params.max_sigma_deg),
-        precision_range=0.98 * math.radians(params.precision.range_dps),
-        units=(_unit(params.conventional, unknown), _unit(params.precision, unknown)),
-    )
-
-
-def _unit(unit: UnitErrors, unknown: float) -> GyroUnit:
-    """A unit's error model; unknown: rate of the Earth's rotation that is not taken off, rad/s."""
-    return GyroUnit(
-        noise=unit.noise_deg_rth * DEG_PER_ROOT_HOUR,
-        bias=unit.bias_deg_h * DEG_PER_HOUR,
-        walk=unit.walk_deg_h_rth * DEG_PER_HOUR / 60.0,
-        leakage=unit.leak_urad * 1e-6,
-        # Whatever the toolface, the mean of the sensitivities of y to y and of z to z acts, and the Earth's rotation.
-        drift=math.hypot(unit.g_sensitivity_deg_h_g * DEG_PER_HOUR * math.sqrt(0.5), unknown),
-        lag=unit.lag_ms * 1e-3,
-    )
-
-
 def run(
-    p: KernelParams,
+    p: Params,
     state: Samples,
     block: GyroBlock,
     steps: Samples,
@@ -150,11 +59,11 @@ def run(
 
     Parameters
     ----------
-    p : KernelParams
+    p : Params
     state : ndarray, shape (1,)
         From `gyro_azimuth_state.initial`; changed in place. Blocks of any length give the same numbers.
     block : GyroBlock
-    steps : ndarray of dtype BIN_STEP, shape (m,)
+    steps : ndarray of dtype BIN_EVENT, shape (m,)
         The bins that close within the block.
     magnetic : ndarray of dtype MAGNETIC_AZIMUTH, shape (k,)
         In order of their stamps: all of the bins' time, and later ones.
@@ -168,17 +77,8 @@ def run(
         At each bin.
     used : int
         Magnetic azimuths taken; the rest is to be given again with the next block.
-
-    Raises
-    ------
-    ValueError
-        Shapes that do not match.
     """
-    n = len(block.stamp_ns)
-    for name, shape in (("gyro_t", (n, 3)), ("g_t", (n, 3)), ("sigma_tilt", (n,))):
-        if getattr(block, name).shape != shape:
-            raise ValueError(f"{name}: expected shape {shape}, got {getattr(block, name).shape}")
-    rows = np.zeros(n, dtype=AZIMUTH_ROW)
+    rows = np.zeros(len(block.stamp_ns), dtype=AZIMUTH_ROW)
     propagated = np.full(len(steps), np.nan, dtype=PROPAGATED_AZIMUTH)
     # One layout, and so one compilation: of a few columns, a single row is contiguous and several are not.
     precision = PrecisionRates(precision.stamp_ns, np.ascontiguousarray(precision.rate_t))
@@ -213,7 +113,7 @@ def _find_sums(s: State, bin_index: int) -> int:
 
 
 @compiled
-def _step(p: KernelParams, s: State, step: BinStep, precision: PrecisionRates, precision_used: int) -> tuple[bool, int]:
+def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precision_used: int) -> tuple[bool, int]:
     """Propagate through one closed bin; whether it has an azimuth, and the first precision rate of a later bin."""
     sums = s.sums[_find_sums(s, step.bin)]
     if sums.bin != step.bin:
@@ -242,7 +142,7 @@ def _step(p: KernelParams, s: State, step: BinStep, precision: PrecisionRates, p
 
 
 @compiled
-def _take_magnetic(p: KernelParams, s: State, measured: MagneticAzimuth) -> None:
+def _take_magnetic(p: Params, s: State, measured: MagneticAzimuth) -> None:
     """Take in a magnetic azimuth of the last bin, propagated to the end of the bin."""
     sigma = measured.sigma_slow + measured.sigma_held + measured.sigma_noise + measured.sigma_constant
     if math.isfinite(measured.azimuth + sigma) and sigma > 0.0:
@@ -251,17 +151,17 @@ def _take_magnetic(p: KernelParams, s: State, measured: MagneticAzimuth) -> None
 
 
 @compiled
-def _correct(p: KernelParams, s: State, step: BinStep, propagated: Any, has_azimuth: bool) -> None:
+def _correct(p: Params, s: State, step: BinEvent, propagated: Any, has_azimuth: bool) -> None:
     """Take in a north seek and a station at the end of a bin; `propagated` is what held before the station."""
     if has_azimuth and math.isfinite(step.seek_azimuth) and step.seek_sigma > 0.0:
         kalman_filter.seek(p, s, step.seek_azimuth, step.seek_sigma)
     _write_propagated(s, propagated)
-    if has_azimuth and math.isfinite(step.station_azimuth) and step.station_sigma > 0.0:
-        kalman_filter.station(s, step)
+    if has_azimuth and math.isfinite(step.station.azimuth) and step.station.sigma > 0.0:
+        kalman_filter.station(s, step.station)
 
 
 @compiled
-def _write(p: KernelParams, s: State, sigma: float, across2: float, row: AzimuthRow) -> None:
+def _write(p: Params, s: State, sigma: float, across2: float, row: AzimuthRow) -> None:
     """Azimuth of the sample taken in last; across2: squared sine of its inclination."""
     row.status = np.uint32(0)
     if not s.have_azimuth or not across2 >= p.vertical_sin2:
@@ -281,7 +181,7 @@ def _write(p: KernelParams, s: State, sigma: float, across2: float, row: Azimuth
 
 @compiled
 def _run(
-    p: KernelParams,
+    p: Params,
     s: State,
     block: GyroBlock,
     steps: Samples,

@@ -13,13 +13,13 @@ import math
 
 import numpy as np
 
+from mwd_estimation.attitude.block import StationAzimuth
 from mwd_estimation.attitude.gyro_azimuth_state import (
     STATES,
-    BinStep,
     BinSums,
     Error,
-    KernelParams,
     MagneticAzimuth,
+    Params,
     State,
 )
 from mwd_estimation.core.status import Status
@@ -44,7 +44,7 @@ _DISTURBED = int(Status.MAG_DISTURBED)
 
 
 @compiled
-def begin(p: KernelParams, s: State) -> None:
+def begin(p: Params, s: State) -> None:
     """Begin anew; the leakage is estimated from the turning itself and stays."""
     for i in range(STATES):
         known = Error.LEAKAGE <= i < Error.DRIFT and s.P[i, i] > 0.0
@@ -113,7 +113,7 @@ def fade_slow_error(s: State, share: float) -> None:
 
 
 @compiled
-def propagate(p: KernelParams, s: State, sums: BinSums, unit: int) -> None:
+def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
     """
     Propagate the azimuth and the station's azimuth through one bin, by the sums of a unit.
 
@@ -159,7 +159,7 @@ def propagate(p: KernelParams, s: State, sums: BinSums, unit: int) -> None:
 
 
 @compiled
-def estimate_leakage(p: KernelParams, s: State, sums: BinSums, unit: int) -> None:
+def estimate_leakage(p: Params, s: State, sums: BinSums, unit: int) -> None:
     """
     Estimate the leakage of the x rate into y and z of a unit, from a bin in which the tool turned.
 
@@ -183,7 +183,7 @@ def estimate_leakage(p: KernelParams, s: State, sums: BinSums, unit: int) -> Non
 
 
 @compiled
-def _follow_innovations(p: KernelParams, s: State, dt: float) -> None:
+def _follow_innovations(p: Params, s: State, dt: float) -> None:
     """Follow the mean innovation of good magnetic azimuths, dt since the last, and let the biases walk by it."""
     s.innovation_mean += min(dt / _MEAN_TIME, 1.0) * (min(max(s.innovation_ratio, -GATE), GATE) - s.innovation_mean)
     if abs(s.innovation_mean) > _BIASED_MEAN:
@@ -210,7 +210,7 @@ def _scale_of_slow_error(s: State, measured: MagneticAzimuth) -> float:
 
 
 @compiled
-def _first_azimuth(p: KernelParams, s: State, azimuth: float, slow: float, constant: float, variance: float) -> None:
+def _first_azimuth(p: Params, s: State, azimuth: float, slow: float, constant: float, variance: float) -> None:
     """Begin at a magnetic azimuth = azimuth + slow x error + constant x error + noise: it errs by minus these."""
     begin(p, s)
     s.innovation_mean = 0.0
@@ -221,7 +221,7 @@ def _first_azimuth(p: KernelParams, s: State, azimuth: float, slow: float, const
 
 
 @compiled
-def magnetic(p: KernelParams, s: State, measured: MagneticAzimuth, azimuth: float) -> None:
+def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> None:
     """Take in a magnetic azimuth; azimuth: `measured.azimuth`, propagated to the end of the bin, rad."""
     held, white, constant = measured.sigma_held, measured.sigma_noise, measured.sigma_constant
     variance, extra = held * held + white * white, held * held * (p.held_repeats - 1.0)
@@ -260,7 +260,7 @@ def magnetic(p: KernelParams, s: State, measured: MagneticAzimuth, azimuth: floa
 
 
 @compiled
-def seek(p: KernelParams, s: State, azimuth: float, sigma: float) -> None:
+def seek(p: Params, s: State, azimuth: float, sigma: float) -> None:
     """
     Take in an azimuth that owes nothing to the magnetometer, rad; where it disagrees the azimuth begins anew from it.
 
@@ -284,7 +284,7 @@ def seek(p: KernelParams, s: State, azimuth: float, sigma: float) -> None:
 
 
 @compiled
-def station(s: State, step: BinStep) -> None:
+def station(s: State, accepted: StationAzimuth) -> None:
     """
     Propagate the azimuth of an accepted station from here on.
 
@@ -293,14 +293,14 @@ def station(s: State, step: BinStep) -> None:
     """
     if not s.have_azimuth:
         return
-    sigma, constant = step.station_sigma, step.station_constant_sigma
-    if s.have_station and not step.station_by_gyro:
-        apart = wrap_angle(step.station_azimuth - s.x[Error.STATION])
+    sigma, constant = accepted.sigma, accepted.constant_sigma
+    if s.have_station and not accepted.by_gyro:
+        apart = wrap_angle(accepted.azimuth - s.x[Error.STATION])
         variance = s.P[Error.STATION, Error.STATION] + sigma * sigma - 2.0 * constant * s.station_constant_sigma
         if apart * apart > _DISAGREES**2 * variance and not s.station_disagreed:
             s.station_disagreed = True
             return
     s.station_disagreed = False
-    s.x[Error.STATION] = step.station_azimuth % (2.0 * math.pi)
+    s.x[Error.STATION] = accepted.azimuth % (2.0 * math.pi)
     reset_state(s.P, Error.STATION, sigma * sigma)
     s.have_station, s.station_constant_sigma = True, constant

@@ -11,12 +11,15 @@ about the vertical that g-sensitivity makes, and their lag behind the gravity ve
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from mwd_estimation.attitude.block import BinEvent
 from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.records import dtype_of
 
 
@@ -38,12 +41,7 @@ class ErrorOrder(NamedTuple):
 
 
 Error = ErrorOrder()
-
-
 STATES = 16
-
-
-CONVENTIONAL, PRECISION = 0, 1
 BINS = 4  # bins whose sums are kept: the open one, those that wait for other streams, and one to spare
 RING = 8192  # samples kept for pairing with other streams: 1.5 s at 5 kHz; a power of two
 NO_BIN = np.iinfo(np.int64).min
@@ -60,23 +58,62 @@ class GyroUnit(NamedTuple):
     lag: float  #: of the rates behind the gravity vector, s
 
 
-class KernelParams(NamedTuple):
-    """Settings in SI units."""
+def gyro_unit(
+    noise_deg_rth: float,
+    bias_deg_h: float,
+    walk_deg_h_rth: float,
+    leak_urad: float = 300.0,
+    g_sensitivity_deg_h_g: float = 0.5,
+    lag_ms: float = 2.0,
+) -> GyroUnit:
+    """
+    Error model of a unit by the figures of its data sheet.
 
-    bin_ns: int  #: length of a bin
+    Noise, deg/sqrt(h), bias, deg/h, its walk, deg/h per sqrt(h), x rate that y and z read, urad, g-sensitivity, each to
+    itself, deg/h/g, and lag behind the gravity found, ms.
+    """
+    return GyroUnit(
+        noise=noise_deg_rth * DEG_PER_ROOT_HOUR,
+        bias=bias_deg_h * DEG_PER_HOUR,
+        walk=walk_deg_h_rth * DEG_PER_HOUR / 60.0,
+        leakage=leak_urad * 1e-6,
+        # Whatever the toolface, the mean of the sensitivities of y to y and of z to z acts.
+        drift=g_sensitivity_deg_h_g * DEG_PER_HOUR * math.sqrt(0.5),
+        lag=lag_ms * 1e-3,
+    )
+
+
+class Params(NamedTuple):
+    """Settings."""
+
+    #: Conventional unit, then precision unit: an MTi-1 and a tactical MEMS unit.
+    units: tuple[GyroUnit, GyroUnit] = (
+        gyro_unit(0.42, 400.0, 10.0, 300.0, 3.6, 0.5),
+        gyro_unit(0.05, 5.0, 0.3),
+    )
+    precision_range: float = 0.98 * math.radians(100.0)  #: rate from which on the precision unit clips, rad/s
+    bin_ns: int = 500_000_000  #: length of a bin
     #: `earth_north`, `earth_down`: the Earth's rotation, rad/s; 0 where the latitude is not known.
-    earth_north: float
-    earth_down: float
-    held_repeats: float  #: magnetic azimuths over which an error of the vertical repeats itself
-    slow_error_time_s: float  #: time constant of the slow error of the magnetic azimuth
-    reset_time_s: float  #: after good azimuths were rejected for so long, the filter takes the next one in
-    mag_timeout_s: float  #: age of the last magnetic azimuth from which on the azimuth is called gyro-aided
-    vertical_sin2: float  #: squared sine of the inclination below which there is no azimuth
-    gap_rate: float  #: rate at which the axis may turn during a data gap, rad/s, 1 sigma
-    tilt_memory_s: float  #: correlation time of the error of the gravity direction
-    max_sigma: float  #: an azimuth with a larger sigma is not given, rad
-    precision_range: float  #: range of the precision unit, rad/s
-    units: tuple[GyroUnit, GyroUnit]  #: conventional, then precision
+    earth_north: float = 0.0
+    earth_down: float = 0.0
+    #: Magnetic azimuths, five a second, over which an error of the vertical that lasts 10 s repeats itself.
+    held_repeats: float = 100.0
+    slow_error_time_s: float = 14400.0  #: time constant of the slow error of the magnetic azimuth
+    reset_time_s: float = 60.0  #: after good azimuths were rejected for so long, the filter takes the next one in
+    mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth from which on the azimuth is called gyro-aided
+    vertical_sin2: float = math.sin(math.radians(3.0)) ** 2  #: squared sine of the inclination without an azimuth
+    gap_rate: float = math.radians(0.05)  #: rate at which the axis may turn during a data gap, rad/s, 1 sigma
+    tilt_memory_s: float = 5.0  #: correlation time of the error of the gravity direction
+    max_sigma: float = math.radians(45.0)  #: an azimuth with a larger sigma is not given, rad
+
+
+def at_latitude(params: Params, latitude_deg: float | None) -> Params:
+    """Settings with the Earth's rotation at a latitude; None: not known, and what it turns counts as drift."""
+    if latitude_deg is None:
+        drifting = tuple(unit._replace(drift=math.hypot(unit.drift, EARTH_RATE)) for unit in params.units)
+        return params._replace(units=(drifting[0], drifting[1]))
+    latitude = math.radians(latitude_deg)
+    return params._replace(earth_north=EARTH_RATE * math.cos(latitude), earth_down=-EARTH_RATE * math.sin(latitude))
 
 
 class BinSums:
@@ -166,21 +203,6 @@ class MagneticAzimuth:
     sigma_interference: Annotated[Array, 3]
 
 
-class BinStep:
-    """A bin that closes within a block, and the azimuths that were found at its end, rad from the named north."""
-
-    place: int  #: sample of the block from which on the step holds, rising
-    bin: int  #: index of the bin
-    #: `seek_azimuth`, `seek_sigma`: of a north seek, which owes nothing to the magnetometer; nan where there is none.
-    seek_azimuth: float
-    seek_sigma: float
-    #: `station_azimuth`, `station_sigma`: of an accepted station, propagated to the next one; nan where there is none.
-    station_azimuth: float
-    station_sigma: float
-    station_constant_sigma: float  #: the part of its sigma that every magnetic azimuth shares
-    station_by_gyro: bool  #: a gyro found north there
-
-
 class PropagatedAzimuth(NamedTuple):
     """Azimuths propagated to the end of a bin, rad from the named north; nan where there is none."""
 
@@ -235,7 +257,7 @@ class PrecisionRates(NamedTuple):
 
 
 STATE, BIN_SUMS = dtype_of(State), dtype_of(BinSums)
-MAGNETIC_AZIMUTH, BIN_STEP = dtype_of(MagneticAzimuth), dtype_of(BinStep)
+MAGNETIC_AZIMUTH, BIN_EVENT = dtype_of(MagneticAzimuth), dtype_of(BinEvent)
 PROPAGATED_AZIMUTH, AZIMUTH_ROW = dtype_of(PropagatedAzimuth), dtype_of(AzimuthRow)
 
 

@@ -20,7 +20,7 @@ from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.magnetic import interference_filter, interference_state
-from mwd_estimation.magnetic.interference_state import FieldSamples, field_samples
+from mwd_estimation.magnetic.interference_state import FieldSamples
 from mwd_sensors.core.arrays import Samples
 
 _DISTURBED, _CORRECTED, _UNCORRECTED = int(Status.MAG_DISTURBED), int(Status.CORRECTED), int(Status.UNCORRECTED)
@@ -29,8 +29,8 @@ _REFUSED = int(Status.CORRECTION_REFUSED)
 _UNOBSERVED = 0.7
 # An axial field that is not observed and may turn the azimuth by more than this is reported as not corrected, rad.
 _MAX_UNOBSERVED = math.radians(3.0)
-# White noise of each magnetometer axis of one sample, T.
-_MAG_NOISE = 100e-9
+# Share of the magnetic sigma that stays from sample to sample, where no reference separates its parts.
+_SLOW_SHARE = 0.95
 # A station's tilt, rad; and the chi-square over the gate from which on it contradicts what was learnt on the way.
 _STATION_TILT = math.radians(0.1)
 _CONTRADICTED = 4.0
@@ -50,8 +50,6 @@ class MagneticAzimuths:
     ----------
     params : interference_state.Params
     errors : SensorErrors
-    constant_share : float
-        Share of the magnetic sigma that stays from sample to sample where no reference separates its parts.
 
     Attributes
     ----------
@@ -59,8 +57,8 @@ class MagneticAzimuths:
         Of the field against the reference, since that was set.
     """
 
-    def __init__(self, params: interference_state.Params, errors: SensorErrors, constant_share: float) -> None:
-        self._params, self._errors, self._share = params, errors, constant_share
+    def __init__(self, params: interference_state.Params, errors: SensorErrors) -> None:
+        self._params, self._errors = params, errors
         self.withdrawn = False
         self.set_reference(None)
 
@@ -98,14 +96,8 @@ class MagneticAzimuths:
             )
 
     def _contradicts(self, state: Samples, station: StationUpdate) -> bool:
-        sample = FieldSamples(
-            np.full(1, int(state[0].last_ns)),
-            station.down[None],
-            station.field[None],
-            np.full(1, _STATION_TILT),
-            np.full(1, _MAG_NOISE),
-            np.zeros(1, dtype=np.bool_),
-        )
+        stamps, tilt = np.full(1, int(state[0].last_ns)), np.full(1, _STATION_TILT)
+        sample = FieldSamples(stamps, station.down[None], station.field[None], tilt)
         found = interference_filter.run(self._params, state.copy(), sample)
         return bool(found["ratio"][0] > (_CONTRADICTED if state[0].learnt_s > 0.0 else 1.0))
 
@@ -132,16 +124,14 @@ class MagneticAzimuths:
         constant = min(in_force.model.sigma_north, math.pi)
         rest = np.sqrt(np.maximum(pairs["sigma"] ** 2 - constant**2, 0.0))
         rows["azimuth"], rows["sigma_constant"] = pairs["azimuth"], constant
-        rows["sigma_slow"], rows["sigma_noise"] = self._share * rest, math.sqrt(1.0 - self._share**2) * rest
+        rows["sigma_slow"], rows["sigma_noise"] = _SLOW_SHARE * rest, math.sqrt(1.0 - _SLOW_SHARE**2) * rest
         rows["status"] = _UNCORRECTED | (_DISTURBED if in_force.external_interference else 0)
         rows["sigma_interference"] = -1.0
 
     def _read_corrected(self, state: Samples, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
         """By the interference that the samples so far have shown."""
         n, s = len(pairs), state[0]
-        samples = field_samples(
-            pairs["stamp_ns"], pairs["g_t"], pairs["b_t"], pairs["sigma_tilt"], np.full(n, _MAG_NOISE)
-        )
+        samples = FieldSamples(pairs["stamp_ns"], pairs["g_t"], pairs["b_t"], pairs["sigma_tilt"])
         found = interference_filter.run(self._params, state, samples)
         beyond = int(np.count_nonzero(~(found["ratio"] <= 1.0)))
         self.innovation = self.innovation._replace(
@@ -155,9 +145,9 @@ class MagneticAzimuths:
         rows["status"] = _correction_status(found, samples, observed[:, 0] | in_force.corrected, horizontal)
         usable = (quiet > _SETTLED_NS) & (not in_force.external_interference)
         rows["status"] |= np.where(usable, 0, _DISTURBED).astype(np.uint32)
-        white = np.full(n, _MAG_NOISE / horizontal)
+        white = self._params.noise / horizontal
         external = _EXTERNAL / horizontal * np.exp(-quiet / _EXTERNAL_NS)
-        held = np.maximum(found["sigma_azimuth"] ** 2 - found["sigma_own"] ** 2 - white**2, 0.0)
+        held = np.maximum(found["sigma_azimuth"] ** 2 - found["sigma_own"] ** 2 - white * white, 0.0)
         rows["azimuth"] = found["azimuth"] + in_force.model.north_correction
         rows["sigma_slow"], rows["sigma_held"] = found["sigma_own"], np.sqrt(held + external**2)
         rows["sigma_noise"], rows["sigma_constant"] = white, in_force.model.sigma_north

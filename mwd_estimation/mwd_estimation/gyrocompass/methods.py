@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The methods a station may seek north with, behind one protocol: the seek with all its states, and S1's filter.
+The methods a station may seek north with: the seek with all its states, and S1's filter.
 
 S1's filter assumes a tool that keeps still and a gyro whose bias calibration has made small; a turn ends it.
 """
@@ -8,7 +8,6 @@ S1's filter assumes a tool that keeps still and a gyro whose bias calibration ha
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
 import numpy as np
 
@@ -16,8 +15,7 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek, static_ekf
-from mwd_estimation.gyrocompass.gyro_params import S1
-from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.seek_params import S1, SeekParams
 from mwd_estimation.gyrocompass.seek_refusal import gyro_clipped, polar, too_short, vertical_hole
 from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
@@ -25,31 +23,10 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RA
 from mwd_sensors.core.frames import mat_nt
 
 
-class Seeker(Protocol):
-    """A seek under way: samples in, what was found so far out."""
-
-    @property
-    def turns(self) -> bool:
-        """Whether a turn about the tool's axis may go into it."""
-
-    @property
-    def elapsed(self) -> float:
-        """Duration of the data used, s."""
-
-    @property
-    def moved(self) -> bool:
-        """Whether the hole axis lay elsewhere meanwhile."""
-
-    def run(self, samples: UnitSamples) -> None:
-        """Take samples."""
-
-    def solution(self) -> Solution:
-        """North so far, or why there is none."""
-
-
 class NorthSeek:
     """`north_seek`; `earlier`, with the seconds since, is a seek whose knowledge of the instrument is carried on."""
 
+    #: Whether a turn about the tool's axis may go into it.
     turns = True
 
     def __init__(self, params: SeekParams, earlier: tuple[State, float] | None = None) -> None:
@@ -67,7 +44,7 @@ class NorthSeek:
         return bool(self.state.moved > 0)
 
     def run(self, samples: UnitSamples) -> None:
-        """Take samples, as `Seeker.run`."""
+        """Take samples."""
         stamps, values, clipped = samples
         north_seek.run(self.params, self.state, stamps, values[:, :3], values[:, 3:], clipped)
 
@@ -83,20 +60,7 @@ class StaticSeek:
 
     def __init__(self, params: SeekParams) -> None:
         self.params = params
-        limit = static_ekf.MAX_LATITUDE_DEG
-        self._s1 = static_ekf.Params(
-            # Nearer to the pole it is not run; `solution` refuses.
-            latitude_deg=float(np.clip(params.latitude_deg, -limit, limit)),
-            gravity=params.gravity,
-            coarse_seconds=0.5 * params.shortest,
-            gyro_noise_deg_rth=params.gyro_noise_deg_rth,
-            accel_noise_ug_rthz=params.accel_noise_ug_rthz,
-            gyro_bias_deg_h=params.gyro_bias_deg_h,
-            accel_bias_ug=params.accel_bias_ug,
-            gyro_walk_deg_h_rth=params.gyro_walk_deg_h_rth,
-        )
-        self._state = static_ekf.initial(self._s1)
-        self._last: static_ekf.North | None = None
+        self._state = static_ekf.initial()
         self._first_ns: int | None = None
         self._last_ns = 0
         self._samples = self._clipped = 0
@@ -109,36 +73,32 @@ class StaticSeek:
     @property
     def moved(self) -> bool:
         """Whether the tool has moved, by the filter's own test."""
-        return self._last is not None and bool(self._last.ratio[-1] > self._s1.moved_ratio)
+        return bool(self._state.ratio > static_ekf.MOVED_RATIO)
 
     def run(self, samples: UnitSamples) -> None:
-        """Take samples, as `Seeker.run`; those in which a gyro clipped refuse the seek."""
+        """Take samples; those in which a gyro clipped refuse the seek."""
         stamp_ns, values, clipped = samples
         if len(stamp_ns) == 0 or polar(self.params.latitude_deg) is not None:
             return
         flags = clip_flags.given(clipped, len(stamp_ns))
         self._clipped += int(np.count_nonzero(flags & ~np.uint8(clip_flags.ACCEL)))
         self._samples += len(stamp_ns)
-        self._last = static_ekf.run(self._s1, self._state, stamp_ns, values[:, :3], values[:, 3:])
+        static_ekf.run(self.params, self._state, stamp_ns, values[:, :3], values[:, 3:])
         self._first_ns = int(stamp_ns[0]) if self._first_ns is None else self._first_ns
         self._last_ns = int(stamp_ns[-1])
 
     def solution(self) -> Solution:
         """North so far, or why there is none."""
-        params, last = self.params, self._last
-        azimuth = sigma = inclination = toolface = math.nan
-        if last is not None:
-            azimuth, sigma = float(last.azimuth[-1]), float(last.sigma_azimuth[-1])
-            inclination, toolface = float(last.inclination[-1]), float(last.toolface[-1])
+        params, found = self.params, static_ekf.north(self._state)
         horizontal = EARTH_RATE * math.cos(math.radians(params.latitude_deg))
         noise = params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR
         limit = min(noise / (horizontal * math.sqrt(max(self.elapsed, 1e-3))), math.pi)
-        reason = self._refusal(azimuth, sigma, inclination)
-        scribe = mat_nt(inclination, azimuth, toolface)[:, 2]
+        reason = self._refusal(found)
+        scribe = mat_nt(found.inclination, found.azimuth, found.toolface)[:, 2]
         scribe_azimuth = math.atan2(scribe[1], scribe[0])
-        return Solution(reason, S1, azimuth, sigma, inclination, scribe_azimuth, self.elapsed, limit)
+        return Solution(reason, S1, found.azimuth, found.sigma, found.inclination, scribe_azimuth, self.elapsed, limit)
 
-    def _refusal(self, azimuth: float, sigma: float, inclination: float) -> Reason | None:
+    def _refusal(self, found: static_ekf.North) -> Reason | None:
         params, worst = self.params, math.radians(self.params.worst_sigma_deg)
         pole = polar(params.latitude_deg)
         if pole is not None:
@@ -146,14 +106,14 @@ class StaticSeek:
         clipped = gyro_clipped(params, self._clipped, self._samples)
         if clipped is not None:
             return clipped
-        if self.elapsed < params.shortest or not math.isfinite(azimuth):
+        if self.elapsed < params.shortest or not math.isfinite(found.azimuth):
             return too_short(self.elapsed, params.shortest)
-        if self.moved and self._last is not None:
-            return Reason(ReasonCode.TOOL_MOVED, float(self._last.ratio[-1]), self._s1.moved_ratio)
-        vertical = vertical_hole(inclination)
+        if self.moved:
+            return Reason(ReasonCode.TOOL_MOVED, float(self._state.ratio), static_ekf.MOVED_RATIO)
+        vertical = vertical_hole(found.inclination)
         if vertical is not None:
             return vertical
-        if sigma > worst:
+        if found.sigma > worst:
             bias = params.gyro_bias_deg_h * DEG_PER_HOUR
-            return Reason(ReasonCode.GYRO_BIAS_UNKNOWN_STATIC, sigma, worst, (bias,))
+            return Reason(ReasonCode.GYRO_BIAS_UNKNOWN_STATIC, found.sigma, worst, (bias,))
         return None

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a north seek, in the units of data sheets, and the same in SI for the compiled filter."""
+"""
+Parameters of a north seek, in the units of data sheets, and the same in SI for the compiled filters.
+
+One function finds the gyros' white noise from the samples of a tool at rest.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +13,16 @@ import math
 import numpy as np
 
 from mwd_estimation.gyrocompass.seek_state import KernelParams
+from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
 
+# Selectable methods: all states of `north_seek`, or the fifteen of S1 (`static_ekf`).
+SEEK, S1 = "seek", "s1"
+# White noise where neither the parameters nor the tool show it (a tactical MEMS gyro), and the least that is credible,
+# deg/sqrt(h).
+TACTICAL_NOISE_DEG_RTH, _LEAST_NOISE = 0.05, 0.001
+# Samples averaged for the noise that counts, and by how much single ones may exceed it before they count no longer.
+_AVERAGED, _SHAKEN = 10, 1.5
 # Least noise of a direction, rad; share of its range from which a gyro counts as clipped; rate about the axis below
 # which the tool rests, rad/s.
 _DIRECTION_FLOOR, _CLIPS_FROM, _STILL_RATE = 1e-6, 0.98, 0.05
@@ -20,6 +32,9 @@ _DIRECTION_FLOOR, _CLIPS_FROM, _STILL_RATE = 1e-6, 0.98, 0.05
 class SeekParams:
     """Settings of a north seek. Noise and calibration figures are one sigma; y and z belong to the precision unit."""
 
+    #: Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool that
+    #: never moves and a gyro whose bias is small.
+    method: str = SEEK
     latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2; S1's filter uses it
     #: What the tool does while north is sought. auto judges by the motion; the others refuse another motion.
@@ -55,8 +70,51 @@ class SeekParams:
     axis_walk_deg_rth: float = 0.0005
     block_seconds: float = 0.1  #: time between two Kalman steps, s
     level_seconds: float = 2.0  #: duration of the mean force that starts the filter, s
+    longest_turn_s: float = 30.0  #: a turn between two rests that takes longer ends the seek of a station, s
     gap: float = 1.0  #: a longer data gap begins the seek anew, s
     gyro_range_dps: float = 400.0  #: rate at which y and z clip, deg/s
+
+
+# A tactical MEMS unit as its data sheet describes it; its noise is measured.
+TACTICAL = SeekParams(
+    gyro_noise_deg_rth=0.0,
+    gyro_bias_deg_h=5.0,
+    gyro_x_bias_deg_h=5.0,
+    bias_scale="at_most",
+    accel_bias_ug=200.0,
+    gyro_walk_deg_h_rth=0.3,
+    gyro_ramp_deg_h2=3.0,
+    scale_x_ppm=500.0,
+    leak_urad=300.0,
+    g_sensitivity_deg_h_g=0.5,
+    gyro_range_dps=100.0,
+)
+
+
+def at_place(
+    unit: SeekParams, latitude_deg: float, gravity: float | None, noise_deg_rth: float | None = None
+) -> SeekParams:
+    """
+    Parameters of a seek in which all three gyros are the precision unit's.
+
+    Parameters
+    ----------
+    unit : SeekParams
+        Figures of the unit, and what an azimuth must reach. White noise of 0: as the tool at rest shows it.
+    latitude_deg : float
+    gravity : float or None
+        Local gravity, m/s^2; None: standard gravity.
+    noise_deg_rth : float or None
+        White noise as the tool at rest shows it, deg/sqrt(h).
+    """
+    noise = unit.gyro_noise_deg_rth or noise_deg_rth or TACTICAL_NOISE_DEG_RTH
+    return dataclasses.replace(
+        unit,
+        latitude_deg=latitude_deg,
+        gravity=unit.gravity if gravity is None else gravity,
+        gyro_noise_deg_rth=noise,
+        gyro_x_noise_deg_rth=noise,
+    )
 
 
 def kernel_params(params: SeekParams) -> KernelParams:
@@ -75,6 +133,8 @@ def kernel_params(params: SeekParams) -> KernelParams:
         gap_ns=round(params.gap * 1e9),
         horizontal=horizontal,
         down=-EARTH_RATE * math.sin(latitude),
+        gravity=params.gravity,
+        coarse_seconds=0.5 * params.shortest,
         level_seconds=params.level_seconds,
         block_seconds=params.block_seconds,
         gyro_noise=params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
@@ -101,3 +161,28 @@ def kernel_params(params: SeekParams) -> KernelParams:
         still_rate=_STILL_RATE,
         expected=expected,
     )
+
+
+def white_noise(stamp_ns: Stamps, gyro_t: Array) -> float | None:
+    """
+    White noise of the y and z gyros of a tool at rest, deg/sqrt(h); None where there are too few samples.
+
+    stamp_ns, shape (n,); gyro_t, shape (n, 3), rad/s. From neighbours' differences, which know no bias and no Earth
+    rate. Pumps shake single samples and leave tenths of a second alone: where both disagree, the latter count.
+    """
+    usable = np.isfinite(gyro_t).all(axis=1)
+    stamps, rates = stamp_ns[usable], gyro_t[usable, 1:]
+    if len(stamps) < 5 * _AVERAGED:
+        return None
+    step = float(np.median(np.diff(stamps))) * 1e-9
+    if not step > 0.0:
+        return None
+
+    def density(values: Array, seconds: float) -> float:
+        return math.sqrt(0.5 * float(np.mean(np.diff(values, axis=0) ** 2)) * seconds)
+
+    whole = len(rates) // _AVERAGED
+    means = rates[: whole * _AVERAGED].reshape(whole, _AVERAGED, 2).mean(axis=1)
+    single, averaged = density(rates, step), density(means, _AVERAGED * step)
+    found = averaged if single > _SHAKEN * averaged else single
+    return max(found / DEG_PER_ROOT_HOUR, _LEAST_NOISE)

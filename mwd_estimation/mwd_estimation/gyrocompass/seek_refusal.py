@@ -10,9 +10,10 @@ from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.gyrocompass.seek_state import State
-from mwd_estimation.gyrocompass.static_ekf import MAX_LATITUDE_DEG
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
+# Geodetic latitude above which the Earth's rotation has no usable horizontal part.
+_MAX_LATITUDE_DEG = 85.0
 # Share of clipped samples, of turning in a still shot and of turning in a rotating one.
 _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
 # Sway of the hole axis allowed at rest, rms: more of it turns the Earth rate that the gyros see; and inclination from
@@ -51,9 +52,9 @@ def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
 
 def polar(latitude_deg: float) -> Reason | None:
     """Refusal near a pole, where the Earth's rotation has no usable horizontal part."""
-    if abs(latitude_deg) <= MAX_LATITUDE_DEG:
+    if abs(latitude_deg) <= _MAX_LATITUDE_DEG:
         return None
-    return Reason(Code.LATITUDE_POLAR, math.radians(latitude_deg), math.radians(MAX_LATITUDE_DEG))
+    return Reason(Code.LATITUDE_POLAR, math.radians(latitude_deg), math.radians(_MAX_LATITUDE_DEG))
 
 
 def too_short(elapsed: float, shortest: float) -> Reason:

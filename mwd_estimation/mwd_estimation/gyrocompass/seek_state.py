@@ -54,6 +54,8 @@ class KernelParams(NamedTuple):
     gap_ns: int
     horizontal: float  # horizontal Earth rate, rad/s
     down: float  # vertical Earth rate, rad/s
+    gravity: float  # m/s^2, a value
+    coarse_seconds: float  # duration of the mean that starts S1's filter, s
     level_seconds: float
     block_seconds: float
     gyro_noise: float  # y and z, rad/s/sqrt(Hz)

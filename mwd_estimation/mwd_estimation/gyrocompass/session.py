@@ -18,8 +18,7 @@ from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek
-from mwd_estimation.gyrocompass.gyro_params import GyroParams, seek_params, white_noise
-from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.seek_params import SeekParams, at_place, white_noise
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -66,7 +65,8 @@ class NorthSession:
     Parameters
     ----------
     params : SessionParams
-    gyro : GyroParams
+    unit : SeekParams
+        The precision unit; latitude and gravity are set here.
     latitude_deg : float
     gravity : float or None
         Local, m/s^2.
@@ -84,7 +84,7 @@ class NorthSession:
     def __init__(
         self,
         params: SessionParams,
-        gyro: GyroParams,
+        unit: SeekParams,
         latitude_deg: float,
         gravity: float | None,
         duration_s: float,
@@ -92,16 +92,16 @@ class NorthSession:
     ) -> None:
         if mode and mode not in MODES:
             raise ValueError(f"mode: must be {', '.join(MODES)}, or empty; got {mode!r}")
-        if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= gyro.unit.shortest)):
-            raise ValueError(f"duration: must be 0 or at least {gyro.unit.shortest:g} s, got {duration_s:g}")
+        if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= unit.shortest)):
+            raise ValueError(f"duration: must be 0 or at least {unit.shortest:g} s, got {duration_s:g}")
         self.duration = duration_s or params.duration_s
         self.elapsed = 0.0
-        self._unit = params
-        self._gyro, self._latitude, self._gravity, self._mode = gyro, latitude_deg, gravity, mode or "auto"
-        self._params = dataclasses.replace(seek_params(gyro, latitude_deg, gravity), mode=self._mode)
+        self._conventional = params
+        self._unit, self._latitude, self._gravity, self._mode = unit, latitude_deg, gravity, mode or "auto"
+        self._params = dataclasses.replace(at_place(unit, latitude_deg, gravity), mode=self._mode)
         # The first bins wait until the unit's noise is known from them.
         self._first: list[tuple[UnitSamples, tuple[Stamps, Array]]] | None = []
-        self._range = math.radians(gyro.unit.gyro_range_dps)
+        self._range = math.radians(unit.gyro_range_dps)
         self._state = north_seek.initial()
         self._has_samples = False
 
@@ -144,14 +144,14 @@ class NorthSession:
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
         fastest = float(np.nanmax(np.abs(x_rates)))
         noise = white_noise(stamps, rates) if fastest < _AT_REST else None
-        params = seek_params(self._gyro, self._latitude, self._gravity, noise)
+        params = at_place(self._unit, self._latitude, self._gravity, noise)
         if fastest <= 0.9 * self._range:
             return params
         return dataclasses.replace(
             params,
-            gyro_x_noise_deg_rth=self._unit.x_noise_deg_rth,
-            gyro_x_bias_deg_h=self._unit.x_bias_deg_h,
-            scale_x_ppm=self._unit.x_scale_ppm,
+            gyro_x_noise_deg_rth=self._conventional.x_noise_deg_rth,
+            gyro_x_bias_deg_h=self._conventional.x_bias_deg_h,
+            scale_x_ppm=self._conventional.x_scale_ppm,
         )
 
     def _take(self, precision: UnitSamples, ahrs: tuple[Stamps, Array]) -> None:

@@ -4,92 +4,124 @@ S1: true north from the Earth's rotation with a 15-state error-state Kalman filt
 
 Position, velocity, attitude, gyro bias and accelerometer bias; strapdown mechanisation in north-east-down with the
 Earth rate of a known latitude; the only measurement is z = [I6 0] x: position and velocity are still zero (S1 section
-2.2). A coarse alignment on the mean rate and force starts it. Derivation, what is observable and limits:
-``docs/methods/gyrocompass.md``; the estimator that does better with the same data: `mwd_estimation.gyrocompass.seek`.
+2.2). A coarse alignment on the mean rate and force starts it. The figures of the unit are those of `seek_params`.
+Derivation, what is observable and limits: ``docs/methods/gyrocompass.md``; the estimator that does better with the same
+data: `mwd_estimation.gyrocompass.north_seek`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Sequence
-from typing import cast
+from typing import TYPE_CHECKING, Annotated, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mwd_estimation.core import track
-from mwd_estimation.core.status import Status
-from mwd_estimation.gyrocompass.static_filter import ROW, STATE, WORK, KernelParams, Row, State, advance
-from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE, MICRO_G, STANDARD_GRAVITY
+from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
+from mwd_estimation.gyrocompass.seek_state import KernelParams
+from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import hole_angles, wrap_tau
+from mwd_sensors.core.kalman import (
+    level_matrix,
+    propagate_covariance,
+    reset_state,
+    rotate_left,
+    rotate_right,
+    scalar_update,
+)
+from mwd_sensors.core.records import dtype_of
 
-# Geodetic latitude above which the Earth's rotation has no usable horizontal part.
-MAX_LATITUDE_DEG = 85.0
-
-
-@dataclasses.dataclass(frozen=True)
-class Params:
-    """Settings of the S1 filter. Noise figures are one sigma and belong to the precision unit."""
-
-    latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg
-    gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
-    coarse_seconds: float = 20.0  #: duration of the mean that starts the filter, s
-    gyro_noise_deg_rth: float = 0.05  #: white noise of the gyros, deg/sqrt(h)
-    accel_noise_ug_rthz: float = 30.0  #: white noise of the accelerometers, ug/sqrt(Hz)
-    gyro_bias_deg_h: float = 0.1  #: sigma of the gyro bias after calibration, deg/h; it stays in the azimuth's sigma
-    accel_bias_ug: float = 100.0  #: sigma of the accelerometer bias after calibration, ug
-    gyro_walk_deg_h_rth: float = 0.0  #: random walk of the gyro bias in an hour, deg/h
-    sigma_position: float = 0.001  #: sigma of the tool's position about the place where it rests, m
-    sigma_velocity: float = 0.001  #: sigma of the tool's velocity, m/s
-    gap: float = 0.5  #: a longer data gap starts the filter anew, s
-    moved_ratio: float = 5.0  #: mean innovation ratio above which the tool has moved
+# Sigma of the tool's position about the place where it rests, m, and of its velocity, m/s.
+_SIGMA_POSITION, _SIGMA_VELOCITY = 0.001, 0.001
+# A longer data gap starts the filter anew, ns.
+_GAP_NS = 500_000_000
+MOVED_RATIO = 5.0
+"""Mean innovation ratio above which the tool has moved."""
 
 
-@dataclasses.dataclass(frozen=True)
-class North:
-    """Attitude from true north, sample by sample."""
+class ErrorOrder(NamedTuple):
+    """Order of the error state (S1), truth minus estimate: the first of three axes of each, and their number."""
 
-    #: `azimuth`, `inclination`, `toolface`: shape (n,); rad; NaN until the coarse alignment is done.
-    azimuth: Array
-    inclination: Array
-    toolface: Array
-    #: `sigma_azimuth`, `sigma_inclination`: shape (n,); one sigma, rad, at most pi.
-    sigma_azimuth: Array
-    sigma_inclination: Array
-    #: shape (n,); mean normalised innovation squared of the zero-motion measurement; 1 when the tool keeps as still as
-    #: stated.
-    ratio: Array
-    #: uint32, shape (n,); bits of `mwd_estimation.core.status.Status`; STILL is absent where `ratio` shows that the
-    #: tool has moved.
-    status: NDArray[np.uint32]
+    POSITION: int = 0
+    VELOCITY: int = 3
+    ATTITUDE: int = 6
+    GYRO_BIAS: int = 9
+    ACCEL_BIAS: int = 12
+    SIZE: int = 15
 
 
-def initial(params: Params) -> State:
-    """
-    State before the first sample.
+Error = ErrorOrder()
 
-    Raises
-    ------
-    ValueError
-        A latitude above 85 deg, where the Earth's rotation has no usable horizontal part.
-    """
-    if abs(params.latitude_deg) > MAX_LATITUDE_DEG:
-        raise ValueError(
-            f"latitude_deg: {params.latitude_deg:g} deg is too near the pole: the Earth's rotation points along the "
-            f"vertical there and a gyro cannot find north above {MAX_LATITUDE_DEG:g} deg"
-        )
+
+class State:
+    """All that changes: one record."""
+
+    clock: track.Clock  #: as of `mwd_estimation.core.track.admit`
+    aligned: bool  #: whether the coarse alignment is done
+    #: `mean_time`, `rate`, `force`: float, ndarray, shape (3,); duration, s, and integrals of rate, rad, and force,
+    #: m/s, of the coarse alignment.
+    mean_time: float
+    rate: Annotated[Array, 3]
+    force: Annotated[Array, 3]
+    ratio: float  #: slow mean of the innovation ratio
+    #: `position`, `velocity`, `gyro_bias`, `accel_bias`: shape (3,); estimate; m and m/s in NED, rad/s and m/s^2 in
+    #: tool axes.
+    position: Annotated[Array, 3]
+    velocity: Annotated[Array, 3]
+    #: `mat`, `mat_coarse`: shape (3, 3); tool to NED now, and at the coarse alignment. The tool keeps still, so every
+    #: transition is taken at the latter: taken at the latest one, the unobservable mix of azimuth and east gyro bias
+    #: would turn with each correction and sigma would shrink below the truth.
+    mat: Annotated[Array, 3, 3]
+    mat_coarse: Annotated[Array, 3, 3]
+    gyro_bias: Annotated[Array, 3]
+    accel_bias: Annotated[Array, 3]
+    P: Annotated[Array, 15, 15]  #: covariance of the error, in the order of `Error`
+
+    if TYPE_CHECKING:
+
+        def copy(self) -> State:
+            """Independent copy, as of every numpy record."""
+            ...
+
+
+class Work:
+    """Scratch of the Kalman step: moving rows of the transition and of its product with P; error and gain columns."""
+
+    phi: Annotated[Array, 9, 15]
+    rows: Annotated[Array, 9, 15]
+    error: Annotated[Array, 15]
+    ph: Annotated[Array, 15]
+
+
+STATE, WORK = dtype_of(State), dtype_of(Work)
+
+
+class North(NamedTuple):
+    """Attitude from true north; nan, and sigmas of pi, until the coarse alignment is done."""
+
+    #: `azimuth`, `sigma`: of the hole axis and one sigma, rad, at most pi.
+    azimuth: float
+    sigma: float
+    #: `inclination`, `toolface`: rad.
+    inclination: float
+    toolface: float
+
+
+def initial() -> State:
+    """State before the first sample."""
     return cast(State, np.zeros(1, STATE)[0])
 
 
-def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> North:
+def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> None:
     """
-    Seek north through a block of samples of a tool that keeps still.
+    Take in a block of samples of a tool that keeps still; ask `north` for the azimuth at any time.
 
     Parameters
     ----------
-    params : Params
+    params : SeekParams
+        The first half of `shortest` is the coarse alignment.
     state : State
         Changed in place; blocks of any length give the same numbers.
     stamp_ns : array_like of int64, shape (n,)
@@ -102,38 +134,191 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
         Shapes that do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
-    out = np.zeros(len(stamps), ROW)
-    advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel, cast(Sequence[Row], out))
-    inclination, azimuth, toolface = hole_angles(out["mat"])
-    unknown = (out["status"] & Status.INITIALISING) != 0
-    for angle in (inclination, azimuth, toolface):
-        angle[unknown] = np.nan
-    return North(
-        wrap_tau(azimuth),
-        inclination,
-        toolface,
-        out["sigma_azimuth"].copy(),
-        out["sigma_inclination"].copy(),
-        out["ratio"].copy(),
-        out["status"].astype(np.uint32),
-    )
+    _advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel)
 
 
-def kernel_params(params: Params) -> KernelParams:
-    """Parameters in SI."""
-    latitude = math.radians(params.latitude_deg)
-    return KernelParams(
-        gap_ns=round(params.gap * 1e9),
-        north=EARTH_RATE * math.cos(latitude),
-        down=-EARTH_RATE * math.sin(latitude),
-        gravity=params.gravity,
-        coarse_seconds=params.coarse_seconds,
-        gyro_noise=params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
-        accel_noise=params.accel_noise_ug_rthz * MICRO_G,
-        gyro_walk=params.gyro_walk_deg_h_rth * DEG_PER_HOUR / 60.0,
-        gyro_bias=params.gyro_bias_deg_h * DEG_PER_HOUR,
-        accel_bias=params.accel_bias_ug * MICRO_G,
-        sigma_position=params.sigma_position,
-        sigma_velocity=params.sigma_velocity,
-        moved_ratio=params.moved_ratio,
-    )
+def north(state: State) -> North:
+    """Attitude after the samples so far."""
+    if not state.aligned:
+        return North(math.nan, math.pi, math.nan, math.nan)
+    inclination, azimuth, toolface = hole_angles(state.mat)
+    # The hole axis is the first column; an attitude error moves its azimuth by H P H'.
+    P, (an, ae, ad) = state.P, state.mat[:, 0]
+    n, e, d = Error.ATTITUDE, Error.ATTITUDE + 1, Error.ATTITUDE + 2
+    across2 = an * an + ae * ae
+    sigma = math.pi
+    if across2 >= 1e-12:
+        hn, he = -an * ad / across2, -ae * ad / across2
+        variance = hn * hn * P[n, n] + he * he * P[e, e] + P[d, d]
+        variance += 2.0 * (hn * he * P[n, e] + hn * P[n, d] + he * P[e, d])
+        sigma = min(math.pi, math.sqrt(variance))
+    return North(float(wrap_tau(azimuth)), sigma, float(inclination), float(toolface))
+
+
+@compiled
+def propagate(p: KernelParams, s: State, dt: float, w: Array, f: Array) -> None:
+    """Carry the estimate through one sample of mean rate w, rad/s, and force f, m/s^2, shape (3,), in place."""
+    mat, v = s.mat, s.velocity
+    ax, ay, az = f[0] - s.accel_bias[0], f[1] - s.accel_bias[1], f[2] - s.accel_bias[2]
+    vn, ve, vd = v[0], v[1], v[2]
+    for i in range(3):
+        s.position[i] += v[i] * dt
+    # v' = C f + g - 2 w_ie x v; transport rate and gradient of gravity vanish for a tool that keeps still.
+    v[0] += dt * (mat[0, 0] * ax + mat[0, 1] * ay + mat[0, 2] * az + 2.0 * p.down * ve)
+    v[1] += dt * (mat[1, 0] * ax + mat[1, 1] * ay + mat[1, 2] * az - 2.0 * (p.down * vn - p.horizontal * vd))
+    v[2] += dt * (mat[2, 0] * ax + mat[2, 1] * ay + mat[2, 2] * az + p.gravity - 2.0 * p.horizontal * ve)
+    b = s.gyro_bias
+    rotate_right(mat, dt * (w[0] - b[0]), dt * (w[1] - b[1]), dt * (w[2] - b[2]))
+    rotate_left(mat, -dt * p.horizontal, 0.0, -dt * p.down)
+
+
+@compiled
+def transition(p: KernelParams, mat: Array, dt: float, ax: float, ay: float, az: float, phi: Array) -> None:
+    """
+    Fill phi, shape (9, 15), with the moving rows of Phi = I + F T of the error state (S1); the bias rows are I.
+
+    mat: tool to NED. ax, ay, az: force free of bias, m/s^2.
+    """
+    north, down = p.horizontal, p.down
+    fn = mat[0, 0] * ax + mat[0, 1] * ay + mat[0, 2] * az
+    fe = mat[1, 0] * ax + mat[1, 1] * ay + mat[1, 2] * az
+    fd = mat[2, 0] * ax + mat[2, 1] * ay + mat[2, 2] * az
+    for i in range(9):
+        for j in range(Error.SIZE):
+            phi[i, j] = 0.0
+        phi[i, i] = 1.0
+    for i in range(3):
+        phi[i, Error.VELOCITY + i] = dt
+        for j in range(3):
+            phi[Error.VELOCITY + i, Error.ACCEL_BIAS + j] = -dt * mat[i, j]
+            phi[Error.ATTITUDE + i, Error.GYRO_BIAS + j] = -dt * mat[i, j]
+    # Rows v' and phi' of velocity and attitude error: -2 w_ie x v, attitude error x force, -w_ie x attitude error.
+    v, a = Error.VELOCITY, Error.ATTITUDE
+    phi[v, v + 1], phi[v + 1, v], phi[v + 1, v + 2] = 2.0 * dt * down, -2.0 * dt * down, 2.0 * dt * north
+    phi[v + 2, v + 1] = -2.0 * dt * north
+    phi[v, a + 1], phi[v, a + 2] = dt * fd, -dt * fe
+    phi[v + 1, a], phi[v + 1, a + 2] = -dt * fd, dt * fn
+    phi[v + 2, a], phi[v + 2, a + 1] = dt * fe, -dt * fn
+    phi[a, a + 1], phi[a + 1, a], phi[a + 1, a + 2], phi[a + 2, a + 1] = dt * down, -dt * down, dt * north, -dt * north
+
+
+@compiled
+def _predict(p: KernelParams, P: Array, dt: float, w: Work) -> None:
+    propagate_covariance(P, w.phi, w.rows)
+    for i in range(3):
+        P[Error.VELOCITY + i, Error.VELOCITY + i] += p.accel_noise**2 * dt
+        P[Error.ATTITUDE + i, Error.ATTITUDE + i] += p.gyro_noise**2 * dt
+        P[Error.GYRO_BIAS + i, Error.GYRO_BIAS + i] += p.bias_walk**2 * dt
+
+
+@compiled
+def _correct(s: State, error: Array) -> None:
+    """Put an estimated error, shape (15,), into the estimate."""
+    rotate_left(s.mat, error[Error.ATTITUDE], error[Error.ATTITUDE + 1], error[Error.ATTITUDE + 2])
+    for j in range(3):
+        s.position[j] += error[Error.POSITION + j]
+        s.velocity[j] += error[Error.VELOCITY + j]
+        s.gyro_bias[j] += error[Error.GYRO_BIAS + j]
+        s.accel_bias[j] += error[Error.ACCEL_BIAS + j]
+
+
+@compiled
+def _not_moved(s: State, w: Work) -> float:
+    """Six scalar updates z = 0 - (position, velocity); corrects the state, returns the mean innovation ratio."""
+    error, ph = w.error, w.ph
+    for j in range(Error.SIZE):
+        error[j] = 0.0
+    ratio = 0.0
+    for m in range(6):
+        known = s.position[m] if m < 3 else s.velocity[m - 3]
+        r = _SIGMA_POSITION if m < 3 else _SIGMA_VELOCITY
+        for j in range(Error.SIZE):
+            ph[j] = s.P[j, m]
+        variance = ph[m] + r * r
+        innovation = -known - error[m]
+        ratio += innovation * innovation / variance
+        scalar_update(s.P, error, ph, variance, innovation)
+    _correct(s, error)
+    return ratio / 6.0
+
+
+@compiled
+def _align(p: KernelParams, s: State) -> None:
+    """
+    Coarse alignment: down from the mean force, north from the horizontal part of the mean rate.
+
+    The start covariance is the linear map of both biases and both noises, so that the azimuth error starts correlated
+    with the bias that causes it and the data of the alignment are counted once.
+    """
+    t, P, mat = s.mean_time, s.P, s.mat
+    for i in range(3):
+        s.force[i] = -s.force[i]
+        s.rate[i] /= t
+        s.position[i] = s.velocity[i] = s.gyro_bias[i] = s.accel_bias[i] = 0.0
+    # No horizontal rate at all means a dead gyro: any north will do, the innovations show it.
+    level_matrix(s.force, s.rate, 1e-12, mat)
+    for i in range(3):
+        for j in range(3):
+            s.mat_coarse[i, j] = mat[i, j]
+    for i in range(Error.SIZE):
+        reset_state(P, i, 0.0)
+    va, vg = p.accel_bias**2, p.gyro_bias**2
+    for i in range(3):
+        P[Error.GYRO_BIAS + i, Error.GYRO_BIAS + i] = vg
+        P[Error.ACCEL_BIAS + i, Error.ACCEL_BIAS + i] = va
+    # Attitude error = sum over causes: rows of the map for accelerometer (north, east) and gyro (east) errors.
+    noise_a, noise_g = p.accel_noise**2 / t, p.gyro_noise**2 / t
+    azimuth = Error.ATTITUDE + 2
+    for j in range(3):
+        a_n, a_e = mat[0, j], mat[1, j]
+        tilt_n, tilt_e = a_e / p.gravity, -a_n / p.gravity
+        turn_a, turn_g = tilt_n * p.down / p.horizontal, a_e / p.horizontal
+        cause = (tilt_n, tilt_e, turn_a)
+        for r in range(3):
+            P[Error.ATTITUDE + r, Error.ACCEL_BIAS + j] += cause[r] * va
+            P[Error.ACCEL_BIAS + j, Error.ATTITUDE + r] += cause[r] * va
+            for c in range(3):
+                P[Error.ATTITUDE + r, Error.ATTITUDE + c] += cause[r] * cause[c] * (va + noise_a)
+        P[azimuth, Error.GYRO_BIAS + j] += turn_g * vg
+        P[Error.GYRO_BIAS + j, azimuth] += turn_g * vg
+        P[azimuth, azimuth] += turn_g * turn_g * (vg + noise_g)
+    for i in range(3):
+        # At the moment of alignment the tool is where it is: the origin, at rest within its stated motion.
+        P[i, i] = _SIGMA_POSITION**2
+        P[Error.VELOCITY + i, Error.VELOCITY + i] = _SIGMA_VELOCITY**2
+    s.aligned, s.ratio = True, 1.0
+
+
+@compiled
+def _take(p: KernelParams, s: State, work: Work, dt: float, w: Array, f: Array) -> None:
+    """One sample: into the coarse alignment, or one step of the filter."""
+    if not s.aligned:
+        s.mean_time += dt
+        for j in range(3):
+            s.rate[j] += w[j] * dt
+            s.force[j] += f[j] * dt
+        if s.mean_time >= p.coarse_seconds - 1e-9:
+            _align(p, s)
+        return
+    # A tool at rest measures gravity; the measured force would bring its noise into the transition, where it passes
+    # for motion that shows the azimuth.
+    g, down = -p.gravity, s.mat_coarse[2]
+    transition(p, s.mat_coarse, dt, g * down[0], g * down[1], g * down[2], work.phi)
+    propagate(p, s, dt, w, f)
+    _predict(p, s.P, dt, work)
+    s.ratio += min(1.0, dt) * (_not_moved(s, work) - s.ratio)
+
+
+@compiled
+def _advance(p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, accel: Array) -> None:
+    """Take samples as `run`."""
+    for i in range(len(stamps)):
+        w, f = gyro[i], accel[i]
+        last = s.clock.last_ns
+        verdict = track.admit(s.clock, stamps[i], w, f, _GAP_NS)
+        if verdict == track.NEXT:
+            _take(p, s, work, (stamps[i] - last) * 1e-9, w, f)
+        elif verdict != track.REJECTED:
+            s.aligned, s.mean_time, s.ratio = False, 0.0, 0.0
+            for j in range(3):
+                s.rate[j] = s.force[j] = 0.0

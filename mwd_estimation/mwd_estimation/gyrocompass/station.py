@@ -17,9 +17,8 @@ import numpy as np
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.time_bins import Bin
-from mwd_estimation.gyrocompass.gyro_params import S1, GyroParams, seek_params, white_noise
-from mwd_estimation.gyrocompass.methods import NorthSeek, Seeker, StaticSeek
-from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.methods import NorthSeek, StaticSeek
+from mwd_estimation.gyrocompass.seek_params import S1, SeekParams, at_place, white_noise
 from mwd_estimation.gyrocompass.seek_refusal import polar, too_short
 from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
@@ -45,20 +44,21 @@ class GyroStation:
 
     Parameters
     ----------
-    gyro : GyroParams
+    unit : SeekParams
+        The precision unit; latitude and gravity are set here.
     latitude_deg : float or None
         None: unknown, and there is no seek.
     gravity : float or None
         Local, m/s^2.
     """
 
-    def __init__(self, gyro: GyroParams, latitude_deg: float | None, gravity: float | None) -> None:
-        self.gyro = gyro
-        self.params = None if latitude_deg is None else seek_params(gyro, latitude_deg, gravity)
+    def __init__(self, unit: SeekParams, latitude_deg: float | None, gravity: float | None) -> None:
+        self.unit = unit
+        self.params = None if latitude_deg is None else at_place(unit, latitude_deg, gravity)
         self._has_samples = False
         self._refusal: Reason | None = None
         self._gravity = gravity
-        self._seek: Seeker | None = None
+        self._seek: NorthSeek | StaticSeek | None = None
         self._axis = math.nan
         self._turned_s = 0.0
         # The seek as it was in the last still bin, and its last sample: what the next seek carries on.
@@ -116,39 +116,39 @@ class GyroStation:
             if still and isinstance(self._seek, NorthSeek) and self._seek.elapsed >= self.params.shortest:
                 self._found = self._seek.state.copy(), int(stamps[-1])
 
-    def _begin(self, params: SeekParams, first_ns: int | None) -> Seeker:
+    def _begin(self, params: SeekParams, first_ns: int | None) -> NorthSeek | StaticSeek:
         self._waited = (-math.inf, None)
         noise = white_noise(
             np.concatenate([stamps for stamps, _ in self._rest]),
             np.concatenate([values[:, :3] for _, values in self._rest]),
         )
-        self.params = seek_params(self.gyro, params.latitude_deg, self._gravity, noise)
-        if self.gyro.method == S1:
+        self.params = at_place(self.unit, params.latitude_deg, self._gravity, noise)
+        if self.unit.method == S1:
             return StaticSeek(self.params)
         if self._found is None or first_ns is None:
             return NorthSeek(self.params)
         state, last_ns = self._found
         return NorthSeek(self.params, (state, (first_ns - last_ns) * 1e-9))
 
-    def _continues(self, seek: Seeker, imu: Bin, bin_s: float, still: bool) -> bool:
+    def _continues(self, seek: NorthSeek | StaticSeek, imu: Bin, bin_s: float, still: bool) -> bool:
         if still:
             return not seek.moved and abs(imu.mean[_ACCEL_X] - self._axis) <= _MAX_AXIS_STEP
         self._turned_s += bin_s
         shake = math.sqrt(imu.scatter[_ACCEL_X, _ACCEL_X] / max(imu.count - 1, 1))
         away = abs(imu.mean[_ACCEL_X] - self._axis)
         quiet = shake <= _MAX_SHAKE and away <= _MAX_SHAKE
-        return seek.turns and quiet and self._turned_s <= self.gyro.longest_turn_s
+        return seek.turns and quiet and self._turned_s <= self.unit.longest_turn_s
 
     def solution(self) -> Solution | None:
         """North so far, or why there is none; None where there is no precision unit."""
         if not self._has_samples:
             return None
         if self._refusal is not None:
-            return Solution(self._refusal, self.gyro.method)
+            return Solution(self._refusal, self.unit.method)
         if self.params is None:
-            return Solution(Reason(ReasonCode.LATITUDE_UNKNOWN), self.gyro.method)
+            return Solution(Reason(ReasonCode.LATITUDE_UNKNOWN), self.unit.method)
         if self._seek is None:
-            return Solution(Reason(ReasonCode.TOOL_NOT_STILL), self.gyro.method)
+            return Solution(Reason(ReasonCode.TOOL_NOT_STILL), self.unit.method)
         return self._seek.solution()
 
     def pending(self) -> Reason | None:

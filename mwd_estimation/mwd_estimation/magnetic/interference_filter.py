@@ -108,6 +108,8 @@ def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
     ndarray of dtype INTERFERENCE, shape (n,)
     """
     rows = np.zeros(len(samples.stamp_ns), dtype=INTERFERENCE)
+    # One layout, and so one compilation.
+    samples = FieldSamples._make(np.ascontiguousarray(column) for column in samples)
     _run(p, state[0], samples, np.zeros(1, dtype=INNOVATION)[0], rows)
     return rows
 
@@ -213,7 +215,7 @@ def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation)
     _directions(s, g, samples.b_t[k], m)
     _slopes(g, m)
     horizontal, vertical = m.horizontal, m.vertical
-    white, tilt = samples.sigma_b[k] * samples.sigma_b[k], samples.sigma_g[k] * samples.sigma_g[k]
+    white, tilt = p.noise * p.noise, samples.sigma_g[k] * samples.sigma_g[k]
     # What errs along east (biases and scales left, noise, tilt) lifts H by its square over 2 H.
     curve = 0.5 * _variance_east(s, m) / horizontal
     m.bend = 2.0 * curve * curve
@@ -243,14 +245,15 @@ def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation)
 
 
 @compiled
-def _learn(p: Params, s: State, m: Innovation, white: float, step: float) -> None:
-    """Kalman update by the innovation; white: variance of the noise, T^2, step: s since the last sample."""
+def _learn(p: Params, s: State, m: Innovation, step: float) -> None:
+    """Kalman update by the innovation; step: s since the last sample."""
     # An error that lasts counts as one sample in a correlation time (of an exponential correlation: as two), the
     # variance of the second-order term as one in an hour.
     repeats, bend_repeats = 1.0, 1.0
     if step > 0.0:
         repeats = max(2.0 * p.correlation_s / step, 1.0)
         bend_repeats = max(_BEND_TIME / step, 1.0)
+    white = p.noise * p.noise
     s_vv, s_vh = m.p_vv + white + m.r_vv * repeats, m.p_vh + m.r_vh * repeats
     s_hh = m.p_hh + white + m.r_hh * repeats + m.bend * bend_repeats
     det = s_vv * s_hh - s_vh * s_vh
@@ -286,13 +289,13 @@ def _reject(p: Params, s: State, step: float) -> bool:
 
 
 @compiled
-def _write(s: State, samples: FieldSamples, k: int, m: Innovation, row: Interference) -> None:
+def _write(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation, row: Interference) -> None:
     """Azimuth of sample k by the state, with its sigmas."""
     g = samples.g_t[k]
     _directions(s, g, samples.b_t[k], m)
     angle = math.atan2(m.east[0], m.north[0])
     row.azimuth = angle + 2.0 * math.pi if angle < 0.0 else angle
-    white, tilt = samples.sigma_b[k] * samples.sigma_b[k], samples.sigma_g[k] * samples.sigma_g[k]
+    white, tilt = p.noise * p.noise, samples.sigma_g[k] * samples.sigma_g[k]
     spread, horizontal = _variance_east(s, m), m.horizontal
     # A tilt of the vertical turns the horizontal field by tan(dip), and the axis' own heading near vertical.
     upright = max(1.0 - g[0] * g[0], 1e-12)
@@ -328,13 +331,11 @@ def _run(p: Params, s: State, samples: FieldSamples, m: Innovation, rows: Sample
         if finite:
             step, fresh = _predict(p, s, samples.stamp_ns[k])
             row.ratio = _innovate(p, s, samples, k, m)
-            if samples.usable[k] and fresh:
-                row.learnt = row.ratio <= 1.0
-                if row.learnt:
-                    _learn(p, s, m, samples.sigma_b[k] * samples.sigma_b[k], step)
-                else:
-                    row.restarted = _reject(p, s, step)
-            _write(s, samples, k, m, row)
+            if fresh and row.ratio <= 1.0:
+                _learn(p, s, m, step)
+            elif fresh:
+                row.restarted = _reject(p, s, step)
+            _write(p, s, samples, k, m, row)
         else:
             row.azimuth, row.sigma_azimuth, row.sigma_own = math.nan, math.pi, math.pi
         for i in range(3):

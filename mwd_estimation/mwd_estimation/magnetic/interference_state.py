@@ -5,9 +5,6 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.records import dtype_of
 
@@ -38,6 +35,7 @@ class Params(NamedTuple):
     axial: float = 2000.0 * 1e-9
     cross_axial: float = 200.0 * 1e-9
     scale: float = 0.0016  #: scale error of each magnetometer, 1 sigma
+    noise: float = 100e-9  #: white noise of each magnetometer axis in one sample, 1 sigma, T
     walk: float = 20.0**2 * 1e-18 / 3600.0  #: random walk of every bias, T^2/s
     field_walk: float = 30.0**2 * 1e-18 / 3600.0  #: random walk of the field along the hole, T^2/s
     varying: float = 30.0 * 1e-9  #: error of a sample that lasts a correlation time, each of H and V, 1 sigma, T
@@ -77,7 +75,6 @@ class Interference:
     #: The part of that sigma which the biases and scales left unknown make: it stays from sample to sample.
     sigma_own: float
     ratio: float  #: chi-square of the innovation over the gate; above one the sample was not learnt from
-    learnt: bool  #: the sample was taken in
     #: With this sample the filter forgot what it had learnt in a short time: that was from somewhere else.
     restarted: bool
 
@@ -90,9 +87,6 @@ class FieldSamples(NamedTuple):
     g_t: Array
     b_t: Array
     sigma_g: Array  #: shape (n,); 1 sigma of the direction down, rad, which lasts a correlation time
-    sigma_b: Array  #: shape (n,); white noise of each magnetometer axis, T, 1 sigma
-    #: bool, shape (n,); false for samples not to learn from (clipped, shaken); their azimuth is given all the same.
-    usable: NDArray[np.bool_]
 
 
 class Innovation:
@@ -123,34 +117,3 @@ class Innovation:
 
 
 STATE, INTERFERENCE, INNOVATION = dtype_of(State), dtype_of(Interference), dtype_of(Innovation)
-
-
-def field_samples(
-    stamp_ns: ArrayLike,
-    g_t: ArrayLike,
-    b_t: ArrayLike,
-    sigma_g: ArrayLike,
-    sigma_b: ArrayLike,
-    usable: ArrayLike | None = None,
-) -> FieldSamples:
-    """
-    Arrays of `FieldSamples`, checked for shape and laid out for the kernel; without `usable` all are.
-
-    Raises
-    ------
-    ValueError
-        Arrays of different length.
-    """
-    stamps = np.ascontiguousarray(stamp_ns, dtype=np.int64)
-    n = len(stamps)
-    arrays = {
-        "g_t": (np.ascontiguousarray(g_t, dtype=np.float64), (n, 3)),
-        "b_t": (np.ascontiguousarray(b_t, dtype=np.float64), (n, 3)),
-        "sigma_g": (np.ascontiguousarray(sigma_g, dtype=np.float64), (n,)),
-        "sigma_b": (np.ascontiguousarray(sigma_b, dtype=np.float64), (n,)),
-    }
-    used = np.ones(n, dtype=np.bool_) if usable is None else np.ascontiguousarray(usable, dtype=np.bool_)
-    for name, (array, shape) in {**arrays, "usable": (used, (n,))}.items():
-        if array.shape != shape:
-            raise ValueError(f"{name}: expected shape {shape} beside {n} stamps, got {array.shape}")
-    return FieldSamples(stamp_ns=stamps, **{name: array for name, (array, _) in arrays.items()}, usable=used)

@@ -82,11 +82,10 @@ class Estimate:
             derivation.interference_params(settings),
             derivation.gyro_azimuth_params(settings),
             derivation.sensor_errors(settings),
-            BIN_NS,
             latitude_of(settings),
         )
         self._use_gravity(None)
-        self._dynamics_state = drilling_dynamics.initial(self._dynamics_params)
+        self._dynamics_state = drilling_dynamics.initial()
         self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
         self._shift_mag(mag_late_ns)
         self.last_imu_ns = np.iinfo(np.int64).min

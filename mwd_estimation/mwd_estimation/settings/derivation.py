@@ -15,22 +15,22 @@ from typing import Any
 
 from mwd_estimation.assembly.assembly import SIGMA_CORRECTED_DEG, Assembly, read_assembly
 from mwd_estimation.assembly.sag import SagCorrection, correction_of
-from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth, time_alignment_state
+from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_alignment_state
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
-from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams
+from mwd_estimation.gyrocompass.seek_params import TACTICAL, TACTICAL_NOISE_DEG_RTH, SeekParams
 from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_state
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import reference_of
-from mwd_estimation.settings.precision import PrecisionGyro
 from mwd_estimation.settings.tool import Accelerometer, Gyro, Tool
 from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.posterior.hypotheses import Priors
+from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core import earth
@@ -40,6 +40,8 @@ from mwd_sensors.core.settings import SettingsError
 # Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.
 _LEAST_GYRO = 0.02
 _CALIBRATED_TILT = 1.5e-4  # rad; a tumble calibration leaves 0.1 mg, 100 ppm and 0.1 mrad
+# Random walk of a gyro's bias at the default bias (an MTi-1), deg/h per sqrt(h); it follows the bias.
+_WALK_DEG_H_RTH = 10.0
 # Ramp of a precision gyro's bias where the tool warms up or cools, 1 sigma, as a share of the bias in an hour: that of
 # a tactical MEMS unit 10 degC an hour into the warm.
 _RAMP_PER_H = 0.6
@@ -145,39 +147,33 @@ def interference_params(settings: EstimatorSettings) -> interference_state.Param
     )
 
 
-def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth.Params:
-    """Parameters of the azimuth that the gyros of both units carry."""
-    gyro, precision = settings.tool.gyro, settings.tool.precision.gyro
-    usual, tactical = gyro_azimuth.CONVENTIONAL, gyro_azimuth.TACTICAL
-    walk = usual.walk_deg_h_rth * gyro.bias_deg_h / usual.bias_deg_h
-    noise = precision.noise_deg_sqrt_h or tactical.noise_deg_rth
-    return gyro_azimuth.Params(
-        conventional=_unit_errors(usual, gyro, gyro.noise_deg_sqrt_h, walk),
-        precision=_unit_errors(tactical, precision, noise, precision.walk_deg_h_sqrt_h),
-        vertical_below_deg=settings.attitude.vertical_deg,
+def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.Params:
+    """Parameters of the azimuth that the gyros of both units carry; what a tool does not state is as usual."""
+    tool, usual = settings.tool, gyro_azimuth_state.Params()
+    precision = tool.precision.gyro
+    walk = _WALK_DEG_H_RTH * tool.gyro.bias_deg_h / Gyro().bias_deg_h
+    figures = (
+        (tool.gyro, tool.gyro.noise_deg_sqrt_h, walk),
+        (precision, precision.noise_deg_sqrt_h or TACTICAL_NOISE_DEG_RTH, precision.walk_deg_h_sqrt_h),
+    )
+    conventional, fine = (
+        gyro_azimuth_state.gyro_unit(noise, gyro.bias_deg_h, walk, gyro.misalignment_mrad * 1e3, gyro.g_deg_h_g)
+        for gyro, noise, walk in figures
+    )
+    return usual._replace(
+        units=(conventional._replace(lag=usual.units[0].lag), fine._replace(lag=usual.units[1].lag)),
+        precision_range=0.98 * math.radians(min(precision.range_deg_s)),
+        bin_ns=BIN_NS,
+        vertical_sin2=math.sin(math.radians(settings.attitude.vertical_deg)) ** 2,
     )
 
 
-def _unit_errors(
-    usual: gyro_azimuth.UnitErrors, gyro: Gyro | PrecisionGyro, noise_deg_rth: float, walk_deg_h_rth: float
-) -> gyro_azimuth.UnitErrors:
-    """Errors of a unit's gyros by the figures of the tool; what a tool does not state is as usual for its class."""
-    return dataclasses.replace(
-        usual,
-        noise_deg_rth=noise_deg_rth,
-        bias_deg_h=gyro.bias_deg_h,
-        walk_deg_h_rth=walk_deg_h_rth,
-        leak_urad=gyro.misalignment_mrad * 1e3,
-        g_sensitivity_deg_h_g=gyro.g_deg_h_g,
-        range_dps=min(gyro.range_deg_s),
-    )
-
-
-def gyrocompass_params(settings: EstimatorSettings) -> GyroParams:
+def gyrocompass_params(settings: EstimatorSettings) -> SeekParams:
     """Parameters of the gyro azimuth of a station."""
     gyro = settings.tool.precision.gyro
-    unit = dataclasses.replace(
+    return dataclasses.replace(
         TACTICAL,
+        method=settings.survey.gyro_method,
         gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
         gyro_bias_deg_h=gyro.bias_deg_h,
         gyro_x_bias_deg_h=gyro.bias_deg_h,
@@ -190,7 +186,6 @@ def gyrocompass_params(settings: EstimatorSettings) -> GyroParams:
         g_calibration_deg_h_g=gyro.g_calibration_deg_h_g,
         gyro_range_dps=min(gyro.range_deg_s),
     )
-    return GyroParams(unit, settings.survey.gyro_method)
 
 
 def north_params(settings: EstimatorSettings) -> SessionParams:
@@ -370,8 +365,4 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
 
 def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drilling_dynamics.Params:
     """Parameters of the summary of drilling dynamics; gravity: local, m/s^2, None where not known."""
-    dynamics = settings.dynamics
-    return drilling_dynamics.Params(
-        shock_threshold=dynamics.shock_threshold,
-        gravity=gravity or STANDARD_GRAVITY,
-    )
+    return drilling_dynamics.Params(settings.dynamics.shock_threshold, gravity or STANDARD_GRAVITY)

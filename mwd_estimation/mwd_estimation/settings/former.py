@@ -18,7 +18,7 @@ CONSTANT: Mapping[str, float] = {
     "tool.precision.gyro.ramp_per_h": 0.6,  # in proportion to the bias (derivation.py)
     "tool.precision.gyro.delay_ms": 2.0,  # (gyro_azimuth.TACTICAL)
     "tool.precision.accelerometer.noise_ug_sqrt_hz": 30.0,  # (SeekParams)
-    "tool.precision.accelerometer.bias_ug": 200.0,  # (gyro_params.TACTICAL)
+    "tool.precision.accelerometer.bias_ug": 200.0,  # (seek_params.TACTICAL)
     "tool.lever_m": 0.03,  # half the bore of a collar (bounded.Params)
     "tool.misalignment_deg": 0.1,  # XYM1, XYM2 of the ISCWSA MWD code (SensorErrors), or those of survey.tool_code
     "tool.course_misalignment_deg": 0.3,  # XYM3E, XYM4E, likewise
@@ -33,7 +33,7 @@ CONSTANT: Mapping[str, float] = {
     "verdict.magnetised_string": 0.3,  # (hypotheses.Priors)
     "verdict.wrong_reference": 0.12,  # likewise
     "verdict.max_gyro_sigma_deg": 20.0,  # beyond it an azimuth hardly weighs (SeekParams)
-    "dynamics.period_s": 1.0,  # (drilling_dynamics.Params)
+    "dynamics.period_s": 1.0,  # (drilling_dynamics.py)
     "transmit.continuous_s": 10.0,  # (transmitter.py)
     "tool.possible_axial_nt": 2000.0,  # in proportion to tool.axial_interference_nt (derivation.py)
     "place.gravity_mps2": 0.0,  # by the latitude

@@ -6,11 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation.attitude import gyro_azimuth, time_alignment_state
+from mwd_estimation.attitude import gyro_azimuth_state, time_alignment_state
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
-from mwd_estimation.attitude.gyro_azimuth import UnitErrors
-from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates
+from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, gyro_unit
 from mwd_estimation.attitude.time_alignment_state import FieldModel
 from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
@@ -32,9 +31,8 @@ def stream(reference=REFERENCE, **carry):
     made = AttitudeStream(
         time_alignment_state.Params(),
         interference_state.Params(),
-        gyro_azimuth.Params(**carry),
+        gyro_azimuth_state.Params(**carry),
         BENCH,
-        BIN_NS,
         50.0,
     )
     made.set_reference(reference)
@@ -194,7 +192,7 @@ def test_an_azimuth_that_has_grown_too_uncertain_is_withheld_not_replaced():
     block, b_t = samples(3000, 0.9)
     b_t[500:] += 2e-5
     attitude, _, _, _ = follow(
-        stream(conventional=UnitErrors(100.0, 400.0, 10.0, 1000.0, 3.6, 0.5), max_sigma_deg=5.0), block, b_t
+        stream(units=(gyro_unit(100.0, 400.0, 10.0, 1000.0, 3.6, 0.5),) * 2, max_sigma=math.radians(5.0)), block, b_t
     )
     assert attitude["sigma_azimuth"][490] > 0.0
     assert (attitude["sigma_azimuth"][2000:] == -1.0).all()

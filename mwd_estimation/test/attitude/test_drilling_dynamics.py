@@ -24,7 +24,7 @@ def window(seconds=10.0, rate_hz=100.0):
 
 def run(stamps, gyro, accel, g, *, state=None, status=None, **changes):
     params = dynamics.Params(**changes)
-    state = dynamics.initial(params) if state is None else state
+    state = dynamics.initial() if state is None else state
     bits = np.zeros(len(stamps), dtype=np.uint32) if status is None else status
     return dynamics.run(params, state, stamps, gyro, accel, g, bits)
 
@@ -43,7 +43,7 @@ def test_steady_rotation_has_no_stick_slip():
 def test_stick_slip_index_is_half_the_range_over_the_mean(depth):
     t, stamps, gyro, accel, g = window()
     gyro[:, 0] = -15.0 * (1 - depth * np.cos(2 * np.pi * 0.2 * t))
-    got = run(stamps, gyro, accel, g, speed_smoothing_s=0.01)[-1]
+    got = run(stamps, gyro, accel, g)[-1]
     assert got["stick_slip_index"] == pytest.approx(depth, rel=1e-3)
     assert (got["stick_share"] > 0.0) == (depth > 0.9)
 
@@ -67,23 +67,23 @@ def test_vibration_is_split_along_and_across_the_axis():
 
 
 def test_shocks_are_counted_once_each_and_the_highest_is_named():
-    _, stamps, gyro, accel, g = window()
-    for at, size in ((100, 300.0), (101, 400.0), (103, 260.0), (500, 260.0)):
+    _, stamps, gyro, accel, g = window(seconds=2.0, rate_hz=500.0)
+    # Excursions 10 ms apart or less are one shock: those of samples 100 to 107.
+    for at, size in ((100, 300.0), (101, 400.0), (104, 260.0), (107, 260.0), (115, 260.0), (500, 260.0)):
         accel[at, 1] += size
-    got = run(stamps, gyro, accel, g, shock_separation_s=0.02)[-1]
-    assert got["shocks"] == got["shocks_total"] == 2
+    got = run(stamps, gyro, accel, g)[-1]
+    assert got["shocks"] == got["shocks_total"] == 3
     assert got["shock_peak"] == pytest.approx(400.0)
-    assert run(stamps, gyro, accel, g)[-1]["shocks"] == 3
 
 
 def test_a_summary_comes_every_period_and_forgets_what_is_older_than_the_window():
-    _, stamps, gyro, accel, g = window(seconds=8.0)
+    _, stamps, gyro, accel, g = window(seconds=14.0)
     accel[150, 0] += 400.0
-    got = run(stamps, gyro, accel, g, window_s=3.0)
-    assert (got["stamp_ns"] - START).tolist() == [k * 10**9 for k in range(1, 9)]
-    assert got["duration"].tolist() == [1.0, 2.0, 3.0, 3.0, 3.0, 3.0, 3.0, 3.0]
-    assert got["shocks"].tolist() == [0, 1, 1, 1, 0, 0, 0, 0]
-    assert got["shocks_total"].tolist() == [0, 1, 1, 1, 1, 1, 1, 1]
+    got = run(stamps, gyro, accel, g)
+    assert (got["stamp_ns"] - START).tolist() == [k * 10**9 for k in range(1, 15)]
+    assert got["duration"].tolist() == [*range(1, 10), *[10.0] * 5]
+    assert got["shocks"].tolist() == [0, *[1] * 10, 0, 0, 0]
+    assert got["shocks_total"].tolist() == [0, *[1] * 13]
 
 
 def test_samples_that_are_not_finite_or_do_not_advance_are_left_out_and_silence_is_not_filled():
@@ -91,8 +91,7 @@ def test_samples_that_are_not_finite_or_do_not_advance_are_left_out_and_silence_
     gyro[3, 0], accel[4, 1], g[5] = np.nan, np.inf, np.nan
     stamps[50:60] = stamps[49]
     later = stamps + 60 * 10**9
-    params = dynamics.Params()
-    state = dynamics.initial(params)
+    state = dynamics.initial()
     first = run(stamps, gyro, accel, g, state=state)
     second = run(later, gyro, accel, g, state=state)
     assert first["samples"].tolist() == [87, 187, 287, 387]
@@ -115,17 +114,9 @@ def test_any_cut_into_blocks_gives_the_same_bits(cuts):
     gyro[:, 0] = 10.0 + 9.0 * np.sin(t)
     accel = accel + rng.normal(size=accel.shape) * 90.0
     whole = run(stamps, gyro, accel, g)
-    state = dynamics.initial(dynamics.Params())
+    state = dynamics.initial()
     parts = []
     for block in np.split(np.arange(len(stamps)), sorted(cuts)):
         state = state.copy()
         parts.append(run(stamps[block], gyro[block], accel[block], g[block], state=state))
     assert np.concatenate(parts).tobytes() == whole.tobytes()
-
-
-def test_blocks_of_the_wrong_shape_are_named():
-    state, two = dynamics.initial(dynamics.Params()), np.zeros((2, 3))
-    with pytest.raises(ValueError, match="accel_t"):
-        dynamics.run(dynamics.Params(), state, [0, 1], two, np.zeros((3, 3)), two, [0, 0])
-    with pytest.raises(ValueError, match="status"):
-        dynamics.run(dynamics.Params(), state, [0, 1], two, two, two, [0])

@@ -16,13 +16,16 @@ from numpy.typing import NDArray
 
 from consistency import assert_consistent
 from mwd_estimation.attitude import gyro_azimuth
-from mwd_estimation.attitude.gyro_azimuth import Params, UnitErrors, kernel_params
+from mwd_estimation.attitude.block import NO_STATION, StationAzimuth
 from mwd_estimation.attitude.gyro_azimuth_state import (
-    BIN_STEP,
+    BIN_EVENT,
     MAGNETIC_AZIMUTH,
     Error,
     GyroBlock,
+    Params,
     PrecisionRates,
+    at_latitude,
+    gyro_unit,
     initial,
 )
 from mwd_estimation.core.status import Status
@@ -39,8 +42,9 @@ MAG_SIGMA = 1.0 * DEG
 # Of the magnetic sigma, what stays from sample to sample.
 SHARE = 0.9
 # A tactical unit; the bias is known to 2 deg/h.
-TACTICAL = Params(UnitErrors(0.05, 2.0, 0.0, 1000.0, 3.6, 0.5), slow_error_time_s=1800.0)
-POOR = dataclasses.replace(TACTICAL, conventional=UnitErrors(0.42, 36.0, 0.0, 1000.0, 3.6, 0.5))
+UNIT = gyro_unit(0.05, 2.0, 0.0, 1000.0, 3.6, 0.5)
+TACTICAL = Params(units=(UNIT, gyro_unit(0.05, 5.0, 0.3)), slow_error_time_s=1800.0)
+POOR = TACTICAL._replace(units=(gyro_unit(0.42, 36.0, 0.0, 1000.0, 3.6, 0.5), TACTICAL.units[1]))
 
 
 @dataclasses.dataclass
@@ -86,14 +90,14 @@ def steps_of(stamps, start, stop, seek=(), station=()):
     index = stamps // BIN_NS
     opens = np.flatnonzero(np.diff(index, prepend=index[0]) > 0)
     pairs = [(place - start, index[k - 1]) for k, place in itertools.pairwise(opens) if start <= place < stop]
-    steps = np.zeros(len(pairs), dtype=BIN_STEP)
-    for name in ("seek_azimuth", "seek_sigma", "station_azimuth", "station_sigma", "station_constant_sigma"):
-        steps[name] = np.nan
+    steps = np.zeros(len(pairs), dtype=BIN_EVENT)
     steps["place"], steps["bin"] = np.array(pairs, dtype=np.int64).reshape(-1, 2).T
-    for given, names in ((seek, BIN_STEP.names[2:4]), (station, BIN_STEP.names[4:])):
-        for at, *values in given:
-            for name, value in zip(names, values, strict=True):
-                steps[name][steps["bin"] == index[at]] = value
+    steps["seek_azimuth"] = steps["seek_sigma"] = np.nan
+    steps["station"] = NO_STATION
+    for at, *values in seek:
+        steps["seek_azimuth"][steps["bin"] == index[at]], steps["seek_sigma"][steps["bin"] == index[at]] = values
+    for at, *values in station:
+        steps["station"][steps["bin"] == index[at]] = StationAzimuth(*values)
     return steps
 
 
@@ -125,7 +129,7 @@ def go(
     stamps = well.stamps[:n] if stamps is None else stamps
     ok = np.ones(n, dtype=bool) if good is None else good
     state = initial()
-    p = kernel_params(params, BIN_NS, 60.0)
+    p = at_latitude(params, 60.0)
     parts, bins, mag_from = [], [], 0
     for start, stop in zip((0, *cuts), (*cuts, n), strict=True):
         state = state.copy()
@@ -172,7 +176,7 @@ def test_sigma_is_truthful_with_mag_without_it_and_after_it_comes_back(rpm: floa
 def test_a_precision_unit_carries_better_and_its_sigma_is_truthful_too() -> None:
     well = drilling(400.0, 60.0)
     rng = np.random.default_rng(12)
-    aided = dataclasses.replace(POOR, precision=UnitErrors(0.05, 2.0, 0.0, 300.0, 0.5, 2.0, 100.0))
+    aided = POOR._replace(units=(POOR.units[0], gyro_unit(0.05, 2.0, 0.0)))
     ratios, wide = [], []
     for _ in range(30):
         mag = magnetic(well, rng)
@@ -196,7 +200,7 @@ def test_the_magnetic_error_does_not_average_out() -> None:
 
 def test_the_declination_s_error_never_averages_out() -> None:
     well = drilling(400.0, 60.0)
-    quick = dataclasses.replace(TACTICAL, slow_error_time_s=1.0)
+    quick = TACTICAL._replace(slow_error_time_s=1.0)
     mag = magnetic(well, np.random.default_rng(0), memory=1.0)
     rows, _, _ = go(well, mag + 0.5 * DEG, well.gyro, quick, constant=0.5 * DEG)
     assert 0.5 * DEG < rows["sigma"][-1] < 0.55 * DEG
@@ -351,7 +355,7 @@ def test_the_axis_is_carried_as_it_turns() -> None:
 
 
 def test_an_unknown_latitude_counts_as_drift_which_turns_with_nothing() -> None:
-    known, unknown = (kernel_params(TACTICAL, BIN_NS, latitude) for latitude in (60.0, None))
+    known, unknown = (at_latitude(TACTICAL, latitude) for latitude in (60.0, None))
     assert unknown.earth_north == 0.0
     for one, other in zip(unknown.units, known.units, strict=True):
         assert one.bias == other.bias
@@ -376,13 +380,3 @@ def test_blocks_of_any_length_bad_samples_and_gaps_give_the_same_bits() -> None:
         for name in expected.dtype.names:
             assert_array_equal(found[name], expected[name])
     assert whole["sigma"][995] < whole["sigma"][1025]
-    block = GyroBlock(stamps, gyro, well.down[:n], np.zeros(3))
-    with pytest.raises(ValueError, match="sigma_tilt"):
-        gyro_azimuth.run(
-            kernel_params(TACTICAL, BIN_NS, 60.0),
-            initial(),
-            block,
-            steps_of(stamps, 0, n),
-            np.zeros(0, dtype=MAGNETIC_AZIMUTH),
-            PrecisionRates(stamps[:0], gyro[:0]),
-        )

@@ -10,17 +10,19 @@ import pytest
 from numpy.testing import assert_allclose
 
 from mwd_estimation.attitude import gyro_azimuth_filter
-from mwd_estimation.attitude.gyro_azimuth import Params, UnitErrors, kernel_params
+from mwd_estimation.attitude.block import StationAzimuth
 from mwd_estimation.attitude.gyro_azimuth_state import (
-    BIN_STEP,
     BIN_SUMS,
     MAGNETIC_AZIMUTH,
     STATES,
     Error,
+    Params,
+    at_latitude,
+    gyro_unit,
     initial,
 )
 
-PARAMS = kernel_params(Params(UnitErrors(0.05, 2.0, 10.0, 1000.0, 3.6, 0.5)), 500_000_000, 60.0)
+PARAMS = at_latitude(Params(units=(gyro_unit(0.05, 2.0, 10.0, 1000.0, 3.6, 0.5), gyro_unit(0.05, 5.0, 0.3))), 60.0)
 
 
 def state_of(x=None, P=None):
@@ -43,14 +45,6 @@ def measured(slow=0.0, held=0.0, noise=0.0, usable=True):
     """A magnetic azimuth with these sigmas, rad."""
     row = np.zeros(1, dtype=MAGNETIC_AZIMUTH)
     row["sigma_slow"], row["sigma_held"], row["sigma_noise"], row["usable"] = slow, held, noise, usable
-    return row[0]
-
-
-def station_of(azimuth, sigma, constant, by_gyro):
-    """A bin with an accepted station."""
-    row = np.zeros(1, dtype=BIN_STEP)
-    row["station_azimuth"], row["station_sigma"] = azimuth, sigma
-    row["station_constant_sigma"], row["station_by_gyro"] = constant, by_gyro
     return row[0]
 
 
@@ -139,10 +133,10 @@ def test_a_share_of_the_slow_error_fades_to_its_own_spread() -> None:
 
 def test_a_station_is_propagated_only_where_there_is_an_azimuth() -> None:
     s = state_of(P=np.ones((STATES, STATES)))
-    gyro_azimuth_filter.station(s, station_of(1.0, 0.1, 0.05, False))
+    gyro_azimuth_filter.station(s, StationAzimuth(1.0, 0.1, 0.05, False))
     assert not s.have_station
     s.have_azimuth = True
-    gyro_azimuth_filter.station(s, station_of(1.0 + 2.0 * math.pi, 0.1, 0.05, False))
+    gyro_azimuth_filter.station(s, StationAzimuth(1.0 + 2.0 * math.pi, 0.1, 0.05, False))
     assert s.x[Error.STATION] == pytest.approx(1.0)
     assert_allclose(s.P[Error.STATION], 0.01 * np.eye(STATES)[Error.STATION])
     assert s.station_constant_sigma == 0.05
@@ -186,9 +180,9 @@ def test_a_station_that_disagrees_is_propagated_only_if_a_gyro_or_the_next_one_c
     def propagated(*by_gyro: bool) -> float:
         s = state_of()
         s.have_azimuth = True
-        gyro_azimuth_filter.station(s, station_of(1.0, 0.01, 0.005, False))
+        gyro_azimuth_filter.station(s, StationAzimuth(1.0, 0.01, 0.005, False))
         for one in by_gyro:
-            gyro_azimuth_filter.station(s, station_of(1.2, 0.01, 0.005, one))
+            gyro_azimuth_filter.station(s, StationAzimuth(1.2, 0.01, 0.005, one))
         return float(s.x[Error.STATION])
 
     assert (propagated(False), propagated(True), propagated(False, False)) == (1.0, 1.2, 1.2)

@@ -13,7 +13,7 @@ from north_signals import measured, motion, steady, still
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.gyrocompass.methods import NorthSeek, Seeker, StaticSeek
+from mwd_estimation.gyrocompass.methods import NorthSeek, StaticSeek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi
@@ -30,8 +30,8 @@ PARAMS = SeekParams(
 )
 
 
-def fed(seeker: Seeker, seconds: float = 63.5, bias: float = 0.02, roll=still, clipped: int = 0) -> Seeker:
-    clean = motion(seconds, 44.0 * DEG, 1.0, 2.2, roll, 50.0)
+def fed(seeker, seconds: float = 63.5, bias: float = 0.02, roll=still, clipped: int = 0, inclination: float = 1.0):
+    clean = motion(seconds, 44.0 * DEG, inclination, 2.2, roll, 50.0)
     gyro, accel = measured(
         clean, np.random.default_rng(1), 0.01, None, 30.0, np.array([0.0, bias, -bias]) * DEG_PER_HOUR
     )
@@ -78,9 +78,11 @@ def test_flags_of_clipped_gyros_refuse_north_by_either(kind) -> None:
     assert found.reason.value == 40.0 if kind is StaticSeek else 39.0
 
 
+@pytest.mark.fault_case(33)
 def test_s1_refuses_what_it_cannot_measure() -> None:
-    def reason(seconds: float = 63.5, roll=still, **changes: float) -> ReasonCode:
-        found = fed(StaticSeek(dataclasses.replace(PARAMS, **changes)), seconds, roll=roll).solution()
+    def reason(seconds: float = 63.5, roll=still, inclination: float = 1.0, **changes: float) -> ReasonCode:
+        seeker = StaticSeek(dataclasses.replace(PARAMS, **changes))
+        found = fed(seeker, seconds, roll=roll, inclination=inclination).solution()
         assert not found.success
         return found.reason.code
 
@@ -88,4 +90,5 @@ def test_s1_refuses_what_it_cannot_measure() -> None:
     assert reason(latitude_deg=88.0) is ReasonCode.LATITUDE_POLAR
     assert reason(gyro_bias_deg_h=10.0) is ReasonCode.GYRO_BIAS_UNKNOWN_STATIC
     assert reason(roll=steady(1.0)) is ReasonCode.TOOL_MOVED
+    assert reason(inclination=0.01) is ReasonCode.VERTICAL_HOLE
     assert StaticSeek(PARAMS).solution().reason.value == 0.0

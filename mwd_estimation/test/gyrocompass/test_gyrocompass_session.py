@@ -11,22 +11,20 @@ from north_signals import measured, motion, steady
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams
+from mwd_estimation.gyrocompass.seek_params import TACTICAL
 from mwd_estimation.gyrocompass.session import NorthSession, SessionParams
 from mwd_sensors.core.frames import wrap_pi
 
 DEG = math.radians(1.0)
 LATITUDE = 50.0
-GYRO = GyroParams(
-    dataclasses.replace(
-        TACTICAL,
-        gyro_noise_deg_rth=0.02,
-        gyro_bias_deg_h=0.02,
-        gyro_x_bias_deg_h=0.02,
-        gyro_ramp_deg_h2=0.012,
-        gyro_walk_deg_h_rth=0.0,
-        shortest=20.0,
-    )
+UNIT = dataclasses.replace(
+    TACTICAL,
+    gyro_noise_deg_rth=0.02,
+    gyro_bias_deg_h=0.02,
+    gyro_x_bias_deg_h=0.02,
+    gyro_ramp_deg_h2=0.012,
+    gyro_walk_deg_h_rth=0.0,
+    shortest=20.0,
 )
 RATE = 50.0
 
@@ -41,7 +39,7 @@ def bins(seconds, rpm=0.0, seed=1):
     ahrs = tool.gyro_t.copy()
     values = np.hstack([gyro, accel])
     if rpm:
-        limit = math.radians(GYRO.unit.gyro_range_dps)
+        limit = math.radians(UNIT.gyro_range_dps)
         values[:, 0] = np.clip(values[:, 0], -limit, limit)
     step = int(RATE / 2)
     for k in range(0, len(values) - step + 1, step):
@@ -51,7 +49,7 @@ def bins(seconds, rpm=0.0, seed=1):
 
 @pytest.mark.parametrize(("rpm", "method"), [(0.0, "still"), (60.0, "rotating")])
 def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
-    run = NorthSession(SessionParams(), GYRO, LATITUDE, None, 60.0, "")
+    run = NorthSession(SessionParams(), UNIT, LATITUDE, None, 60.0, "")
     given = []
     for one in bins(90.0, rpm):
         assert not run.done
@@ -71,7 +69,7 @@ def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
 
 def test_a_flagged_x_rate_that_looks_small_is_that_of_the_conventional_unit():
     # 30 r/min is within the range: only the flag tells that a mean of clipped readings is none.
-    plain, flagged = (NorthSession(SessionParams(), GYRO, LATITUDE, None, 40.0, "") for _ in range(2))
+    plain, flagged = (NorthSession(SessionParams(), UNIT, LATITUDE, None, 40.0, "") for _ in range(2))
     for seconds, precision, ahrs in bins(40.0, 30.0):
         plain.add(seconds, precision, ahrs)
         bits = np.zeros(len(precision.stamps), np.uint8)
@@ -85,7 +83,7 @@ def test_a_flagged_x_rate_that_looks_small_is_that_of_the_conventional_unit():
 
 
 def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
-    run = NorthSession(SessionParams(duration_s=20.0), GYRO, LATITUDE, None, 0.0, "still")
+    run = NorthSession(SessionParams(duration_s=20.0), UNIT, LATITUDE, None, 0.0, "still")
     nothing = np.zeros(0, dtype=np.int64)
     for _ in range(40):
         run.add(0.5, UnitSamples(nothing, np.zeros((0, 6))), (nothing, np.zeros((0, 3))))
@@ -100,4 +98,4 @@ def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
 )
 def test_what_cannot_be_sought_is_refused_before_it_begins(duration, mode, words):
     with pytest.raises(ValueError, match=words):
-        NorthSession(SessionParams(), GYRO, LATITUDE, None, duration, mode)
+        NorthSession(SessionParams(), UNIT, LATITUDE, None, duration, mode)

@@ -12,7 +12,7 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
-from mwd_estimation.gyrocompass.gyro_params import TACTICAL, GyroParams, white_noise
+from mwd_estimation.gyrocompass.seek_params import TACTICAL, white_noise
 from mwd_estimation.gyrocompass.station import GyroStation
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
@@ -193,7 +193,7 @@ def _station(bias=5.0, **changes):
     """A station of a unit with this bias, deg/h."""
     biases = {"gyro_bias_deg_h": bias, "gyro_x_bias_deg_h": bias, "gyro_ramp_deg_h2": 0.6 * bias}
     unit = dataclasses.replace(TACTICAL, g_sensitivity_deg_h_g=0.0, **biases, **changes)
-    return GyroStation(GyroParams(unit), 44.0, 9.81)
+    return GyroStation(unit, 44.0, 9.81)
 
 
 def test_a_gyro_that_fits_the_latitude_finds_north_in_one_position_and_says_how_well():
@@ -248,6 +248,6 @@ def test_what_the_gyro_waits_for_is_reported_until_waiting_brings_nothing():
     _rest(precise, 60.0, 0.0, noise=0.003)
     assert precise.pending() is None
     assert precise.solution().success
-    blind = GyroStation(GyroParams(), None, 9.81)
+    blind = GyroStation(TACTICAL, None, 9.81)
     _rest(blind, 10.0, 0.0)
     assert blind.pending() is None

@@ -10,6 +10,7 @@ import yaml
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
+from mwd_estimation.gyrocompass.seek_params import TACTICAL
 from mwd_estimation.settings import derivation, tool_file
 from mwd_estimation.settings.estimator import EstimatorSettings, Gravity, latitude_of
 from mwd_estimation.settings.former import CONSTANT
@@ -17,7 +18,7 @@ from mwd_estimation.settings.place import Place, reference_of
 from mwd_estimation.settings.precision import PrecisionUnit
 from mwd_estimation.settings.tool import Tool
 from mwd_sensors.core import earth
-from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, changed, flat, from_mapping
 
 START = 1_772_323_200 * 10**9  # 2026-03-01
@@ -112,12 +113,12 @@ def test_by_default_the_filters_get_their_own_defaults():
         derivation.time_alignment_params,
         derivation.interference_params,
         derivation.gyro_azimuth_params,
-        derivation.gyrocompass_params,
         derivation.north_params,
         derivation.still_params,
     ):
         found = derive(settings)
         assert found == type(found)(), derive.__name__
+    assert derivation.gyrocompass_params(settings) == TACTICAL
     # 408 ug, as in the grades, is the tool code's 0.004 m/s^2 rounded.
     assert derivation.sensor_errors(settings) == dataclasses.replace(
         SensorErrors(), accelerometer_bias_mps2=pytest.approx(0.004, rel=5e-4)
@@ -221,14 +222,14 @@ def test_a_former_name_in_a_tool_file_is_refused_and_what_took_its_place_named(t
 def test_constants_are_what_the_filters_have_and_no_parameters():
     assert not set(CONSTANT) & set(flat(EstimatorSettings()))
     usual, errors = derivation.gyro_azimuth_params(EstimatorSettings()), SensorErrors()
-    seek, still = derivation.gyrocompass_params(EstimatorSettings()).unit, derivation.still_params(EstimatorSettings())
+    seek, still = derivation.gyrocompass_params(EstimatorSettings()), derivation.still_params(EstimatorSettings())
     station = derivation.station_params(EstimatorSettings())
     assert {name: value for name, value in CONSTANT.items() if name.startswith(("tool", "verdict", "survey.max"))} == {
-        "tool.gyro.walk_deg_h_sqrt_h": usual.conventional.walk_deg_h_rth,
+        "tool.gyro.walk_deg_h_sqrt_h": pytest.approx(usual.units[0].walk * 60.0 / DEG_PER_HOUR),
         "tool.gyro.scale_ppm": derivation.north_params(EstimatorSettings()).x_scale_ppm,
-        "tool.gyro.delay_ms": usual.conventional.lag_ms,
+        "tool.gyro.delay_ms": pytest.approx(1e3 * usual.units[0].lag),
         "tool.precision.gyro.ramp_per_h": seek.gyro_ramp_deg_h2 / seek.gyro_bias_deg_h,
-        "tool.precision.gyro.delay_ms": usual.precision.lag_ms,
+        "tool.precision.gyro.delay_ms": pytest.approx(1e3 * usual.units[1].lag),
         "tool.precision.accelerometer.noise_ug_sqrt_hz": seek.accel_noise_ug_rthz,
         "tool.precision.accelerometer.bias_ug": seek.accel_bias_ug,
         "tool.lever_m": derivation.gravity_params(EstimatorSettings(), None).lever_sigma,
@@ -264,9 +265,9 @@ def test_a_string_may_be_as_magnetic_as_its_expected_field_says_and_the_magnetom
 
 
 def test_the_walk_of_a_gyros_bias_follows_its_bias():
-    usual = derivation.gyro_azimuth_params(EstimatorSettings()).conventional
-    half = derivation.gyro_azimuth_params(changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 200.0})).conventional
-    assert (half.walk_deg_h_rth, half.lag_ms) == (0.5 * usual.walk_deg_h_rth, usual.lag_ms)
+    usual = derivation.gyro_azimuth_params(EstimatorSettings()).units[0]
+    half = derivation.gyro_azimuth_params(changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 200.0})).units[0]
+    assert (half.walk, half.lag) == (0.5 * usual.walk, usual.lag)
 
 
 def test_a_survey_may_move_as_much_as_is_set():
