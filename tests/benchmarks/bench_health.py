@@ -177,7 +177,7 @@ def sent(name: str, changes: dict[str, Any], seconds: float) -> Run:
 def judged(streams: Streams, reference: tuple[float | None, ...]) -> tuple[health.Step, float]:
     """Step of the whole run, and ns a sample."""
     params = health.Params()
-    state = health.initial(params, *reference)
+    state = health.initial(*reference)
     imu, mag = streams["imu/data_raw"], streams["imu/mag"]
     gyro, accel = (np.ascontiguousarray(imu[name]) for name in ("angular_velocity", "linear_acceleration"))
     stamps, field = np.ascontiguousarray(imu["stamp_ns"]), np.ascontiguousarray(mag["magnetic_field"])

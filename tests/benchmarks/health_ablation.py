@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import monitor
-from mwd_estimation.health.monitor import LIMITS, HealthLimits
+from mwd_estimation.health.monitor import Params
 from mwd_sensors.simulator.faults import Fault
 
+PARAMS = Params()
 SECONDS = 46.0
 # Scenario and changes; the seeds are used nowhere else.
 CASES = (
@@ -156,13 +157,13 @@ def trials() -> Iterator[Trial]:
                 yield Trial(Run(streams, run.reference), CONVENTIONAL.index(component), start)
 
 
-def outcome(trial: Trial, limits: HealthLimits = LIMITS, without: int = -1) -> Outcome:
-    """What is named with these limits, without one check."""
+def outcome(trial: Trial, params: Params = PARAMS, without: int = -1) -> Outcome:
+    """What is named with these parameters, without one check."""
     imu, mag = trial.run.streams["imu/data_raw"], trial.run.streams["imu/mag"]
-    state = monitor.initial(monitor.Params(), *trial.run.reference)
+    state = monitor.initial(*trial.run.reference)
     monitor.push_mag(state, mag["stamp_ns"], mag["magnetic_field"])
     gyro, accel = imu["angular_velocity"], imu["linear_acceleration"]
-    step = monitor.run(monitor.Params(), state, imu["stamp_ns"], gyro, accel, limits)
+    step = monitor.run(params, state, imu["stamp_ns"], gyro, accel)
     # By the number of the sample: stamps may be what is wrong.
     t = 0.01 * np.arange(len(imu))
     doubted = t[(step.suspect & 1 << max(trial.sensor, 0) > 0) & (t >= trial.start_s)]
@@ -216,5 +217,5 @@ def table() -> Iterator[str]:
             yield compared(code.name.lower().replace("_", " "), before, after, cases)
     for group, values in (("signal", SIGNAL), ("window", WINDOW), ("consistency", CONSISTENCY)):
         for name, value in values.items():
-            limits = LIMITS._replace(**{group: getattr(LIMITS, group)._replace(**{name: value})})
-            yield compared(f"`{group}.{name}`", before, [outcome(one, limits) for one in cases], cases)
+            params = PARAMS._replace(**{group: getattr(PARAMS, group)._replace(**{name: value})})
+            yield compared(f"`{group}.{name}`", before, [outcome(one, params) for one in cases], cases)

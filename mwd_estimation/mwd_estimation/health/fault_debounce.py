@@ -159,8 +159,6 @@ def accused(code: int, place: int, which: Indices) -> int:
         return 0
     if code == FaultCode.SIGN:
         return int(which[0])
-    if code == FaultCode.POINTS_UP:
-        return ACCEL
     if code in (FaultCode.REPLAYED, FaultCode.MOUNT):
         return GYRO | ACCEL | MAG
     if code == FaultCode.AXES:

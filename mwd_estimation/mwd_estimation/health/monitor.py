@@ -5,6 +5,7 @@ Health of the sensors from their own samples: what is wrong, with which sensor a
 Samples are judged half second by half second (`signal_checks`), once the magnetic samples of the same time are there.
 Windows of three seconds are judged for units, axes and signs (`window_checks`): while these are not known, once a
 minute, and whenever gravity, field or dip do not come out as expected. `fault_debounce` makes faults of what they see.
+The kernel stops where a fault has changed or a window is to be judged, which is done outside of it.
 """
 
 from __future__ import annotations
@@ -17,42 +18,57 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
-from mwd_estimation.core.track import AT_RANGE
-from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, sample_stream, signal_checks
+from mwd_estimation.core.sensor_fault import GYRO, FaultCode, SensorFault
+from mwd_estimation.core.track import AT_RANGE, sample_arrays
+from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, signal_checks
 from mwd_estimation.health.carried_vectors import Window
-from mwd_estimation.health.fault_debounce import weigh
+from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
 from mwd_estimation.health.motion_window import CARRIED, PARTS, Consistency, Expected, Samples
-from mwd_estimation.health.sample_stream import Kernel, Tables
-from mwd_estimation.health.signal_checks import SignalLimits
-from mwd_estimation.health.stream_checks import STREAM
-from mwd_estimation.health.window_checks import WindowJudge, WindowLimits
+from mwd_estimation.health.replayed_samples import judge_replay
+from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
+from mwd_estimation.health.stream_checks import BACK_NS, STREAM, judge_silence, judge_stamp, judge_stream
+from mwd_estimation.health.window_checks import BROKEN, CLIPPED, WindowJudge, WindowLimits
+from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-
-@dataclasses.dataclass(frozen=True)
-class Params:
-    """Parameters of the health checks."""
-
-    watch: bool = True  #: false: no fault is named
-    #: `gyro_range_deg_s`, `accel_range_g`, `mag_range_ut`: ends of the ranges; 0: not known, clipping is not seen.
-    gyro_range_deg_s: float = 2000.0
-    accel_range_g: float = 16.0
-    mag_range_ut: float = 800.0
-    #: Time that IMU samples wait for magnetic ones of their time; each fault is named later by as much.
-    mag_lag_s: float = 0.05
-    mag_expected: bool = True  #: a magnetometer belongs to the tool: a missing one is a warning
+# Turn of a window that may show axes, rad.
+_MOVES = 0.5
+# Moving windows that are judged while something is not known; from then on one each minute, ns.
+_MINUTE_NS, _IN_VAIN = 60_000_000_000, 3
+# Samples that wait at most, where time stands still.
+_MOST_WAITING = 16384
+# The checks of windows, from and to before.
+_WINDOW_CODES = (*range(FaultCode.UNIT, FaultCode.REST_RATE), int(FaultCode.MOUNT))
+# Where a call of the kernel stands: at a new sample, behind the check of its stamp, behind a half second.
+_NEW, _STAMPED, _CLOSED = 0, 1, 2
 
 
-class HealthLimits(NamedTuple):
-    """Limits of all checks of one unit."""
+class Params(NamedTuple):
+    """Parameters of the health checks of the conventional unit and the magnetometer."""
 
     signal: SignalLimits = SignalLimits()
     consistency: Consistency = Consistency()
     window: WindowLimits = WindowLimits()
+    #: `gyro_range`, `accel_range`, `mag_range`: ends of the ranges, rad/s, m/s^2 and T; inf: not known, clipping is not
+    #: seen.
+    gyro_range: float = math.radians(2000.0)
+    accel_range: float = 16.0 * STANDARD_GRAVITY
+    mag_range: float = 800.0 * 1e-6
+    #: Time that IMU samples wait for magnetic ones of their time, ns; each fault is named later by as much.
+    mag_lag_ns: int = 50_000_000
+    mag_expected: bool = True  #: a magnetometer belongs to the tool: a missing one is a warning
+    watch: bool = True  #: false: no fault is named
 
 
-LIMITS = HealthLimits()
+class Tables(NamedTuple):
+    """All arrays that change: checks, channels, stream (1), carried window (1), its steps, hashes of old samples."""
+
+    checks: Any
+    channels: Any
+    stream: Any
+    carried: Any
+    steps: Any
+    kept: Any
 
 
 @dataclasses.dataclass
@@ -79,11 +95,8 @@ class Step:
     places: list[int]  #: sample of the block that brought each change
 
 
-def initial(
-    params: Params, gravity: float | None = None, total: float | None = None, dip: float | None = None
-) -> State:
+def initial(gravity: float | None = None, total: float | None = None, dip: float | None = None) -> State:
     """State before the first sample; reference gravity, m/s^2, field, T, and dip, rad, where known."""
-    del params
     tables = Tables(
         fault_debounce.blank(),
         signal_checks.blank(),
@@ -125,49 +138,30 @@ def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
     state.samples = held._replace(mag_ns=_joined(held.mag_ns, stamps), mag=_joined(held.mag, field))
 
 
-def run(
-    params: Params,
-    state: State,
-    stamp_ns: ArrayLike,
-    gyro_t: ArrayLike,
-    accel_t: ArrayLike,
-    limits: HealthLimits = LIMITS,
-) -> Step:
+def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Step:
     """
     Take a block of IMU samples of any length; the state changes in place.
 
-    Parameters
-    ----------
-    params : Params
-    state : State
-    stamp_ns : array_like of int64, shape (n,)
-    gyro_t, accel_t : array_like, shape (n, 3)
-        rad/s and m/s^2 as they come, not finite ones too.
-    limits : HealthLimits
+    stamp_ns, shape (n,): ns. gyro_t, accel_t, shape (n, 3): rad/s and m/s^2 as they come, not finite ones too.
 
     Raises
     ------
     ValueError
         Shapes that do not match.
     """
-    stamps = np.ascontiguousarray(stamp_ns, dtype=np.int64)
-    gyro, accel = (np.ascontiguousarray(block, dtype=np.float64) for block in (gyro_t, accel_t))
-    for name, block in (("gyro_t", gyro), ("accel_t", accel)):
-        if block.shape != (*stamps.shape, 3) or stamps.ndim != 1:
-            raise ValueError(f"{name}: expected shape ({stamps.size}, 3) beside stamps (n,), got {block.shape}")
+    stamps, gyro, accel = sample_arrays(stamp_ns, gyro_t, accel_t)
     step = Step(np.zeros(len(stamps), dtype=np.uint8), np.zeros(len(stamps), dtype=np.uint8), [], [])
     if not params.watch or not len(stamps):
         return step
-    constants = _constants(params, limits)
     held, tables = state.samples, state.tables
     at = offset = len(held.stamps)
     samples = Samples(
         _joined(held.stamps, stamps), _joined(held.gyro, gyro), _joined(held.accel, accel), held.mag_ns, held.mag
     )
     while at < len(samples.stamps):
-        at = sample_stream.run(constants, tables, state.expected, samples, at, offset, step.unusable, step.suspect)
+        at = _run(params, tables, state.expected, samples, at, offset, step.unusable, step.suspect)
         if at < len(samples.stamps):
-            step.changes.extend(_after_bin(state, limits.window))
+            step.changes.extend(_after_bin(state, params.window))
             step.places.extend([at - offset] * (len(step.changes) - len(step.places)))
     stream = tables.stream[0]
     used, mag_used = int(stream.first), int(stream.mag_first)
@@ -187,14 +181,6 @@ def _joined(held: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
     return np.concatenate([held, more]) if len(held) else more
 
 
-def _constants(params: Params, limits: HealthLimits) -> Kernel:
-    ranges = AT_RANGE * np.array(
-        [math.radians(params.gyro_range_deg_s), params.accel_range_g * STANDARD_GRAVITY, params.mag_range_ut * 1e-6]
-    )
-    ranges[ranges == 0.0] = math.inf
-    return Kernel(limits.signal, limits.consistency, ranges, round(params.mag_lag_s * 1e9), params.mag_expected)
-
-
 def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
     """Faults that changed; judges the window first where that is asked for."""
     tables, stream = state.tables, state.tables.stream[0]
@@ -207,7 +193,7 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
         WindowJudge(limits, state.expected, window, stream.window, tables.checks).judge()
         stream.doubtful |= fault_debounce.suspected(tables.checks)
         if tables.carried[0].parts == PARTS:
-            stream.in_vain += int(window.path > sample_stream.MOVES)
+            stream.in_vain += int(window.path > _MOVES)
             stream.judged_ns = now
             weigh(tables.checks)
             stream.unusable = fault_debounce.unusable(tables.checks)
@@ -239,3 +225,156 @@ def known(state: State) -> dict[str, int]:
         "axes": int(condition[FaultCode.AXES, 0]),
         "signs of accelerometer and magnetometer": max(signs),
     }
+
+
+@compiled
+def _spoils(channels: Any, sensor: int) -> int:
+    """Whether samples of a sensor in this half second are whole, at the end of the range, or missing or constant."""
+    found = 0
+    for c in range(3 * sensor, 3 * sensor + 3):
+        row = channels[c]
+        if row.not_finite > 0.01 * (row.n + row.not_finite) or (row.n >= 3 and row.repeats >= row.n):
+            found = max(found, BROKEN)
+        elif row.at_limit > 0.01 * row.n:
+            found = max(found, CLIPPED)
+    return found
+
+
+@compiled
+def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> bool:
+    """Whether the window is to be judged: it is not as expected, or whole and something of it open."""
+    carried, checks = tables.carried[0], tables.checks
+    if not motion_window.consistent(k.consistency, expected, carried, 1e-9 * (s.end_ns - s.window_ns)):
+        return True
+    if not full:
+        return False
+    for code in _WINDOW_CODES:
+        for place in range(7):
+            check = checks[code, place]
+            if check.votes_for > 0 or check.state == FAULT:
+                return True
+    if carried.path < _MOVES:
+        return bool(s.judged_ns == 0)
+    unknown = checks[FaultCode.AXES.value, 0].state == UNKNOWN or checks[FaultCode.UNIT.value, 0].state == UNKNOWN
+    unknown = (
+        unknown or max(checks[FaultCode.SIGN.value, 3].state, checks[FaultCode.POINTS_UP.value, 3].state) == UNKNOWN
+    )
+    return bool(unknown and (s.in_vain < _IN_VAIN or s.end_ns - s.judged_ns >= _MINUTE_NS))
+
+
+@compiled
+def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, broken: bool) -> bool:
+    """Judge the half second that waits; True where its window is to be judged too, or a fault has changed."""
+    s, channels, checks, carried = tables.stream[0], tables.channels, tables.checks, tables.carried[0]
+    began = s.bin * BIN_NS
+    s.end_ns, s.broken = began + BIN_NS, int(broken)
+    if carried.parts == 0:
+        s.window_ns = began
+    used = motion_window.add(carried, tables.steps, samples, s.first, s.stop, s.mag_first, s.last_ns)
+    ranges = AT_RANGE * np.array([k.gyro_range, k.accel_range, k.mag_range])
+    for c in range(3):
+        signal_checks.count(channels[c], samples.gyro, c, s.first, s.stop, ranges[0])
+        signal_checks.count(channels[3 + c], samples.accel, c, s.first, s.stop, ranges[1])
+        signal_checks.count(channels[6 + c], samples.mag, c, s.mag_first, used, ranges[2])
+    s.mag_first = used
+    for sensor in range(3):
+        s.window[sensor] = max(s.window[sensor], _spoils(channels, sensor))
+    judge_silence(k.mag_expected, s, checks, channels, began)
+    judge_replay(tables.kept, checks, samples, s.first, s.stop, began)
+    late = judge_stream(k.signal, checks, channels, s, samples, began)
+    s.doubtful = signal_checks.judge_bin(k.signal, checks, channels, ranges, began)
+    if late or checks[FaultCode.STAMPS.value, 0].state == FAULT:
+        s.doubtful |= GYRO
+    changes = weigh(checks)
+    if changes:
+        s.unusable = fault_debounce.unusable(checks)
+    full = carried.parts == PARTS
+    s.judge = int(not broken and _due(k, s, tables, expected, full))
+    if s.judge and s.window[1] == BROKEN and s.window[2] == BROKEN:
+        s.judge = 0
+    return changes > 0 or s.judge == 1
+
+
+@compiled
+def _finish(tables: Tables, samples: Samples) -> None:
+    """Open the next half second, and the next window behind a whole one."""
+    s, carried = tables.stream[0], tables.carried[0]
+    s.suspect = fault_debounce.doubt(s.doubt_left, s.doubtful) & ~s.unusable
+    if s.broken or carried.parts == PARTS:
+        motion_window.begin(carried)
+        s.window[:] = 0
+    s.first = s.stop
+    s.bin = samples.stamps[s.first] // BIN_NS
+
+
+@compiled
+def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int:
+    """First sample from `start` on whose stamp does not advance, or is not before `until`, ns, or is looked at."""
+    i, newest = start, s.newest_ns
+    if s.stamp_score > 0 or checks[FaultCode.STAMPS.value, 0].state != OK:
+        return start
+    stop = min(len(samples.stamps), s.first + _MOST_WAITING)
+    while i < stop and newest < samples.stamps[i] < until:
+        newest = samples.stamps[i]
+        i += 1
+    s.newest_ns = newest
+    return i
+
+
+@compiled
+def _ready(k: Params, s: Any, samples: Samples, i: int) -> bool:
+    """Whether sample i closes the half second: its magnetic samples are there, or time has gone back."""
+    stamps, end = samples.stamps, (s.bin + 1) * BIN_NS
+    if stamps[i] < s.bin * BIN_NS - BACK_NS or i - s.first >= _MOST_WAITING:
+        s.stop = i
+        return True
+    if stamps[i] < end + k.mag_lag_ns:
+        return False
+    while s.stop < i and stamps[s.stop] < end:
+        s.stop += 1
+    return bool(stamps[s.stop] >= end)
+
+
+@compiled
+def _run(
+    k: Params,
+    tables: Tables,
+    expected: Expected,
+    samples: Samples,
+    start: int,
+    offset: int,
+    unusable: NDArray[np.uint8],
+    suspect: NDArray[np.uint8],
+) -> int:
+    """Take samples from `start` on; stops at one that closed a half second which needs `_after_bin`."""
+    s, stamps = tables.stream[0], samples.stamps
+    if not s.open:
+        s.open, s.last_ns, s.newest_ns = 1, stamps[0], stamps[0] - 1
+        s.bin = stamps[0] // BIN_NS
+        motion_window.begin(tables.carried[0])
+    i = start
+    while i < len(stamps):
+        if s.stage == _CLOSED:
+            _finish(tables, samples)
+            s.stage = _STAMPED
+        elif s.stage == _NEW:
+            plain = _plain(s, tables.checks, samples, i, (s.bin + 1) * BIN_NS + k.mag_lag_ns)
+            unusable[i - offset : plain - offset] = s.unusable
+            suspect[i - offset : plain - offset] = s.suspect
+            i = plain
+            if i == len(stamps):
+                break
+            s.stage = _STAMPED
+            if judge_stamp(s, tables.checks, stamps[i]):
+                s.end_ns = stamps[i]
+                return i
+        while _ready(k, s, samples, i):
+            broken = stamps[s.stop] // BIN_NS != s.bin + 1
+            if _close(k, tables, expected, samples, broken):
+                s.stage = _CLOSED
+                return i
+            _finish(tables, samples)
+        unusable[i - offset], suspect[i - offset] = s.unusable, s.suspect
+        s.stage = _NEW
+        i += 1
+    return i

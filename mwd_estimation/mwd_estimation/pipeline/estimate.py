@@ -33,7 +33,7 @@ from mwd_estimation.pipeline.output import Counters, Output
 from mwd_estimation.pipeline.sensor_watch import SensorWatch, Stretch
 from mwd_estimation.pipeline.status_history import StatusHistory
 from mwd_estimation.settings import derivation
-from mwd_estimation.settings.estimator import EstimatorSettings, latitude_of
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decision import Provisional
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal
@@ -48,20 +48,8 @@ class Estimate:
     """
     All that changes from one start of the estimate to the next.
 
-    Parameters
-    ----------
-    settings : EstimatorSettings
-    reference : Reference or None
-        Overrides the settings.
-    counters : Counters
-    numbering : Numbering
-    mag_late_ns : int
-        By which the stamps of the magnetometer are late, as known so far.
-
-    Attributes
-    ----------
-    mag_late_ns : int
-        The same, as the turning string has shown it since.
+    reference overrides the settings; mag_late_ns: by which the stamps of the magnetometer are late, ns, as known so far
+    and as the turning string has shown it since.
     """
 
     def __init__(
@@ -82,7 +70,7 @@ class Estimate:
             derivation.interference_params(settings),
             derivation.gyro_azimuth_params(settings),
             derivation.sensor_errors(settings),
-            latitude_of(settings),
+            settings.place.lat_deg,
         )
         self._use_gravity(None)
         self._dynamics_state = drilling_dynamics.initial()
@@ -110,7 +98,7 @@ class Estimate:
         self._attitude.set_reference(self.field.reference)
         self.watch.set_reference(self.field.reference)
         self._use_gravity(self.local_gravity)
-        self.bin_stage.precision.begin(latitude_of(self.settings), self.local_gravity)
+        self.bin_stage.precision.begin(self.settings.place.lat_deg, self.local_gravity)
 
     @property
     def local_gravity(self) -> float | None:
@@ -202,7 +190,7 @@ class Estimate:
             # Which sample of the IMU meets a magnetic one must not depend on when that arrived.
             wait_ns = max(self.mag_late_ns, 0)
             self._delay.shift(late_ns)
-            self.watch.shift_mag(late_ns, 1e-9 * wait_ns)
+            self.watch.shift_mag(late_ns, wait_ns)
             self._attitude.shift_mag(late_ns, wait_ns)
             # Interference and azimuth were learnt from fields of other toolfaces.
             self._attitude.set_reference(self.field.reference)

@@ -14,7 +14,7 @@ from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.pipeline.precision_unit import first_not_before
 from mwd_estimation.settings import derivation
-from mwd_estimation.settings.estimator import EstimatorSettings, latitude_of
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.rotary_survey import Progress as RotaryProgress
 from mwd_estimation.survey.rotary_survey import RotarySurvey
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage
@@ -25,13 +25,7 @@ _ROTARY_S = 30.0  # of a survey in a turning string whose request names no durat
 
 
 class Requests:
-    """
-    The north seek and the rotary survey under way, at most one of each.
-
-    Parameters
-    ----------
-    settings : EstimatorSettings
-    """
+    """The north seek and the rotary survey under way, at most one of each."""
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self._settings = settings
@@ -49,7 +43,7 @@ class Requests:
         ValueError
             The request cannot be met, a seek is under way, or the latitude is not known.
         """
-        latitude = latitude_of(self._settings)
+        latitude = self._settings.place.lat_deg
         if self._north is not None:
             raise ValueError("north is already being sought")
         if latitude is None:

@@ -46,18 +46,12 @@ class Stretch:
 
 
 class SensorWatch:
-    """
-    The sensors' health and its history.
-
-    Parameters
-    ----------
-    settings : EstimatorSettings
-    """
+    """The sensors' health and its history."""
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self._params = derivation.health_params(settings)
-        self._mag_lag_s = self._params.mag_lag_s
-        self._state = monitor.initial(self._params)
+        self._mag_lag_ns = self._params.mag_lag_ns
+        self._state = monitor.initial()
         self.history = FaultHistory()
         self._contaminated = False
         # By sensor, and half second, the stamp of its first sample that was declared not provided.
@@ -102,10 +96,10 @@ class SensorWatch:
             return dataclasses.replace(fault, declared=True)
         return fault
 
-    def shift_mag(self, late_ns: int, wait_s: float) -> None:
-        """Correct the stamps of magnetic samples that wait, late by so much, ns; wait_s: for those to come, longer."""
+    def shift_mag(self, late_ns: int, wait_ns: int) -> None:
+        """Correct the stamps of magnetic samples that wait, late by so much, ns; wait_ns: for those to come, longer."""
         monitor.shift_mag(self._state, late_ns)
-        self._params = dataclasses.replace(self._params, mag_lag_s=self._mag_lag_s + wait_s)
+        self._params = self._params._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
 
     def mag_used(self, first_ns: int) -> None:
         """Note that magnetic samples from this stamp on go into the azimuth."""

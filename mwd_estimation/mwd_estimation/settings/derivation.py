@@ -109,15 +109,15 @@ def accelerometer_only_params(settings: EstimatorSettings, gravity: float | None
 
 def health_params(settings: EstimatorSettings) -> monitor.Params:
     """Parameters of the health checks of the conventional unit and the magnetometer."""
-    tool = settings.tool
+    tool, usual = settings.tool, monitor.Params()
     return monitor.Params(
-        watch=settings.health.watch,
-        gyro_range_deg_s=min(tool.gyro.range_deg_s),
-        accel_range_g=min(tool.accelerometer.range_g),
-        mag_range_ut=tool.magnetometer.range_ut,
+        gyro_range=math.radians(min(tool.gyro.range_deg_s)),
+        accel_range=min(tool.accelerometer.range_g) * STANDARD_GRAVITY,
+        mag_range=tool.magnetometer.range_ut * 1e-6 or math.inf,
         # The checks set how long they wait for the magnetometer, as long as that covers the delay.
-        mag_lag_s=max(monitor.Params().mag_lag_s, tool.magnetometer.delay_s),
+        mag_lag_ns=max(usual.mag_lag_ns, round(tool.magnetometer.delay_s * 1e9)),
         mag_expected=tool.magnetometer.present,
+        watch=settings.health.watch,
     )
 
 
@@ -213,18 +213,9 @@ def still_params(settings: EstimatorSettings) -> StillParams:
 
 def reference(settings: EstimatorSettings, first_ns: int) -> Reference | None:
     """
-    Make the reference field of the place, with the sigmas of the tool code where one is named.
+    Make the reference field of the place, with the sigmas of the tool code where one is named; None: there is no field.
 
-    Parameters
-    ----------
-    settings : EstimatorSettings
-    first_ns : int
-        Stamp whose day counts where no date is set.
-
-    Returns
-    -------
-    Reference or None
-        None where there is no field.
+    first_ns: stamp whose day counts where no date is set.
 
     Raises
     ------

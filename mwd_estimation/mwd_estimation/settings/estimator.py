@@ -188,8 +188,3 @@ class EstimatorSettings:
     dynamics: Dynamics = setting(Dynamics, "Drilling dynamics")
     health: Health = setting(Health, "Health of the sensors")
     transmit: Transmit = setting(Transmit, "Transmission to the surface")
-
-
-def latitude_of(settings: EstimatorSettings) -> float | None:
-    """Latitude for the gyros, deg north; None where the position is not known."""
-    return settings.place.lat_deg

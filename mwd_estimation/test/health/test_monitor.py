@@ -70,7 +70,7 @@ def sent(name, seconds, still_s=0.0):
 
 
 def judged(run, cuts=(), reference=True, doubts=False):
-    state = health.initial(PARAMS, *(run.reference if reference else ()))
+    state = health.initial(*(run.reference if reference else ()))
     health.push_mag(state, run.mag_ns, run.mag)
     parts, changes, suspect = [], [], []
     for block in zip(np.split(run.stamps, cuts), np.split(run.gyro, cuts), np.split(run.accel, cuts), strict=True):
@@ -397,7 +397,7 @@ def test_any_blocks_give_the_same_and_a_copied_state_goes_on_alike():
     assert np.array_equal(unusable, cut_unusable)
     assert np.array_equal(suspect, cut_suspect)
     assert changes == cut_changes
-    state = health.initial(PARAMS, *run.reference)
+    state = health.initial(*run.reference)
     health.push_mag(state, run.mag_ns, run.mag)
     half = len(run.stamps) // 2
     health.run(PARAMS, state, run.stamps[:half], run.gyro[:half], run.accel[:half])
@@ -409,7 +409,7 @@ def test_any_blocks_give_the_same_and_a_copied_state_goes_on_alike():
 
 
 def test_wrong_shapes_are_refused_by_name():
-    state = health.initial(PARAMS)
+    state = health.initial()
     with pytest.raises(ValueError, match="gyro_t"):
         health.run(PARAMS, state, np.arange(3), np.zeros((2, 3)), np.zeros((3, 3)))
     with pytest.raises(ValueError, match="b_t"):

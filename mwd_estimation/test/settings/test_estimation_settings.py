@@ -12,7 +12,7 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
 from mwd_estimation.gyrocompass.seek_params import TACTICAL
 from mwd_estimation.settings import derivation, tool_file
-from mwd_estimation.settings.estimator import EstimatorSettings, Gravity, latitude_of
+from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
 from mwd_estimation.settings.former import CONSTANT
 from mwd_estimation.settings.place import Place, reference_of
 from mwd_estimation.settings.precision import PrecisionUnit
@@ -71,20 +71,6 @@ def test_a_model_without_a_position_is_refused_and_nan_is_none():
     with pytest.raises(ValueError, match=r"a model needs the position; give place.lat_deg and place.lon_deg"):
         reference_of(Place(field="model", lat_deg=50.0), START)
     assert changed(Place(lat_deg=50.0), {"lat_deg": math.nan}).lat_deg is None
-
-
-@pytest.mark.parametrize(
-    ("place", "latitude"),
-    [
-        (Place(field="model", lat_deg=50.0, lon_deg=0.0), 50.0),
-        (Place(), None),
-        (Place(lat_deg=30.0), 30.0),
-        (Place(lat_deg=0.0, lon_deg=0.0), 0.0),
-        (Place(lon_deg=9.0), None),
-    ],
-)
-def test_the_latitude_is_the_places_or_unknown(place, latitude):
-    assert latitude_of(EstimatorSettings(place=place)) == latitude
 
 
 @pytest.mark.parametrize("grade", GRADES, ids=lambda path: path.name)

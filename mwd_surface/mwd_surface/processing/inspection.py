@@ -191,7 +191,7 @@ def _read(
     """Pass all samples through the checks of the sensors."""
     mount = mount_of(bag, topics, estimator.tool.mount)
     params = derivation.health_params(estimator)
-    state = monitor.initial(params)
+    state = monitor.initial()
     rests = Rests(derivation.still_params(estimator))
     reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
     without_time = unstamped(bag, topics)
