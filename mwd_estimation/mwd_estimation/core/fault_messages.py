@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 from mwd_estimation.core.axis_mappings import MAPPINGS, kind_of
 from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
@@ -16,30 +17,6 @@ OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
 _SI = ("rad/s", "m/s^2", "T")
 _VECTORS = ("angular_velocity", "linear_acceleration", "magnetic_field")
 _CABLE = "check its plug and cable; if it stays, change the probe"
-_KINDS = {
-    FaultCode.CLIPPED: "saturated",
-    FaultCode.NEVER_CAME: "absent",
-    FaultCode.SILENT: "absent",
-    FaultCode.REPEATED: "held",
-    FaultCode.SIGN: "flipped",
-    FaultCode.POINTS_UP: "flipped",
-    FaultCode.REST_RATE: "unit",
-}
-_WARNINGS = (FaultCode.CLIPPED, FaultCode.NEVER_CAME, FaultCode.REPEATED, FaultCode.RATE)
-# Of what is seen indirectly; all else is certain.
-_CONFIDENCE = {
-    FaultCode.NOISE: 0.95,
-    FaultCode.RATE: 0.9,
-    FaultCode.REPEATED: 0.9,
-    FaultCode.UNIT: 0.97,
-    FaultCode.GRAVITY: 0.9,
-    FaultCode.MISMATCH: 0.9,
-    FaultCode.REST_RATE: 0.9,
-    FaultCode.FRAME: 0.6,
-    FaultCode.SIGN: 0.95,
-    FaultCode.POINTS_UP: 0.95,
-    FaultCode.MOUNT: 0.95,
-}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,13 +38,13 @@ class FaultText:
 
 def describe(fault: SensorFault) -> FaultText:
     """Words of a fault."""
-    sensor = SENSORS[fault.place // 3]
-    message, remedy = (_not_provided if fault.declared else _WORDS[fault.code])(fault, sensor)
+    sensor, description = SENSORS[fault.place // 3], _DESCRIPTIONS[fault.code]
+    message, remedy = (_not_provided if fault.declared else description.words)(fault, sensor)
     text = FaultText(
-        _KINDS.get(fault.code, fault.code.name.lower()),
+        description.kind or fault.code.name.lower(),
         _sensors(fault),
         _axis(fault),
-        "warning" if fault.code in _WARNINGS or (fault.code == FaultCode.FRAME and not any(_few(fault))) else "error",
+        "warning" if description.warns or (fault.code == FaultCode.FRAME and not any(_few(fault))) else "error",
         _confidence(fault),
         message,
         remedy,
@@ -116,7 +93,7 @@ def _axis(fault: SensorFault) -> str:
 
 def _confidence(fault: SensorFault) -> float:
     count = sum(mask.bit_count() for mask in _few(fault))
-    sure = (0.8 if fault.code == FaultCode.FRAME else 0.95) / count if count else _CONFIDENCE.get(fault.code, 0.99)
+    sure = (0.8 if fault.code == FaultCode.FRAME else 0.95) / count if count else _DESCRIPTIONS[fault.code].confidence
     if fault.code == FaultCode.SIGN:
         sure /= len(fault.sensors)
     return 0.5 * sure if fault.unit == Unit.EITHER else sure
@@ -243,44 +220,74 @@ def mapping_words(k: int) -> str:
     )
 
 
-def _plain(message: str, remedy: str) -> Callable[[SensorFault, str], tuple[str, str]]:
+Words = Callable[[SensorFault, str], tuple[str, str]]
+
+
+class _Description(NamedTuple):
+    """What is said of the faults of a check."""
+
+    words: Words  #: message and remedy of a fault and the name of its sensor
+    kind: str = ""  #: empty: the name of the check
+    confidence: float = 0.99  #: less of what is seen indirectly
+    warns: bool = False
+
+
+def _plain(message: str, remedy: str) -> Words:
     return lambda fault, sensor: (message.format(sensor=_of(fault) + sensor, fault=fault), remedy)
 
 
-_WORDS: dict[FaultCode, Callable[[SensorFault, str], tuple[str, str]]] = {
-    FaultCode.STUCK: _stuck,
-    FaultCode.SATURATED: _saturated,
-    FaultCode.CLIPPED: _saturated,
-    FaultCode.INVALID: _plain("{sensor} sends values that are not finite", _CABLE),
-    FaultCode.DEAD: _dead,
-    FaultCode.NOISE: _noise,
-    FaultCode.NEVER_CAME: _plain(
-        "no {sensor} data arrives",
-        "connect it, or remap its topic; a tool without one: tool.magnetometer.present false",
+_DESCRIPTIONS = {
+    FaultCode.STUCK: _Description(_stuck),
+    FaultCode.SATURATED: _Description(_saturated),
+    FaultCode.CLIPPED: _Description(_saturated, "saturated", warns=True),
+    FaultCode.INVALID: _Description(_plain("{sensor} sends values that are not finite", _CABLE)),
+    FaultCode.DEAD: _Description(_dead),
+    FaultCode.NOISE: _Description(_noise, confidence=0.95),
+    FaultCode.NEVER_CAME: _Description(
+        _plain(
+            "no {sensor} data arrives",
+            "connect it, or remap its topic; a tool without one: tool.magnetometer.present false",
+        ),
+        "absent",
+        warns=True,
     ),
-    FaultCode.SILENT: _silent,
-    FaultCode.REPEATED: _plain(
-        "{sensor} sends values twice: {fault.value:.0%} repeat the one before",
-        "set the output rate to the sensor's own",
+    FaultCode.SILENT: _Description(_silent, "absent"),
+    FaultCode.REPEATED: _Description(
+        _plain(
+            "{sensor} sends values twice: {fault.value:.0%} repeat the one before",
+            "set the output rate to the sensor's own",
+        ),
+        "held",
+        0.9,
+        warns=True,
     ),
-    FaultCode.RATE: _rate,
-    FaultCode.STAMPS: _plain("stamps of samples repeat or run backwards", "stamp samples where they are measured"),
-    FaultCode.REPLAYED: _plain(
-        "samples sent before come again with new stamps",
-        "the link plays old data: clear its buffer and take the surveys of this time again",
+    FaultCode.RATE: _Description(_rate, confidence=0.9, warns=True),
+    FaultCode.STAMPS: _Description(
+        _plain("stamps of samples repeat or run backwards", "stamp samples where they are measured")
     ),
-    FaultCode.UNIT: _unit,
-    FaultCode.AXES: _axes_words,
-    FaultCode.SIGN: _sign,
-    FaultCode.POINTS_UP: _sign,
-    FaultCode.FRAME: _frame,
-    FaultCode.MOUNT: _mount,
-    FaultCode.GRAVITY: _gravity,
-    FaultCode.MISMATCH: _plain(
-        "{sensor} agrees with no axis of the other unit's", "check its scale, its clock and its mounting"
+    FaultCode.REPLAYED: _Description(
+        _plain(
+            "samples sent before come again with new stamps",
+            "the link plays old data: clear its buffer and take the surveys of this time again",
+        )
     ),
-    FaultCode.REST_RATE: _plain(
-        "{sensor} turns at rest by more than the Earth and its bias allow",
-        "check its unit (rad/s) and its calibration; tool.precision.gyro.bias_deg_h is the bias that is allowed",
+    FaultCode.UNIT: _Description(_unit, confidence=0.97),
+    FaultCode.AXES: _Description(_axes_words),
+    FaultCode.SIGN: _Description(_sign, "flipped", 0.95),
+    FaultCode.POINTS_UP: _Description(_sign, "flipped", 0.95),
+    FaultCode.FRAME: _Description(_frame, confidence=0.6),
+    FaultCode.MOUNT: _Description(_mount, confidence=0.95),
+    FaultCode.GRAVITY: _Description(_gravity, confidence=0.9),
+    FaultCode.MISMATCH: _Description(
+        _plain("{sensor} agrees with no axis of the other unit's", "check its scale, its clock and its mounting"),
+        confidence=0.9,
+    ),
+    FaultCode.REST_RATE: _Description(
+        _plain(
+            "{sensor} turns at rest by more than the Earth and its bias allow",
+            "check its unit (rad/s) and its calibration; tool.precision.gyro.bias_deg_h is the bias that is allowed",
+        ),
+        "unit",
+        0.9,
     ),
 }
