@@ -10,8 +10,7 @@ correction is only as good as the field it uses.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,34 +33,6 @@ SIGMA_GRAVITY = 6e-3
 # External field from which a survey is marked as taken in a magnetic storm, T: a K index of 5 at mid latitudes is 70 to
 # 120 nT in three hours (Bartels).
 STORM = 1e-7
-
-
-class Field(Protocol):
-    """What a geomagnetic and gravity model hands over (`mwd_sensors.core.earth.ReferenceField`)."""
-
-    @property
-    def total(self) -> float:
-        """Field strength, T."""
-
-    @property
-    def dip(self) -> float:
-        """Angle of the field below the horizontal, rad."""
-
-    @property
-    def declination(self) -> float:
-        """Magnetic north from true north, east positive, rad."""
-
-    @property
-    def convergence(self) -> float:
-        """Grid north from true north, east positive, rad."""
-
-    @property
-    def gravity(self) -> float:
-        """Local gravity, m/s^2."""
-
-    @property
-    def source(self) -> str:
-        """Name of the model."""
 
 
 @dataclass(frozen=True)
@@ -163,19 +134,6 @@ class Reference:
         if self.total is None or self.dip is None:
             raise ValueError("the reference has no field: give its strength and dip, or a place and date for a model")
         return self.total, self.dip
-
-
-def from_field(field: Field, **changes: float) -> Reference:
-    """Make the reference of a model's field; `changes` are other fields of `Reference`, such as better sigmas."""
-    reference = Reference(
-        total=field.total,
-        dip=field.dip,
-        declination=field.declination,
-        convergence=field.convergence,
-        gravity=field.gravity,
-        source=field.source,
-    )
-    return replace(reference, **changes)  # type: ignore[arg-type]
 
 
 def measured(

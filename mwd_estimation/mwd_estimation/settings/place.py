@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-from mwd_estimation.core.reference_field import Reference, from_field
+from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.settings.former import former
 from mwd_sensors.core import earth
 from mwd_sensors.core.settings import SettingsError, setting
@@ -153,9 +153,16 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
     if place.lat_deg is None or place.lon_deg is None:
         raise SettingsError("place.field: a model needs the position; give place.lat_deg and place.lon_deg")
     lat, lon = math.radians(place.lat_deg), math.radians(place.lon_deg)
-    reference = from_field(earth.reference_field(lat, lon, place.height_m, day, place.model))
-    # A place says where true north is; the settings give the grid of the well's maps.
-    return dataclasses.replace(reference, convergence=_convergence(place, lat, lon))
+    field = earth.reference_field(lat, lon, place.height_m, day, place.model)
+    return Reference(
+        total=field.total,
+        dip=field.dip,
+        declination=field.declination,
+        # A place says where true north is; the settings give the grid of the well's maps.
+        convergence=_convergence(place, lat, lon),
+        gravity=field.gravity,
+        source=field.source,
+    )
 
 
 def _convergence(place: Place, lat: float, lon: float) -> float | None:

@@ -2,12 +2,11 @@
 """The reference: named norths, propagation of its sigmas, a measurement beforehand, and refusals that teach."""
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mwd_estimation.core.reference_field import Reference, best_north, from_field, measured, north_correction, to_north
+from mwd_estimation.core.reference_field import Reference, best_north, measured, north_correction, to_north
 from mwd_sensors.core.frames import mat_nt
 
 DEG = math.pi / 180.0
@@ -71,14 +70,6 @@ def test_a_measured_reference_that_scatters_is_refused():
         measured(f_t, [[2e-5, 0, -4e-5], [2e-5, 0, -4.6e-5]])
     with pytest.raises(ValueError, match="same shape"):
         measured(f_t, [[2e-5, 0, -4e-5]])
-
-
-def test_a_models_field_becomes_a_reference_with_sigmas():
-    field = SimpleNamespace(total=5e-5, dip=1.2, declination=0.02, convergence=-0.01, gravity=9.81, source="WMM2025")
-    reference = from_field(field, sigma_total=60e-9)
-    assert (reference.total, reference.convergence, reference.source) == (5e-5, -0.01, "WMM2025")
-    assert reference.sigma_total == 60e-9
-    assert reference.has_field
 
 
 @pytest.mark.fault_case(35)
