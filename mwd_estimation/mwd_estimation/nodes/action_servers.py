@@ -12,8 +12,8 @@ from mwd_msgs.msg import Survey as SurveyMessage
 
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.gyrocompass.solution import Solution
-from mwd_estimation.nodes.messages import known
 from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.survey.survey_message import known
 from mwd_sensors.ros.deferred import DeferredGoal
 
 FEEDBACK_PERIOD = 0.5  # s
@@ -23,12 +23,7 @@ class EstimatorActions:
     """
     Goals of the estimator's actions, at most one of each; the pipeline does the work.
 
-    Parameters
-    ----------
-    pipeline : callable
-        Returns the pipeline in force.
-    samples_arrive : callable
-        Returns whether samples of the IMU arrive.
+    pipeline, samples_arrive: return the pipeline in force, and whether samples of the IMU arrive.
     """
 
     def __init__(self, pipeline: Callable[[], Pipeline], samples_arrive: Callable[[], bool]) -> None:
@@ -52,7 +47,7 @@ class EstimatorActions:
 
     def start_rotary_survey(self, goal: DeferredGoal) -> None:
         """Start to average, or finish the goal with the reason why that is not possible."""
-        reason = self._refused(lambda: self._pipeline().request_rotary(goal.request.duration))
+        reason = self._refused(lambda: self._pipeline().requests.start_rotary(goal.request.duration))
         if reason:
             goal.finish(_no_survey(reason))
         else:

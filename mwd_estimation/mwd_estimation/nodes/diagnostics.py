@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from mwd_estimation.core.fault_messages import describe
+from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status, words
 from mwd_estimation.health import fault_debounce
@@ -79,42 +80,32 @@ def sensor_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
     return [
         Diagnostic(
             "sensors" if k == 0 else f"sensors {k + 1}",
-            ERROR if text.severity == "error" else WARN,
-            text.message,
-            text.remedy,
+            ERROR if said.severity == "error" else WARN,
+            said.message,
+            said.remedy,
             (
-                ("kind", text.kind),
-                ("sensor", text.sensor),
-                ("axis", text.axis),
-                ("confidence", f"{text.confidence:.2f}"),
+                ("kind", said.kind),
+                ("sensor", said.sensor),
+                ("axis", said.axis),
+                ("confidence", f"{said.confidence:.2f}"),
                 ("since_s", f"{fault.since_ns * 1e-9:.1f}"),
             ),
         )
-        for k, (fault, text) in enumerate((fault, describe(fault)) for fault in faults)
+        for k, (fault, said) in enumerate((fault, describe(fault)) for fault in faults)
     ]
 
 
 def survey_diagnostic(pipeline: Pipeline, settings: EstimatorSettings, requested_s: float | None) -> Diagnostic:
-    """
-    Progress of the survey under way.
-
-    Parameters
-    ----------
-    pipeline : Pipeline
-        The pipeline in force.
-    settings : EstimatorSettings
-        In force.
-    requested_s : float or None
-        Duration of the survey that was requested, s; None: none was.
-    """
-    survey, share = settings.survey, pipeline.survey_progress
+    """Progress of the survey under way; requested_s: duration of the one that was requested, s; None: none was."""
+    survey, still = settings.survey, pipeline.still
+    share = still.progress
     if not (survey.automatic or requested_s is not None) or share == 0.0:
         return Diagnostic("survey", OK, "none under way")
     if share >= 1.0:
         return Diagnostic("survey", OK, "taken; the next one comes after the tool has moved")
     seconds = survey.settle_s + survey.duration_s if requested_s is None else requested_s
-    waits_for, waited = pipeline.survey_waits_for, pipeline.survey_waited_s
-    if waits_for:
+    if still.waits_for is not None:
+        waits_for, waited = text(still.waits_for), still.waited_s
         left = max(survey.wait_for_gyro_s - waited, 0.0)
         waits = (("elapsed_s", f"{waited:.1f}"), ("remaining_s", f"{left:.1f}"), ("waits_for", waits_for))
         return Diagnostic("survey", OK, f"averaging on, waits for the gyro: {waits_for}", values=waits)

@@ -223,7 +223,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         """Where the samples stopped: answer a request, and publish the survey that waits for the gyro."""
         if self._inputs.silent("imu/data_raw"):
             self._respond(False, "no survey taken: the samples stopped", 0)
-            if self._pipeline.survey_waits_for:
+            if self._pipeline.still.waits_for is not None:
                 self._publish_pending_survey()
 
     def _publish_pending_survey(self) -> None:

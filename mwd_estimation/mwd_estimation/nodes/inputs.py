@@ -166,16 +166,7 @@ class InputTopics:
         self._transforms_seen += 1
 
     def diagnostic(self, topic: str, count: int, level: bytes) -> Diagnostic:
-        """
-        State of one topic.
-
-        Parameters
-        ----------
-        count : int
-            Samples taken so far.
-        level : bytes
-            Level where the topic is silent.
-        """
+        """State of one topic, of which so many samples were taken; level: where it is silent."""
         values = (("messages", str(count)), ("frame", self.frames.get(topic, "")))
         if not self.silent(topic):
             rate_hz = self._rates[topic].hz

@@ -14,12 +14,10 @@ from mwd_msgs.msg import Survey as SurveyMessage
 
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.survey.survey import Survey
-from mwd_estimation.survey.survey_message import known, survey_fields
+from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core import frames
 from mwd_sensors.core.arrays import Indices, Samples, Stamps
 from mwd_sensors.ros.time_stamps import stamp
-
-__all__ = ["innovation_message", "known", "oriented_imu", "published_rows", "stamp", "survey_message", "tool_transform"]
 
 # Shortest time between two published estimates, ns: 0.8 ms. A unit faster than 1 kHz is estimated at its own rate.
 MIN_SPACING_NS = 800_000
@@ -47,12 +45,8 @@ def tool_transform(oriented: Any, local_frame: str, tool_frame: str) -> Transfor
     """
     Transform of the tool frame from local east-north-up.
 
-    Parameters
-    ----------
-    oriented : record
-        One sample of `wire.IMU` with its orientation.
-    local_frame, tool_frame : str
-        Frame of the well, east-north-up, and that of the tool's messages.
+    oriented: record of `wire.IMU` with its orientation; local_frame: of the well, east-north-up; tool_frame: that of
+    the tool's messages.
     """
     transform = TransformStamped()
     transform.header.stamp = stamp(int(oriented["stamp_ns"]))

@@ -23,10 +23,7 @@ class LiveRevisions:
     """
     Revisions of the surveys published so far.
 
-    Parameters
-    ----------
-    publish : callable
-        Called with each revised survey and the frame of its readings, in the thread of `update`.
+    publish: called with each revised survey and the frame of its readings, in the thread of `update`.
     """
 
     def __init__(self, publish: Callable[[Survey, str], None]) -> None:

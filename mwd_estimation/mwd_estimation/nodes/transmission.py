@@ -11,7 +11,6 @@ from mwd_msgs.msg import Transmission as TransmissionMessage
 
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
-from mwd_estimation.nodes.messages import stamp
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_sensors.core import wire
@@ -20,6 +19,7 @@ from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.message_buffer import decode_messages
+from mwd_sensors.ros.time_stamps import stamp
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
 
@@ -29,13 +29,7 @@ _LATE_S = 5.0
 
 class TransmissionPublisher:
     """
-    Runs the tool's transmitters beside the estimator, one for each of its links.
-
-    Parameters
-    ----------
-    node : GraphNode
-    settings : Transmit
-        Without a tool file nothing is opened and nothing sent.
+    Runs the tool's transmitters beside the estimator, one for each of its links; none without a tool file.
 
     Raises
     ------

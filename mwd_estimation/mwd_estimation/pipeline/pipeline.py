@@ -17,7 +17,6 @@ import numpy as np
 
 from mwd_estimation.core.calibrated_range import TemperatureWatch
 from mwd_estimation.core.innovations import Innovation
-from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import SensorFault
@@ -30,7 +29,7 @@ from mwd_estimation.pipeline.requests import Requests
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.stated_noise import with_noise
-from mwd_estimation.survey.static_survey import Refusal
+from mwd_estimation.survey.static_survey import Refusal, StillSurvey
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.input_covariance import Noise
@@ -131,7 +130,7 @@ class Pipeline:
         """Begin anew with the samples that showed that time went back; their rows have been given, as not used."""
         self.counters.set_back += 1
         why = Refusal(self._estimate.last_imu_ns, Reason(ReasonCode.TIME_WENT_BACK))
-        if self._estimate.bin_stage.still.requested:
+        if self.still.requested:
             output.refusals.append(why)
         if self.requests.rotary_progress is not None:
             output.rotary.append(why)
@@ -184,15 +183,11 @@ class Pipeline:
 
     def request_survey(self, duration_s: float = 0.0) -> None:
         """Take a survey from the next half second on, as `StillSurvey.request`; it comes in `Output.surveys`."""
-        self._estimate.bin_stage.still.request(duration_s)
+        self.still.request(duration_s)
 
     def request_north(self, duration_s: float = 0.0, mode: str = "") -> None:
         """Seek north from now on, as `Requests.start_north`; the result comes in `Output.north`."""
         self.requests.start_north(duration_s, mode, self._estimate.local_gravity)
-
-    def request_rotary(self, duration_s: float = 0.0) -> None:
-        """Take a survey in the turning string, as `Requests.start_rotary`; it comes in `Output.rotary`."""
-        self.requests.start_rotary(duration_s)
 
     @property
     def requests(self) -> Requests:
@@ -200,20 +195,9 @@ class Pipeline:
         return self._estimate.bin_stage.requests
 
     @property
-    def survey_progress(self) -> float:
-        """Share of the survey under way, 0 to 1."""
-        return self._estimate.bin_stage.still.progress
-
-    @property
-    def survey_waits_for(self) -> str:
-        """What a survey that has averaged enough still waits for, in words; empty where it does not wait."""
-        waits_for = self._estimate.bin_stage.still.waits_for
-        return "" if waits_for is None else text(waits_for)
-
-    @property
-    def survey_waited_s(self) -> float:
-        """How long that survey has waited, s."""
-        return self._estimate.bin_stage.still.waited_s
+    def still(self) -> StillSurvey:
+        """The survey in a still interval that is under way: its progress, and what it waits for."""
+        return self._estimate.bin_stage.still
 
     @property
     def sequence(self) -> int:
@@ -238,11 +222,6 @@ class Pipeline:
     def north(self) -> str:
         """The north that azimuths count from."""
         return self._estimate.field.north
-
-    @property
-    def interference(self) -> tuple[float, float] | None:
-        """Axial interference and 1 sigma, T, as the last corrected station showed it."""
-        return self._estimate.field.interference
 
     @property
     def went_back(self) -> list[tuple[int, int]]:

@@ -58,12 +58,12 @@ def test_a_change_of_settings_answers_a_survey_that_was_asked_for():
     assert (False, "no survey taken: the settings were changed") in answers
 
 
-@pytest.mark.parametrize(("silent", "waits_for"), [(True, "gyro"), (True, ""), (False, "gyro")])
+@pytest.mark.parametrize(("silent", "waits_for"), [(True, "gyro"), (True, None), (False, "gyro")])
 def test_a_survey_that_waits_goes_out_when_the_samples_stop(silent, waits_for):
     answers, published = [], []
     node = SimpleNamespace(
         _inputs=SimpleNamespace(silent=lambda topic: silent and topic == "imu/data_raw"),
-        _pipeline=SimpleNamespace(survey_waits_for=waits_for),
+        _pipeline=SimpleNamespace(still=SimpleNamespace(waits_for=waits_for)),
         _respond=lambda success, message, _sequence: answers.append((success, message)),
         _publish_pending_survey=lambda: published.append(True),
     )
