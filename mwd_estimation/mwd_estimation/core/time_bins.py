@@ -78,16 +78,7 @@ class Closed(NamedTuple):
 
 
 class Binner:
-    """
-    Cuts one stream into bins.
-
-    Parameters
-    ----------
-    channels : int
-        Values per sample.
-    length_ns : int
-        Of a bin.
-    """
+    """Cuts one stream, of so many channels, into bins of `length_ns`."""
 
     def __init__(self, channels: int, length_ns: int) -> None:
         self.length_ns = length_ns

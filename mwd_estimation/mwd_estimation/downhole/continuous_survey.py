@@ -15,14 +15,7 @@ _OF_SURVEY = {
 
 
 class ContinuousSurvey:
-    """
-    Means of inclination and azimuth over windows of equal length.
-
-    Parameters
-    ----------
-    window_ns : int
-        Length of a window.
-    """
+    """Means of inclination and azimuth over windows of equal length, `window_ns`."""
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns

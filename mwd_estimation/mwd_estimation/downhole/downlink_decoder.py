@@ -42,13 +42,7 @@ class Received(NamedTuple):
 
 
 class DownlinkDecoder:
-    """
-    Finds commands in a stream of samples.
-
-    Parameters
-    ----------
-    downlink : Downlink
-    """
+    """Finds commands in a stream of samples."""
 
     def __init__(self, downlink: Downlink) -> None:
         self._downlink, self._scale = downlink, _SCALE[downlink.medium]

@@ -26,7 +26,6 @@ from mwd_estimation.downhole.commands import Commands
 from mwd_estimation.downhole.continuous_survey import ContinuousSurvey
 from mwd_estimation.downhole.readings import Reading, Readings
 from mwd_estimation.downhole.settings import Transmit
-from mwd_estimation.downhole.switches import NANOSECONDS, Switch
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.telemetry import meanings, on_air
@@ -35,6 +34,7 @@ from mwd_sensors.telemetry.on_air import Group
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
+NANOSECONDS = 1_000_000_000
 _STEP_NS = NANOSECONDS // 10
 # Averaging time of the surveys taken while the string moves, s: at 30 m/h a tenth of a metre of hole.
 _CONTINUOUS_S = 10.0
@@ -82,6 +82,28 @@ class Sent:
     octets: bytes = b""  #: on a line; empty but at the first word of a frame
 
 
+@dataclasses.dataclass
+class Switch:
+    """Flow or rotation: a condition that counts once it has held for a time."""
+
+    hold_ns: int  #: time for which it has to hold
+    on: bool = False  #: the condition that counts
+    since_ns: int = 0  #: since when it has held, ns; the start of the holding time, not its end
+    _candidate_ns: int | None = None
+
+    def update(self, stamp_ns: int, condition: bool) -> bool:
+        """Take the condition at a stamp; returns whether the one that counts has changed."""
+        if condition == self.on:
+            self._candidate_ns = None
+            return False
+        if self._candidate_ns is None:
+            self._candidate_ns = stamp_ns
+        if stamp_ns - self._candidate_ns < self.hold_ns:
+            return False
+        self.on, self.since_ns, self._candidate_ns = condition, self._candidate_ns, None
+        return True
+
+
 class _Part(NamedTuple):
     """What goes on air next: kind, number of the sequence, words; of a sync none."""
 
@@ -94,16 +116,7 @@ _KINDS = {"survey": Kind.SURVEY, "toolface": Kind.TOOLFACE}
 
 
 class Transmitter:
-    """
-    The transmission of one tool.
-
-    Parameters
-    ----------
-    tool : ToolConfiguration
-        What is sent, and how.
-    settings : Transmit
-        When.
-    """
+    """The transmission of one tool: `tool` says what is sent, and how, `settings` when."""
 
     def __init__(self, tool: ToolConfiguration, settings: Transmit) -> None:
         self.tool, self._settings = tool, settings

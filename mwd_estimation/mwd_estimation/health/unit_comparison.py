@@ -186,14 +186,7 @@ def _mapping(found: list[int]) -> int:
 
 
 class PrecisionHealth:
-    """
-    Health of one precision unit, half second by half second.
-
-    Parameters
-    ----------
-    bias : float
-        1 sigma of the bias of its gyros, rad/s.
-    """
+    """Health of one precision unit, half second by half second; bias: of its gyros, 1 sigma, rad/s."""
 
     def __init__(self, bias: float) -> None:
         self.active = False

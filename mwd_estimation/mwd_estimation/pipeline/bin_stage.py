@@ -24,15 +24,15 @@ from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.precision_unit import PrecisionUnit
 from mwd_estimation.pipeline.requests import Requests
 from mwd_estimation.pipeline.sensor_watch import Stretch
-from mwd_estimation.pipeline.side_streams import SideStreams
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.decision import Provisional, SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
-from mwd_estimation.survey.static_survey import BIN_NS, Refusal, StillAverage, StillSurvey
+from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
 from mwd_estimation.survey.survey import Survey
 from mwd_estimation.survey.turning_string import TurningString
+from mwd_sensors.core.arrays import Array, Stamps
 
 
 @dataclasses.dataclass
@@ -57,19 +57,35 @@ class Bins:
     taken: list[tuple[int, Provisional]]  #: surveys, each with the place of its bin in `events`
 
 
-class BinStage:
-    """
-    Bins and surveys of one tool.
+class SideStreams:
+    """Bins of magnetometer, precision unit and temperature, kept until the conventional unit's of their time asks."""
 
-    Parameters
-    ----------
-    settings : EstimatorSettings
-    field : MagneticFeedback
-        How the magnetic field is read; surveys change it.
-    faults : FaultHistory
-        Of the sensors.
-    numbering : Numbering
-    """
+    def __init__(self) -> None:
+        self._binners = {"mag": Binner(3, BIN_NS), "precision": Binner(6, BIN_NS), "temperature": Binner(1, BIN_NS)}
+        self._closed: dict[str, dict[int, Bin]] = {name: {} for name in self._binners}
+
+    def add(self, name: str, stamps: Stamps, values: Array) -> None:
+        """Take samples of a stream, shapes (n,), ns, and (n, channels)."""
+        self._keep(name, self._binners[name].add(stamps, values))
+
+    def beside(self, imu: Bin) -> BinSet:
+        """Return the bins of all streams in the time of one of the conventional unit; each bin is asked for once."""
+        found: dict[str, Bin | None] = {}
+        for name, bins in self._closed.items():
+            self._keep(name, self._binners[name].flush((imu.index + 1) * BIN_NS))
+            found[name] = bins.pop(imu.index, None)
+            # A stream's bins close in order.
+            while bins and next(iter(bins)) < imu.index:
+                del bins[next(iter(bins))]
+        return BinSet(imu, found["mag"], found["precision"], found["temperature"])
+
+    def _keep(self, name: str, closed: list[Bin]) -> None:
+        for one in closed:
+            self._closed[name][one.index] = one
+
+
+class BinStage:
+    """Bins and surveys of one tool; surveys change how the magnetic field is read."""
 
     def __init__(
         self, settings: EstimatorSettings, field: MagneticFeedback, faults: FaultHistory, numbering: Numbering

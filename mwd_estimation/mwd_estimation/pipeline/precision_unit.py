@@ -33,13 +33,7 @@ class PrecisionBin:
 
 
 class PrecisionUnit:
-    """
-    The unit of one tool.
-
-    Parameters
-    ----------
-    settings : EstimatorSettings
-    """
+    """The unit of one tool."""
 
     def __init__(self, settings: EstimatorSettings) -> None:
         self._watch = settings.health.watch

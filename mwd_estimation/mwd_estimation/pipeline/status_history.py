@@ -13,14 +13,7 @@ _SLACK_NS = 1_000_000  # a survey's ends are rounded to less
 
 
 class StatusHistory:
-    """
-    What the attitude's status was, however the stream is cut into blocks.
-
-    Parameters
-    ----------
-    bin_ns : int
-        Length of a bin, ns.
-    """
+    """What the attitude's status was, however the stream is cut into blocks; bin_ns: length of a bin."""
 
     def __init__(self, bin_ns: int) -> None:
         self._bin_ns = bin_ns

@@ -17,43 +17,12 @@ from mwd_sensors.core.settings import SettingsError, former_names, unknown_key
 TUMBLE_MRAD = 0.1  # what a tumble calibration leaves of the directions of the axes
 # Terms of a grade that a simulated sensor has and that not every block here asks for.
 _SIMULATED_ONLY = {
-    "": ("name", "source", "temperature_c", "calibrated_at_c", "adc_hz"),
-    "gyro": (
-        "bandwidth_hz",
-        "instability_deg_h",
-        "instability_s",
-        "walk_deg_h_sqrt_h",
-        "scale_ppm",
-        "delay_ms",
-        "bias_deg_h_per_c",
-        "scale_ppm_per_c",
-        "g2_deg_h_g2",
-        "step_deg_s",
-    ),
-    "accelerometer": (
-        "range_g",
-        "bandwidth_hz",
-        "noise_ug_sqrt_hz",
-        "instability_ug",
-        "instability_s",
-        "walk_ug_sqrt_h",
-        "scale_ppm",
-        "misalignment_mrad",
-        "bias_ug_per_c",
-        "scale_ppm_per_c",
-        "g2_ug_g2",
-        "step_ug",
-        "delay_ms",
-    ),
-    "magnetometer": (
-        "range_ut",
-        "noise_nt",
-        "bias_nt",
-        "scale_ppm",
-        "misalignment_mrad",
-        "bias_nt_per_c",
-        "step_nt",
-    ),
+    "": "name source temperature_c calibrated_at_c adc_hz gyro accelerometer magnetometer",
+    "gyro": "bandwidth_hz instability_deg_h instability_s walk_deg_h_sqrt_h scale_ppm delay_ms bias_deg_h_per_c "
+    "scale_ppm_per_c g2_deg_h_g2 step_deg_s",
+    "accelerometer": "bandwidth_hz noise_ug_sqrt_hz instability_ug instability_s walk_ug_sqrt_h scale_ppm_per_c "
+    "g2_ug_g2 step_ug delay_ms",
+    "magnetometer": "noise_nt misalignment_mrad step_nt",
 }
 
 
@@ -89,7 +58,7 @@ def used(table: Mapping[str, Any], unit: type[Any], where: str = "") -> dict[str
     """
     hints, kept = typing.get_type_hints(unit), {}
     known = {field.name for field in dataclasses.fields(unit)}
-    simulated = {*_SIMULATED_ONLY.get(where, ()), *(() if where else ("gyro", "accelerometer", "magnetometer"))}
+    simulated = set(_SIMULATED_ONLY.get(where, "").split())
     for name, value in table.items():
         if name in known:
             block = dataclasses.is_dataclass(hints[name]) and isinstance(value, Mapping)
