@@ -33,8 +33,8 @@ _REPEATS = (FaultCode.STUCK, FaultCode.DEAD)
 _SOUND_NS, _IN_TIME_NS = 10_000_000_000, 1_000_000_000
 # Bits of the sensors that an azimuth rests on.
 AZIMUTH = ACCEL | MAG
-# A doubt rests on samples of so long before, ns.
-_EVIDENCE_NS = 3_000_000_000
+# A doubt rests on samples of so long before, ns; those of the longest average that can be asked for are kept, ns.
+_EVIDENCE_NS, _KEPT_NS = 3_000_000_000, 3_600_000_000_000
 
 
 class Accusation(NamedTuple):
@@ -55,8 +55,8 @@ class FaultHistory:
 
     def __init__(self) -> None:
         self._known: dict[int, SensorFault] = {}
-        # Of each sensor: the stamps from which and up to which it was in doubt last.
-        self._doubts: dict[int, tuple[int, int]] = {}
+        # Of each sensor: the stamps from which and up to which it was in doubt, in order.
+        self._doubts: dict[int, list[tuple[int, int]]] = {}
 
     def note(self, change: SensorFault) -> None:
         """Take a change."""
@@ -66,10 +66,15 @@ class FaultHistory:
         """Take which sensors are in doubt at these samples."""
         for s in range(3):
             hit = stamps[suspect >> s & 1 != 0]
-            if len(hit):
-                first, last = self._doubts.get(s, (0, -_EVIDENCE_NS))
-                goes_on = hit[0] - last <= _EVIDENCE_NS
-                self._doubts[s] = first if goes_on else int(hit[0]), int(hit[-1])
+            if not len(hit):
+                continue
+            times = self._doubts.get(s, [])
+            for part in np.split(hit, np.flatnonzero(np.diff(hit) > _EVIDENCE_NS) + 1):
+                first, last = int(part[0]), int(part[-1])
+                if times and first - times[-1][1] <= _EVIDENCE_NS:
+                    first = times.pop()[0]
+                times.append((first, last))
+            self._doubts[s] = [one for one in times if last - one[1] <= _KEPT_NS]
 
     def contaminates(self, changes: Iterable[SensorFault], fed_ns: int) -> bool:
         """
@@ -89,7 +94,7 @@ class FaultHistory:
         """Whether a magnetometer that had been sound was in doubt, and so left out, as soon as it repeated itself."""
         if fault.unusable != MAG or fault.code not in _REPEATS or fault.since_ns - fed_ns < _SOUND_NS:
             return False
-        first, last = self._doubts.get(SENSORS.index("magnetometer"), (0, 0))
+        first, last = self._doubts.get(SENSORS.index("magnetometer"), [(0, 0)])[-1]
         return first - fault.since_ns < _IN_TIME_NS and last >= fault.since_ns
 
     def readable(self, still: StillAverage) -> StillAverage:
@@ -101,12 +106,20 @@ class FaultHistory:
         return [one for one in self._known.values() if not one.cleared_ns or one.cleared_ns > begin]
 
     def judge(self, survey: Survey) -> Survey:
-        """The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it."""
-        against = self.against(survey)
+        """
+        The survey, rejected with the reason where a sensor it rests on was faulty in its time, doubtful with it.
+
+        Doubts after its end have no say: whether they are known by now depends on how the samples were cut into blocks.
+        """
+        against = self.against(survey, 0)
         return survey if against is None else against.judge(survey)
 
-    def against(self, survey: Survey) -> Accusation | None:
-        """What is known so far to speak against the sensors that a survey rests on; None: nothing."""
+    def against(self, survey: Survey, evidence_ns: int = _EVIDENCE_NS) -> Accusation | None:
+        """
+        What is known so far to speak against the sensors that a survey rests on; None: nothing.
+
+        evidence_ns: time after its end in which a doubt that begins has a say.
+        """
         magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != AzimuthMethod.GYRO)
         by_gyro = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0 and not magnetic
         rests_on = AZIMUTH & ~MAG if by_gyro else AZIMUTH
@@ -116,8 +129,9 @@ class FaultHistory:
         # A doubt begins some seconds after what raised it.
         doubts = [
             (1 << s, Reason(Code.SENSOR_SUSPECT, names=(SENSORS[s],)))
-            for s, (first, last) in sorted(self._doubts.items())
-            if last >= begin and first <= end + _EVIDENCE_NS and not (by_gyro and 1 << s == MAG)
+            for s, times in sorted(self._doubts.items())
+            if any(last >= begin and first <= end + evidence_ns for first, last in times)
+            and not (by_gyro and 1 << s == MAG)
         ]
         verdict, found = (REJECT, faults) if faults else (DOUBTFUL, doubts)
         level = any(bits & ~MAG for bits, _ in found)

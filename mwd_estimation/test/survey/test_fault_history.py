@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -74,6 +75,19 @@ def tilt_errors(output, streams):
     named = rows["status"] & FAULT != 0
     given = named & (rows["sigma_inclination"] >= 0.0)
     return rows["inclination"][given] - truth["inclination"][given], rows["sigma_inclination"][given], named
+
+
+@pytest.mark.parametrize("cut", [50, 2000])
+@pytest.mark.parametrize(("doubted_s", "has_a_say"), [((16.5,), False), ((6.0, 16.5), True), ((1.0, 16.5), False)])
+def test_a_survey_in_a_turning_string_is_judged_by_the_doubts_up_to_its_end(doubted_s, has_a_say, cut):
+    survey = SimpleNamespace(stamp_ns=10 * 10**9, duration=10.0, weights={})
+    stamps = np.arange(0, 20 * 10**9, 10**7)
+    suspect = np.where(np.isin(stamps, np.array(doubted_s) * 1e9), np.uint8(ACCEL), np.uint8(0))
+    faults = FaultHistory()
+    for start in range(0, len(stamps), cut):
+        faults.doubt(stamps[start : start + cut], suspect[start : start + cut])
+    assert (faults.against(survey, 0) is not None) == has_a_say
+    assert faults.against(survey) is not None
 
 
 @pytest.mark.fault_case(2)
