@@ -298,7 +298,7 @@ def _header(
         ("Depth datum", f"{well.depth_datum}, {fixed(well.datum_elevation, 2)} m above mean sea level"),
         ("Azimuth reference", f"{north} north"),
         ("Declination", f"{fixed(reference.declination * _DEG, 3)} deg" if reference else unknown),
-        ("Grid convergence", _convergence(reference, north) if reference else unknown),
+        ("Grid convergence", _convergence(reference, well) if reference else unknown),
         ("Total azimuth correction", f"{fixed(correction * _DEG, 3)} deg" if known_correction else unknown),
         ("Geomagnetic model", well.geomagnetic_model or (reference.reference_source if reference else "") or unknown),
         ("Reference total field", f"{fixed(reference.b_reference * 1e9, 0)} nT" if reference else unknown),
@@ -325,9 +325,9 @@ def _placed(well: Well) -> tuple[tuple[str, str], ...]:
     return ("Latitude, longitude (WGS84)", place), ("Map grid", _map_grid(well))
 
 
-def _convergence(reference: Survey, north: str) -> str:
-    """Convergence in words: a survey from true north with none of its own knows no grid."""
-    if north != "grid" and reference.convergence == 0.0:
+def _convergence(reference: Survey, well: Well) -> str:
+    """Convergence in words: 0 is that of a central meridian where there is a grid, else that of none."""
+    if not well.grid and well.north_reference != "grid" and reference.convergence == 0.0:
         return "no grid given"
     return f"{fixed(reference.convergence * _DEG, 3)} deg"
 

@@ -108,6 +108,13 @@ def test_an_unknown_column_is_a_key_error():
         example.table().column("nonsense")
 
 
+@pytest.mark.parametrize(("north", "grid", "text"), [("true", "", "no grid given"), ("true", "utm", "0.000 deg")])
+def test_a_convergence_of_zero_is_that_of_a_central_meridian_where_there_is_a_grid(north, grid, text):
+    well = dataclasses.replace(example.WELL, north_reference=north, grid=grid)
+    whole = SurveyList(well=well).add(example.survey(1, 10.0, 40.0, convergence=0.0), 300.0, 0.0)
+    assert head(tables.survey_table(whole, example.MADE))["Grid convergence"] == text
+
+
 def test_a_place_that_is_not_given_is_called_so_and_a_grid_is_told():
     nowhere = head(example.table(well={"latitude_deg": None, "longitude_deg": None, "grid": "utm"}))
     assert nowhere["Latitude, longitude (WGS84)"] == "not given"
