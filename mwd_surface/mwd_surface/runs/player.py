@@ -20,8 +20,9 @@ from mwd_surface.bags.bag_reader import Bag, Block
 from mwd_surface.live.alarms import Alarm
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_state import WellState
-from mwd_surface.surveys.message_conversion import advice_of, stamp_of
+from mwd_surface.surveys.message_conversion import advice_of, stamp_of, survey_of
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Survey
 from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
 
 # Time before the moment that is looked for that is played first, for the charts and for latched values, s.
@@ -42,7 +43,8 @@ class Player:
     namespace : str
         Of the well, with a slash at its end.
     surveys : SurveyList
-        All surveys of the recording; each is shown from its stamp on.
+        All surveys of the recording; each is shown from its stamp on, a revision from when it was recorded, or else at
+        the end, where the whole run was judged.
     plan : Plan, optional
         Of the well.
 
@@ -61,6 +63,10 @@ class Player:
         self._advice = [
             (log_ns, advice_of(message))
             for log_ns, message in _messages(bag, f"{namespace}steering/advice", "mwd_msgs/msg/SteeringAdvice")
+        ]
+        self._revisions = [
+            (log_ns, survey_of(message))
+            for log_ns, message in _messages(bag, f"{namespace}survey/revised", "mwd_msgs/msg/Survey")
         ]
         self.at_s = 0.0
         self.seek(0.0)
@@ -81,6 +87,7 @@ class Player:
             "imu/mag": self._live.on_magnetic_field,
         }
         self._shown = self._alarms_shown = self._advice_shown = -1
+        self._revised: tuple[int, bool] | None = None
         self._bit_depth: float | None = None
         self._path_to: tuple[int, float | None] | None = None
         if self._plan is not None:
@@ -134,8 +141,16 @@ class Player:
         """Show the surveys that had been taken by this moment."""
         now_ns = self._bag.start_ns + round(now * 1e9)
         records = tuple(r for r in self._surveys.records if r.survey.stamp_ns <= now_ns)
-        if len(records) != self._shown:
-            self._shown = len(records)
+        revised = [survey for log_ns, survey in self._revisions if log_ns <= now_ns]
+        state = len(revised), now >= self.length_s
+        if len(records) != self._shown or state != self._revised:
+            self._shown, self._revised = len(records), state
+            if now < self.length_s:
+                known: dict[str, Survey] = {survey.uuid: survey for survey in revised}
+                records = tuple(
+                    dataclasses.replace(r, revised=(known[r.survey.uuid],) if r.survey.uuid in known else ())
+                    for r in records
+                )
             table = dataclasses.replace(self._surveys, records=records).to_mapping()
             self._known = SurveyList.from_mapping(table, self._surveys.rules)
             self._live.on_well(self._known.well, now)

@@ -2,6 +2,7 @@
 """A recording as the page shows it: the state of each moment, whatever the way to it."""
 
 import contextlib
+import dataclasses
 import json
 import math
 import signal
@@ -10,6 +11,7 @@ import sys
 import urllib.error
 import urllib.request
 
+import example_surveys as example
 import pytest
 
 from mwd_estimation.settings.estimator import EstimatorSettings
@@ -22,6 +24,7 @@ from mwd_surface.processing.run_output import OutputSettings
 from mwd_surface.runs import simulate
 from mwd_surface.runs.player import Player, namespace_of
 from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import plan_of
 from running_graph import until
@@ -93,6 +96,27 @@ def test_the_path_goes_to_the_bit_and_is_compared_with_the_plan(recorded):
             assert sections["path"]["measured_depth"][-1] == pytest.approx(deepest(recorded[1], at))
             assert sections["offset"]["known"]
             assert sections["links"]["sonde"]["state"] == "live"
+
+
+def test_a_revision_is_shown_from_when_it_was_made(recorded):
+    first = example.survey(1, 10.0, 40.0)
+    with Bag(recorded[1]) as bag:
+        first = dataclasses.replace(first, stamp_ns=bag.start_ns + 10**9)
+        later = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(Verdict.DOUBTFUL), revision=1)
+        surveys = SurveyList(well=example.WELL).add(first, 30.0, 0.0).revise(later)
+        player = Player(bag, "/w1/", surveys)
+
+        def revised(at):
+            player.seek(at)
+            (row,) = StateJson().snapshot(player.state())["sections"]["surveys"]["rows"]
+            return row["revised"]
+
+        assert revised(20.0) is None
+        assert revised(player.length_s) == "doubtful"
+        assert revised(20.0) is None
+        player._revisions = [(bag.start_ns + 15 * 10**9, later)]
+        assert revised(14.0) is None
+        assert revised(16.0) == "doubtful"
 
 
 def ask(address, given):
