@@ -31,7 +31,7 @@ from mwd_surface.surveys.depth import DepthTrack
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.message_conversion import survey_of
-from mwd_surface.surveys.station_checks import revision_flags
+from mwd_surface.surveys.station_checks import revision_doubt, revision_flags
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
@@ -140,8 +140,7 @@ class SurveyListServer:
         return surveys
 
     def _alarm_settings(self, error: ValueError) -> None:
-        text = f"the survey list keeps its old settings: {error}"
-        self._alarm_log.raise_alarm("surveys.settings", Severity.WARNING, text)
+        self._alarm_log.raise_alarm("surveys.settings", Severity.WARNING, f"survey list: settings not changed: {error}")
 
     def definitive(self) -> Definitive:
         """Compute the well path, projected to the bit where the bit is deeper."""
@@ -202,10 +201,16 @@ class SurveyListServer:
             return
         self._replace(surveys)
         record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
-        worse = record.in_use and survey.verdict != Verdict.ACCEPT
         words = "; ".join(revision_flags(record, self.surveys.north))
-        severity = Severity.WARNING if worse else Severity.INFO
+        severity = Severity.WARNING if record.in_use and survey.verdict != Verdict.ACCEPT else Severity.INFO
         self._alarm_log.log_event("survey", f"survey {record.survey.sequence}: {words}", severity)
+
+    def _alarm_revisions(self) -> None:
+        """Raise an alarm for each survey in use that later ones contradict, until a person has decided about it."""
+        remedy = "steer by neither value: take a check shot, then accept the first value or reject it in the list"
+        doubts = {r.survey.sequence: revision_doubt(r, self.surveys.north) for r in self.surveys.records}
+        causes = {f"survey.revised.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text}
+        self._alarm_log.set_alarms("survey.revised.", causes)
 
     def _alarm_verdict(self, record: SurveyRecord) -> None:
         """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""
@@ -316,6 +321,7 @@ class SurveyListServer:
         """Publish list and path, and show them on the page."""
         now, surveys, path = time.monotonic(), self.surveys, self.definitive()
         wellhead, local = (self._node.frame(name) for name in (wire.WELLHEAD_FRAME, wire.LOCAL_FRAME))
+        self._alarm_revisions()
         self._list_publisher.publish(messages.list_message(surveys, wellhead))
         self._trajectory_publisher.publish(messages.trajectory_message(path, surveys.changed_ns, wellhead))
         self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, local))

@@ -171,8 +171,9 @@ class ListBuilder:
             self.warnings += failed
         elif any(r.judgement for r in self._live.records.values()):
             self.warnings.append("decisions of people in the live list are not taken over: other settings are in force")
-        # A message has the last decision about a survey only.
-        ours = {r.survey.uuid: dataclasses.replace(r, decisions=r.decisions[-1:]) for r in self.surveys.records}
+        # A message has the last decision about a survey only, without the revision that was known then.
+        told = (dataclasses.replace(r, decisions=r.decisions[-1:], decided_revision=0) for r in self.surveys.records)
+        ours = {record.survey.uuid: record for record in told}
         # The vertical section may have been that of a plan, which the recording does not hold.
         same = sum(
             uuid in ours and dataclasses.replace(ours[uuid], vertical_section=record.vertical_section) == record

@@ -14,6 +14,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core.constants import CELSIUS_ZERO
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
+from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Three, Verdict
 from mwd_surface.trajectory.north import North
@@ -117,7 +118,7 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
         verdict=Verdict(s.verdict),
         overridden=record.judgement == Judgement.ACCEPTED and s.verdict != Verdict.ACCEPT,
         source=source,
-        remark=_remark(s, source, path.north),
+        remark=revision_doubt(record, path.north) or _remark(s, source, path.north),
     )
 
 

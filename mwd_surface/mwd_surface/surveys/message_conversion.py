@@ -22,7 +22,7 @@ _SECOND = 10**9
 # On the message these are part of the header, or messages of their own.
 _OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
 # On no message; the file of the list keeps them.
-_OF_THE_FILE = {"decisions"}
+_OF_THE_FILE = {"decisions", "decided_revision"}
 # Messages of older recordings do not have these; the record then says "unknown".
 _QUANTITIES = {"verdict_inclination", "verdict_azimuth", "verdict_toolface"}
 _LATER = {

@@ -147,6 +147,25 @@ def revision_flags(record: SurveyRecord, north: North) -> list[str]:
     return [f"later surveys say: {Verdict(survey.verdict).word}, {now}{why}; the first value stays"]
 
 
+def revision_doubt(record: SurveyRecord, north: North) -> str:
+    """
+    Return what later surveys say against a value in use, in a sentence; empty where nothing, or a person knew it.
+
+    They do where the verdict is no longer accept, or the azimuth lies more than its 1 sigma away.
+    """
+    first, now = record.survey, record.revision
+    if now is None or not record.in_use or now.revision <= record.decided_revision:
+        return ""
+    used, azimuth = first.azimuth_from(north), now.azimuth_from(north)
+    words = ["no azimuth" if one is None else f"azimuth {math.degrees(one):.2f} deg" for one in (used, azimuth)]
+    apart = math.inf if used is None or azimuth is None else abs(math.remainder(azimuth - used, math.tau))
+    if now.verdict == Verdict.ACCEPT and apart <= first.sigma_azimuth:
+        return ""
+    why = f": {now.action}" if now.action else ""
+    place = f"survey {first.sequence} at {record.measured_depth:.1f} m"
+    return f"{place} is in use with {words[0]}, later surveys say {words[1]}, {Verdict(now.verdict).word}{why}"
+
+
 def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: float | None) -> Definitive:
     """Return the path of a leg through its parents, from the stations `used`, projected to bit_depth, m, if given."""
     t = leg.tie_on

@@ -364,6 +364,7 @@ def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, s
         reason=reason,
         judged_ns=stamp_ns,
         decisions=(*record.decisions, decision),
+        decided_revision=max((one.revision for one in record.revised), default=0),
     )
 
 

@@ -211,7 +211,7 @@ class SurveyRecord:
 
     decisions: every one ever made, oldest first; the last one is in force. Only the file of the list has them.
     revised: the survey as the estimator judged it last with the later ones of its run, or none; the path keeps the
-    first.
+    first. decided_revision: number of the revision that was there when a person decided last; only the file has it.
 
     From `north` on the numbers follow from the list and are recomputed with it (m, rad/m; 0 unless `in_use`).
     """
@@ -229,6 +229,7 @@ class SurveyRecord:
     comment: str = ""
     decisions: tuple[Decision, ...] = ()
     revised: tuple[Survey, ...] = ()
+    decided_revision: int = 0
     north: float = 0.0
     east: float = 0.0
     vertical_depth: float = 0.0

@@ -17,6 +17,7 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.page.survey_panel import survey_row
 from mwd_surface.surveys.message_conversion import fill_survey
+from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.north import North
 
@@ -25,7 +26,7 @@ class Log:
     """The alarm log without a node."""
 
     def __init__(self):
-        self.events = []
+        self.events, self.standing = [], {}
 
     def log_event(self, source, text, severity=Severity.INFO):
         self.events.append((source, text, severity))
@@ -35,6 +36,10 @@ class Log:
 
     def clear_alarm(self, alarm_id):
         """No alarm stands here."""
+
+    def set_alarms(self, prefix, causes):
+        self.standing = {key: (severity, text) for key, (severity, text, _) in causes.items()}
+        assert all(key.startswith(prefix) for key in causes)
 
     def now_ns(self):
         return example.MADE
@@ -76,7 +81,7 @@ def server(tmp_path):
     )
     server.open()
     server.depth.set_by_hand(example.survey(1, 10.0, 40.0).stamp_ns, 500.0)
-    yield SimpleNamespace(server=server, published=published, events=context.alarm_log.events)
+    yield SimpleNamespace(server=server, published=published, events=context.alarm_log.events, log=context.alarm_log)
     server.close()
 
 
@@ -104,6 +109,36 @@ def test_a_revision_is_listed_published_shown_and_logged_and_moves_no_station(se
     said = [(text, severity) for source, text, severity in server.events if "later surveys say" in text]
     assert len(said) == 1
     assert said[0][1] == (Severity.WARNING if before.in_use else Severity.INFO)
+
+
+@pytest.mark.parametrize("verdict", [Verdict.ACCEPT, Verdict.DOUBTFUL])
+def test_a_value_in_use_that_later_surveys_contradict_is_an_alarm_until_a_person_decides(server, verdict):
+    first = example.survey(1, 10.0, 40.0)
+    server.server.on_survey(serialised(first))
+    assert server.server.surveys.records[0].in_use
+    near = dataclasses.replace(first, azimuth=first.azimuth + 0.5 * first.sigma_azimuth, revision=1)
+    server.server.on_revision(serialised(near))
+    assert server.log.standing == {}
+
+    def decide(service):
+        request = SimpleNamespace(sequence=1, operator_name="Ann", reason="", measured_depth=-1.0, replace=False)
+        return service(request, SimpleNamespace(success=False, message=""))
+
+    far = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(verdict), headline="steel")
+    for revision in (2, 3):
+        server.server.on_revision(serialised(dataclasses.replace(far, revision=revision)))
+        ((key, (severity, text)),) = server.log.standing.items()
+        assert (key, severity) == ("survey.revised.1", Severity.CRITICAL)
+        assert "in use with azimuth 40.00 deg" in text
+        assert f"later surveys say azimuth 45.73 deg, {verdict.word}" in text
+        assert revision_doubt(server.server.surveys.records[0], North.GRID) == text
+        # What he decides holds for what he knew: the next revision asks him again.
+        assert decide(server.server.accept).success
+        assert server.log.standing == {}
+    server.server.on_revision(serialised(dataclasses.replace(far, azimuth=first.azimuth + 0.2, revision=4)))
+    assert server.log.standing
+    assert decide(server.server.reject).success
+    assert server.log.standing == {}
 
 
 def test_a_revision_of_a_survey_that_is_not_listed_changes_nothing(server):
