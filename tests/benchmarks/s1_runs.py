@@ -56,7 +56,6 @@ CASES = (
         {
             f"{_GYRO}.g_deg_h_g": 0.0,
             f"{_GYRO}.bias_deg_h": 0.02,
-            f"{_GYRO}.bias_scale": "stated",
             f"{_GYRO}.walk_deg_h_sqrt_h": 0.1,
         },
         {

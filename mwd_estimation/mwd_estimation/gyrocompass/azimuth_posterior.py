@@ -39,7 +39,7 @@ class OnCircle:
 
     mean: float
     sigma: float
-    misfit: float  #: squared distance of the first part from the circle, in sigmas
+    misfit: float  #: squared distance of the nearest part from the circle, in sigmas
     several: tuple[float, ...]  #: the angles that fit alike, where there are several
 
 
@@ -115,6 +115,28 @@ class _Cost:
         return angle, 0.5 * ((np.roll(angle, -1) - np.roll(angle, 1)) % (2.0 * math.pi))
 
 
+def along(parts: Sequence[Part], horizontal: float) -> tuple[Array, Array, Array]:
+    """
+    Each part along the circle.
+
+    Returns
+    -------
+    angle : ndarray, shape (n,)
+        rad; they resolve every mode.
+    share : ndarray, shape (parts, n)
+        Probability of each within its part.
+    log_weight : ndarray, shape (parts,)
+        Of each part on the circle, up to a constant.
+    """
+    cost = _Cost(parts, horizontal)
+    angle, spacing = cost.grid([mode for mode, _ in _modes(cost.total)], lone=False)
+    each = cost.each(angle)
+    least = each.min(axis=1, keepdims=True)
+    share = np.exp(-0.5 * (each - least)) * spacing
+    whole = share.sum(axis=1)
+    return angle, share / whole[:, None], np.log(whole) - 0.5 * least[:, 0]
+
+
 def posterior(parts: Sequence[Part], horizontal: float, expected: float | None = None) -> OnCircle:
     """
     Mean and sigma of the azimuth, given that the horizontal Earth rate has its length.
@@ -122,7 +144,7 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     Parameters
     ----------
     parts : sequence of Part
-        The estimate from the data, weighed by their evidence; the misfit is that of the first one.
+        The estimate from the data, weighed by their evidence.
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
     expected : float, optional
@@ -131,7 +153,7 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     cost = _Cost(parts, horizontal)
     modes = _modes(cost.total)
     best = min(modes, key=lambda mode: mode[1])[0]
-    misfit = float(cost.distances(np.array([best]))[0, 0])
+    misfit = float(cost.distances(np.array([best])).min())
     if len(modes) > 1 and expected is not None:
         modes = [min(modes, key=lambda mode: abs(float(wrap_pi(mode[0] - expected))))]
     angles = [mode for mode, _ in modes]

@@ -15,23 +15,23 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek, static_ekf
+from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.seek_params import S1, SeekParams
 from mwd_estimation.gyrocompass.seek_refusal import gyro_clipped, polar, too_short, vertical_hole
-from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt
 
 
 class NorthSeek:
-    """`north_seek`; `earlier`, with the seconds since, is a seek whose knowledge of the instrument is carried on."""
+    """`north_seek`; `errors`: what earlier seeks have found of the gyros, at the time it begins; None: nothing yet."""
 
     #: Whether a turn about the tool's axis may go into it.
     turns = True
 
-    def __init__(self, params: SeekParams, earlier: tuple[State, float] | None = None) -> None:
-        self.params = params
-        self.state = north_seek.initial() if earlier is None else north_seek.carried_on(params, *earlier)
+    def __init__(self, params: SeekParams, errors: GyroErrors | None = None) -> None:
+        self.params, self.errors = params, errors
+        self.state = north_seek.initial()
 
     @property
     def elapsed(self) -> float:
@@ -50,7 +50,7 @@ class NorthSeek:
 
     def solution(self) -> Solution:
         """North so far, or why there is none."""
-        return north_seek.solution(self.params, self.state)
+        return north_seek.solution(self.params, self.state, self.errors)
 
 
 class StaticSeek:

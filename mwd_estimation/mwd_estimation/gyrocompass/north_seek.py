@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike
 
 from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.reasons import Reason, ReasonCode
-from mwd_estimation.gyrocompass import azimuth_posterior
+from mwd_estimation.gyrocompass import azimuth_posterior, gyro_errors
+from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.seek_filter import advance
 from mwd_estimation.gyrocompass.seek_measurement import frame
 from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
@@ -32,11 +33,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_tau
 
-# What a seek found and the next one goes on from: the instrument's errors, and the Earth rate until it has levelled.
-_CARRIED = ("earth_rate", "gyro_bias", "scale_x", "leak", "g_sensitivity", "lag", "force_bias", "lead", "bias_ramp")
 _EARTH, _BIAS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), slice(Error.GYRO_BIAS, Error.SCALE_X)
-# Time after which a ramp of the bias is another one, s: a collar takes up the temperature around it.
-_RAMP_S = 3600.0
 _G_SENSITIVITY = slice(Error.G_SENSITIVITY, Error.LAG)
 
 
@@ -114,11 +111,12 @@ def run(
     advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel, flags)
 
 
-def solution(params: SeekParams, state: State) -> Solution:
+def solution(params: SeekParams, state: State, errors: GyroErrors | None = None) -> Solution:
     """
     Azimuth so far, or why there is none; call it as often as progress is to be shown.
 
-    The reasons to refuse it are those of `seek_refusal`.
+    The reasons to refuse it are those of `seek_refusal`. errors: known of the gyros when the seek began; None: what the
+    parameters state.
     """
     if state.phase != Phase.SEEKING:
         levelling = Reason(ReasonCode.SEEK_LEVELLING, float(state.level_time), params.shortest)
@@ -126,7 +124,8 @@ def solution(params: SeekParams, state: State) -> Solution:
     p = kernel_params(params)
     method = _method(params, state)
     inclination, heading, right = _hole_axis(state, method)
-    parts = _parts(params, p, state, right)
+    x, now = estimate(state), _errors_now(params, state, errors)
+    parts = gyro_errors.parts(now, x, state.P, right, _EARTH, _BIAS)
     expected = params.expected_azimuth_deg
     circle = azimuth_posterior.posterior(
         parts, p.horizontal, None if expected is None else math.radians(expected) - heading
@@ -135,7 +134,9 @@ def solution(params: SeekParams, state: State) -> Solution:
     blind = math.sin(inclination) * math.sin(azimuth)
     seen = math.sqrt(max(1.0 - blind * blind, 1e-12)) if method != "still" else 1.0
     fitting = tuple(float(wrap_tau(angle + heading)) for angle in circle.several)
-    reason = refusal(params, state, Fit(method, azimuth, circle.sigma, inclination, seen, circle.misfit, fitting))
+    bias = gyro_errors.learnt(now, x, state.P, _EARTH, _BIAS, p.horizontal).bias
+    fit = Fit(method, azimuth, circle.sigma, inclination, seen, circle.misfit, fitting, bias)
+    reason = refusal(params, state, fit)
     choices: tuple[tuple[float, float], ...] = ()
     if reason is not None and reason.code is ReasonCode.TWO_AZIMUTHS_FIT_GYRO:
         each = [azimuth_posterior.posterior(parts, p.horizontal, angle) for angle in circle.several]
@@ -184,47 +185,22 @@ def _limit(p: KernelParams, method: str, seen: float, elapsed: float) -> float:
     return min(float(limit), math.pi)
 
 
-def carried_on(params: SeekParams, state: State, seconds: float) -> State:
+def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -> GyroErrors:
     """
-    State that begins a seek elsewhere with what this one has found of the instrument: biases, scale, sensitivities.
+    What is known of the gyros at the end of a seek, from what was known when it began (None: what is stated).
 
-    seconds: between the last sample of this seek and the first of the next, s; the instrument must have stayed on. A
-    seek that has not got past levelling gives what it began with.
+    A seek that has not got past levelling adds nothing.
     """
-    begun = initial()
-    if state.phase != Phase.SEEKING and not state.carried:
-        return begun
-    for name in _CARRIED:
-        setattr(begun, name, getattr(state, name))
-    begun.P[:] = state.P
-    _drifted(kernel_params(params), begun, max(seconds, 0.0))
-    begun.carried = True
-    return begun
+    now = _errors_now(params, state, errors)
+    if state.phase != Phase.SEEKING:
+        return now
+    return gyro_errors.learnt(now, estimate(state), state.P, _EARTH, _BIAS, kernel_params(params).horizontal)
 
 
-def _drifted(p: KernelParams, state: State, seconds: float) -> None:
-    """
-    Move the gyro biases on by their ramps, in place, for a time between two seeks, s.
-
-    A ramp is a first-order Gauss-Markov process: the warmth that causes it is gone, or another, after an hour. Brown
-    and Hwang, Introduction to Random Signals, the integrated process.
-    """
-    share = seconds / _RAMP_S
-    kept = math.exp(-share)
-    moved = _RAMP_S * (1.0 - kept)
-    phi = np.eye(Error.SIZE)
-    noise = np.zeros((Error.SIZE, Error.SIZE))
-    for i in range(3):
-        bias, ramp = Error.GYRO_BIAS + i, Error.BIAS_RAMP + i
-        state.gyro_bias[i] += moved * state.bias_ramp[i]
-        state.bias_ramp[i] *= kept
-        phi[bias, ramp], phi[ramp, ramp] = moved, kept
-        noise[ramp, ramp] = 1.0 - kept**2
-        noise[bias, ramp] = noise[ramp, bias] = _RAMP_S * (1.0 - kept) ** 2
-        noise[bias, bias] = _RAMP_S**2 * max(2.0 * share - 3.0 + 4.0 * kept - kept**2, 0.0)
-    state.P[:] = phi @ state.P @ phi.T + p.bias_ramp**2 * noise
-    for i in range(Error.GYRO_BIAS, Error.SCALE_X):
-        state.P[i, i] += p.bias_walk**2 * seconds
+def _errors_now(params: SeekParams, state: State, errors: GyroErrors | None) -> GyroErrors:
+    """What was known of the gyros before a seek, at its end."""
+    begun = gyro_errors.stated(params) if errors is None else errors
+    return gyro_errors.after(begun, params, float(state.level_time + state.elapsed))
 
 
 def calibrated(params: SeekParams, state: State, azimuth: float, sigma: float) -> SeekParams:
@@ -257,41 +233,6 @@ def calibrated(params: SeekParams, state: State, azimuth: float, sigma: float) -
         g_calibration_deg_h_g=(float(values[0]), float(values[1]), float(values[2]), float(values[3])),
         g_locked_deg_h_g=float(rest[:2].max()),
     )
-
-
-# Shares of the stated bias that are tried where it is only an upper bound: nine to one that it is the bound itself,
-# else somewhere below, evenly in the logarithm down to a 300th. Even odds let a unit as bad as its bound earn too small
-# a sigma in one position, by noise alone.
-_SHARES = 300.0 ** (-np.arange(12.0) / 11.0)
-_BOUND = math.log(99.0)
-
-
-def _parts(params: SeekParams, p: KernelParams, state: State, right: Array) -> list[azimuth_posterior.Part]:
-    """
-    Make the filter's Gaussian of the Earth rate for each scale that the gyro biases may have.
-
-    The filter runs with the stated scale. Another one is the same posterior times the ratio of the two priors, which is
-    Gaussian too: a measurement "the bias is zero", and the evidence for that scale. A gyro whose rates fit the latitude
-    along north and down, two checks that cost nothing, so earns a smaller bias east, where it cannot be checked.
-    """
-    P, x = state.P, estimate(state)
-    stated = np.array([p.gyro_x_bias, p.gyro_bias, p.gyro_bias])
-    if params.bias_scale == "stated" or not (stated > 0.0).all():
-        return [azimuth_posterior.part(0.0, x[_EARTH], P, right, _EARTH)]
-    parts = []
-    for share in _SHARES:
-        if share == 1.0:
-            parts.append(azimuth_posterior.part(_BOUND, x[_EARTH], P, right, _EARTH))
-            continue
-        noise = np.diag(stated**2 * share**2 / (1.0 - share**2))
-        S = P[_BIAS, _BIAS] + noise
-        gain = np.linalg.solve(S, P[_BIAS]).T
-        log = -3.0 * math.log(share) - 0.5 * float(x[_BIAS] @ np.linalg.solve(S, x[_BIAS]))
-        log += 0.5 * float(np.linalg.slogdet(noise)[1] - np.linalg.slogdet(S)[1])
-        moved = x - gain @ x[_BIAS]
-        shift = float(right @ (moved - x))
-        parts.append(azimuth_posterior.part(log, moved[_EARTH], P - gain @ P[_BIAS], right, _EARTH, shift))
-    return parts
 
 
 def _method(params: SeekParams, state: State) -> str:

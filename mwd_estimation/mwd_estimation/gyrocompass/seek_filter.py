@@ -33,6 +33,9 @@ _TILT, _VELOCITY, _DIRECTION, _WOBBLE_1, _WOBBLE_2, _HEADING_VARIANCE = 0.03, 0.
 # Start sigma of the horizontal Earth rate, in Earth rates: wide, and the same in every direction, so that on the circle
 # where azimuth is read it favours none.
 _EARTH_RATES = 3.0
+# Start sigma of the biases in stated ones: a seek knows nothing of them, and what the run knows is weighed in its end
+# (`gyro_errors`).
+UNKNOWN = 100.0
 
 
 @compiled
@@ -171,18 +174,8 @@ def _drift(s: State, i: int, t: float) -> None:
 
 
 @compiled
-def is_instrument(i: int) -> bool:
-    """Whether error i belongs to the instrument, not to where and how the tool lies."""
-    return Error.GYRO_BIAS <= i < Error.AXIS or i >= Error.LEAD
-
-
-@compiled
 def _begin(p: KernelParams, s: State, work: Work) -> None:
-    """
-    Level the frame on the mean force; its heading is that of the tool axis, and the start covariance follows.
-
-    What an earlier seek found of the instrument is kept where it is carried on.
-    """
+    """Level the frame on the mean force; its heading is that of the tool axis, and the start covariance follows."""
     level, mat, sums = work.level, s.mat, s.sums
     for i in range(3):
         work.down[i], work.forward[i] = -sums.force[i], sums.mat[i, 0]
@@ -197,8 +190,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
     P = s.P
     for i in range(Error.SIZE):
         for j in range(Error.SIZE):
-            if not (s.carried and is_instrument(i) and is_instrument(j)):
-                P[i, j] = 0.0
+            P[i, j] = 0.0
     for j in range(8):
         s.wobble[j] = 0.0
         P[Error.WOBBLE + j, Error.WOBBLE + j] = (_WOBBLE_1 if j % 4 < 2 else _WOBBLE_2) ** 2
@@ -210,8 +202,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
         P[Error.AXIS + j, Error.AXIS + j] = _DIRECTION**2
     P[Error.ATTITUDE + 2, Error.ATTITUDE + 2] = _HEADING_VARIANCE
     P[Error.ROLL, Error.ROLL] = _DIRECTION**2
-    if not s.carried:
-        _begin_instrument(p, s)
+    _begin_instrument(p, s)
 
 
 @compiled
@@ -226,8 +217,8 @@ def _begin_instrument(p: KernelParams, s: State) -> None:
     for j in range(2):
         s.leak[j] = 0.0
         P[Error.LEAK + j, Error.LEAK + j] = p.leak**2
-        P[Error.GYRO_BIAS + 1 + j, Error.GYRO_BIAS + 1 + j] = p.gyro_bias**2
-    P[Error.GYRO_BIAS, Error.GYRO_BIAS] = p.gyro_x_bias**2
+        P[Error.GYRO_BIAS + 1 + j, Error.GYRO_BIAS + 1 + j] = (UNKNOWN * p.gyro_bias) ** 2
+    P[Error.GYRO_BIAS, Error.GYRO_BIAS] = (UNKNOWN * p.gyro_x_bias) ** 2
     P[Error.SCALE_X, Error.SCALE_X] = p.scale_x**2
     P[Error.LAG, Error.LAG] = p.lag_sigma**2
     P[Error.LEAD, Error.LEAD] = p.lead_sigma**2
@@ -266,7 +257,7 @@ def reset(s: State) -> None:
     for i in range(4):
         s.g_sensitivity[i] = 0.0
     s.scale_x = s.lag = s.lead = 0.0
-    s.phase, s.carried = Phase.LEVELLING, False
+    s.phase = Phase.LEVELLING
     s.settled = s.seen = s.still_run = s.positions = s.refused_blocks = s.moved = s.samples = s.clipped = 0
     s.level_time = s.elapsed = s.still_time = s.turn_time = 0.0
 

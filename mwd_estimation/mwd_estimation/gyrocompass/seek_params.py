@@ -44,10 +44,9 @@ class SeekParams:
     gyro_noise_deg_rth: float = 0.05  #: white noise of y and z, deg/sqrt(h)
     gyro_x_noise_deg_rth: float = 0.42  #: white noise of x, deg/sqrt(h)
     accel_noise_ug_rthz: float = 30.0  #: white noise of the accelerometers, ug/sqrt(Hz)
-    gyro_bias_deg_h: float = 1.0  #: sigma of the bias of y and z, deg/h
-    #: stated: the bias figures are sigmas. at_most: sigmas are those or less, as the fit to the latitude shows.
-    bias_scale: str = "stated"
-    gyro_x_bias_deg_h: float = 36.0  #: sigma of the bias of x, deg/h
+    #: Sigma of the bias of y and z, and of x, of a unit as it is stated, deg/h; how good this one is, its run tells.
+    gyro_bias_deg_h: float = 1.0
+    gyro_x_bias_deg_h: float = 36.0
     accel_bias_ug: float = 100.0  #: sigma of the accelerometer bias, ug
     gyro_walk_deg_h_rth: float = 0.02  #: random walk of the gyro bias in an hour, deg/h
     gyro_ramp_deg_h2: float = 0.0  #: sigma of the ramp of the gyro bias, as where the tool warms up, deg/h per hour
@@ -80,7 +79,6 @@ TACTICAL = SeekParams(
     gyro_noise_deg_rth=0.0,
     gyro_bias_deg_h=5.0,
     gyro_x_bias_deg_h=5.0,
-    bias_scale="at_most",
     accel_bias_ug=200.0,
     gyro_walk_deg_h_rth=0.3,
     gyro_ramp_deg_h2=3.0,

@@ -10,6 +10,7 @@ from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.gyrocompass.seek_state import State
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
 # Geodetic latitude above which the Earth's rotation has no usable horizontal part.
@@ -37,6 +38,7 @@ class Fit:
     sensitivity: float  #: share of the horizontal Earth rate that this method sees at this attitude, 0 to 1
     misfit: float  #: squared distance of the horizontal Earth rate from the latitude's, in sigmas
     azimuths: tuple[float, ...]  #: all that fit alike, rad, where there are several
+    bias: Array  #: shape (3,); of the gyros as found, rad/s
 
 
 def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
@@ -45,7 +47,7 @@ def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
         polar(params.latitude_deg)
         or _motion(params, state, fit.method)
         or _attitude(params, fit)
-        or _instrument(params, state)
+        or _instrument(params, state, fit)
         or _uncertainty(params, float(state.elapsed), fit)
     )
 
@@ -113,13 +115,13 @@ def _attitude(params: SeekParams, fit: Fit) -> Reason | None:
     return None
 
 
-def _instrument(params: SeekParams, state: State) -> Reason | None:
+def _instrument(params: SeekParams, state: State, fit: Fit) -> Reason | None:
     """Refuse an error of the instrument found far from its stated range."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
     stated = (
-        (bias, "x gyro bias", state.gyro_bias[0], params.gyro_x_bias_deg_h * DEG_PER_HOUR),
-        (bias, "y gyro bias", state.gyro_bias[1], params.gyro_bias_deg_h * DEG_PER_HOUR),
-        (bias, "z gyro bias", state.gyro_bias[2], params.gyro_bias_deg_h * DEG_PER_HOUR),
+        (bias, "x gyro bias", float(fit.bias[0]), params.gyro_x_bias_deg_h * DEG_PER_HOUR),
+        (bias, "y gyro bias", float(fit.bias[1]), params.gyro_bias_deg_h * DEG_PER_HOUR),
+        (bias, "z gyro bias", float(fit.bias[2]), params.gyro_bias_deg_h * DEG_PER_HOUR),
         (scale, "x gyro scale error", state.scale_x, params.scale_x_ppm * 1e-6),
         (leak, "x rate in the y gyro", state.leak[0], params.leak_urad * 1e-6),
         (leak, "x rate in the z gyro", state.leak[1], params.leak_urad * 1e-6),

@@ -133,7 +133,6 @@ class State:
     phase: int
     settled: int
     seen: int
-    carried: bool  #: whether the instrument's errors come from an earlier seek
     #: `level_time`, `elapsed`, `still_time`, `turn_time`: s of levelling, and of seeking: all, at rest and turning.
     level_time: float
     elapsed: float

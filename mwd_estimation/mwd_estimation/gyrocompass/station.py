@@ -17,6 +17,8 @@ import numpy as np
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.time_bins import Bin
+from mwd_estimation.gyrocompass import gyro_errors, north_seek
+from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.methods import NorthSeek, StaticSeek
 from mwd_estimation.gyrocompass.seek_params import S1, SeekParams, at_place, white_noise
 from mwd_estimation.gyrocompass.seek_refusal import polar, too_short
@@ -61,8 +63,8 @@ class GyroStation:
         self._seek: NorthSeek | StaticSeek | None = None
         self._axis = math.nan
         self._turned_s = 0.0
-        # The seek as it was in the last still bin, and its last sample: what the next seek carries on.
-        self._found: tuple[State, int] | None = None
+        # The seek as it was in the last still bin, what was known of the gyros before it, and its last sample.
+        self._found: tuple[State, GyroErrors | None, int] | None = None
         self._last_ns: int | None = None
         self._rest: list[tuple[Stamps, Array]] = []
         # Time of the seek, s, at which `pending` was computed last, and its result.
@@ -114,7 +116,7 @@ class GyroStation:
         if self._seek is not None and len(stamps):
             self._seek.run(samples)
             if still and isinstance(self._seek, NorthSeek) and self._seek.elapsed >= self.params.shortest:
-                self._found = self._seek.state.copy(), int(stamps[-1])
+                self._found = self._seek.state.copy(), self._seek.errors, int(stamps[-1])
 
     def _begin(self, params: SeekParams, first_ns: int | None) -> NorthSeek | StaticSeek:
         self._waited = (-math.inf, None)
@@ -127,8 +129,9 @@ class GyroStation:
             return StaticSeek(self.params)
         if self._found is None or first_ns is None:
             return NorthSeek(self.params)
-        state, last_ns = self._found
-        return NorthSeek(self.params, (state, (first_ns - last_ns) * 1e-9))
+        state, errors, last_ns = self._found
+        found = north_seek.learnt(self.params, state, errors)
+        return NorthSeek(self.params, gyro_errors.after(found, self.params, (first_ns - last_ns) * 1e-9))
 
     def _continues(self, seek: NorthSeek | StaticSeek, imu: Bin, bin_s: float, still: bool) -> bool:
         if still:

@@ -177,7 +177,6 @@ def gyrocompass_params(settings: EstimatorSettings) -> SeekParams:
         gyro_noise_deg_rth=gyro.noise_deg_sqrt_h,
         gyro_bias_deg_h=gyro.bias_deg_h,
         gyro_x_bias_deg_h=gyro.bias_deg_h,
-        bias_scale=gyro.bias_scale,
         gyro_walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
         gyro_ramp_deg_h2=_RAMP_PER_H * gyro.bias_deg_h,
         scale_x_ppm=gyro.scale_ppm,

@@ -73,6 +73,7 @@ FORMER: Mapping[str, str] = {
     **{name: f"a constant ({value})" for name, value in CONSTANT.items()},
     **dict.fromkeys(("survey.max_rate", "survey.max_rate_noise", "survey.max_force_noise"), "survey.motion"),
     "tool.precision.accelerometer": "two constants (noise 30 ug/sqrt(Hz), bias 200 ug)",
+    "tool.precision.gyro.bias_scale": "found by the stations of a run; the bias stated is that of its type of unit",
     "verdict.magnetised_string": "a constant (0.3); tool.axial_interference_nt tells of a magnetic string",
     "tool.possible_axial_nt": "derived: nine times tool.axial_interference_nt",
     "place.gravity_mps2": "derived: of place.lat_deg, or the standard value without it",

@@ -39,18 +39,11 @@ class PrecisionGyro:
     )
     bias_deg_h: float = setting(
         5.0,
-        "Bias that may remain, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position. State it for "
-        "a better unit, or its azimuth is no better.",
+        "Bias that may remain, 1 sigma. Raising it widens the sigma of a gyro azimuth in one position; how good this "
+        "unit is, the stations of a run tell.",
         unit="deg/h",
         low=0.0,
         high=1e5,
-    )
-    bias_scale: str = setting(
-        "at_most",
-        "stated: the bias is drawn with the sigma above; at_most: with that or less, as the fit to the latitude "
-        "shows. Use stated where the sigma is measured.",
-        choices=("stated", "at_most"),
-        expert=True,
     )
     walk_deg_h_sqrt_h: float = setting(
         0.3,

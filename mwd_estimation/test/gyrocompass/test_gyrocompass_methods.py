@@ -13,6 +13,7 @@ from north_signals import measured, motion, steady, still
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.methods import NorthSeek, StaticSeek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_sensors.core.constants import DEG_PER_HOUR
@@ -63,7 +64,7 @@ def test_only_the_best_takes_a_turn_and_what_an_earlier_seek_found() -> None:
     wide = dataclasses.replace(PARAMS, gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0)
     first = NorthSeek(wide)
     fed(first, roll=lambda t: 0.4 + math.pi * np.clip((t - 29.0) / 6.0, 0.0, 1.0), bias=3.0)
-    carried = fed(NorthSeek(wide, (first.state, 0.0)), bias=3.0).solution()
+    carried = fed(NorthSeek(wide, north_seek.learnt(wide, first.state)), bias=3.0).solution()
     assert carried.success, carried.reason
     assert abs(float(wrap_pi(carried.azimuth - 2.2))) < 3.0 * carried.sigma
     assert not fed(NorthSeek(wide), bias=3.0).solution().success

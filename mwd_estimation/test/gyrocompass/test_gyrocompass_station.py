@@ -204,9 +204,6 @@ def test_a_gyro_that_fits_the_latitude_finds_north_in_one_position_and_says_how_
     assert found.method == "still"
     assert abs(wrap_pi(found.azimuth - 2.2)) < math.radians(0.5)
     assert math.radians(0.25) < found.sigma < math.radians(4.0)
-    stated = _station(bias_scale="stated")
-    _rest(stated, 122.0, 0.02, noise=0.01)
-    assert stated.solution().reason.code is ReasonCode.GYRO_BIAS_UNKNOWN
 
 
 def test_a_gyro_with_a_bias_gets_no_credit_for_fitting_the_latitude():
@@ -238,13 +235,13 @@ def test_the_bias_that_two_positions_showed_serves_the_next_station_while_the_to
 
 
 def test_what_the_gyro_waits_for_is_reported_until_waiting_brings_nothing():
-    station = _station(0.05, bias_scale="stated")
+    station = _station(0.05)
     assert station.pending() is None
     _rest(station, 10.0, 0.0)
     assert station.pending().code is ReasonCode.SEEK_TOO_SHORT
     _rest(station, 60.0, 0.0, start_s=10.0, settled_s=0.0)
     assert station.pending().code is ReasonCode.SEEK_IMPROVES
-    precise = _station(0.01, gyro_noise_deg_rth=0.003, bias_scale="stated")
+    precise = _station(0.01, gyro_noise_deg_rth=0.003)
     _rest(precise, 60.0, 0.0, noise=0.003)
     assert precise.pending() is None
     assert precise.solution().success

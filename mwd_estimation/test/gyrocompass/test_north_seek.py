@@ -16,7 +16,7 @@ from consistency import assert_consistent
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.gyrocompass import north_seek
+from mwd_estimation.gyrocompass import gyro_errors, north_seek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.constants import DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
@@ -353,14 +353,14 @@ def test_a_gyro_whose_bias_drifts_to_the_next_station_errs_by_its_sigma_there() 
     error, sigma = np.empty(60), np.empty(60)
     for r in range(60):
         bias, ramp = rng.standard_normal((2, 3)) * [[1.0], [3.0]] * DEG_PER_HOUR
-        state = north_seek.initial()
+        errors = None
         for clean, hours in ((first, 0.0), (second, between / 3600.0)):
             since = hours + (clean.stamp_ns - clean.stamp_ns[0])[:, None] / 3.6e12
             gyro, accel = measured(clean, rng, 0.05, None, 30.0)
-            if hours:
-                state = north_seek.carried_on(params, state, between)
+            state = north_seek.initial()
             north_seek.run(params, state, clean.stamp_ns, gyro + bias + ramp * since, accel)
-        found = north_seek.solution(params, state)
+            found = north_seek.solution(params, state, errors)
+            errors = gyro_errors.after(north_seek.learnt(params, state, errors), params, between)
         error[r], sigma[r] = wrap_pi(found.azimuth - math.radians(70.0)), found.sigma
     assert_consistent(error, sigma)
 
@@ -373,7 +373,6 @@ def test_a_gyro_as_bad_as_the_bound_of_its_bias_errs_by_its_sigma_in_one_positio
         gyro_x_noise_deg_rth=noise,
         gyro_bias_deg_h=3.0,
         gyro_x_bias_deg_h=3.0,
-        bias_scale="at_most",
         scale_x_ppm=300.0,
     )
     clean = motion(60.0, math.radians(10.0), math.radians(60.0), math.radians(40.0), still, RATE)
