@@ -11,8 +11,12 @@ from typing import ClassVar
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.settings.former import former
+from mwd_estimation.survey.posterior.field_model import FieldErrors
 from mwd_sensors.core import earth
 from mwd_sensors.core.settings import SettingsError, setting
+
+# A source with this in its name holds the field of the moment too.
+_IFR2 = "IFR2"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,10 +202,12 @@ def _fixed(place: Place) -> Reference:
             f"{', '.join(missing)}: a field of {place.source} needs total, dip and declination each with its sigma; "
             "take them from its certificate"
         )
+    # A certificate knows core and crust; the field of the Sun it knows only where an observatory is part of it (IFR2).
+    outside = FieldErrors(total_nt=0.0, dip_deg=0.0, declination_degnt=0.0) if _IFR2 in place.source else FieldErrors()
     return dataclasses.replace(
         reference,
-        sigma_total=place.sigma_total_nt * 1e-9,
-        sigma_dip=math.radians(place.sigma_dip_deg),
+        sigma_total=math.hypot(place.sigma_total_nt, outside.total_nt) * 1e-9,
+        sigma_dip=math.radians(math.hypot(place.sigma_dip_deg, outside.dip_deg)),
         sigma_declination=math.radians(place.sigma_declination_deg),
-        sigma_declination_field=0.0,
+        sigma_declination_field=math.radians(outside.declination_degnt) * 1e-9,
     )

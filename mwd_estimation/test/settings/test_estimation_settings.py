@@ -278,14 +278,19 @@ _FIXED = {"place.field": "fixed", "place.total_nt": 50000.0}
 _CERTIFICATE = {"place.sigma_total_nt": 60.0, "place.sigma_dip_deg": 0.11, "place.sigma_declination_deg": 0.15}
 
 
-def test_a_named_field_brings_its_own_sigmas():
-    given = {**_FIXED, **_CERTIFICATE, "place.source": "HDGM", "survey.tool_code": "MWD+SRGM"}
-    reference = derivation.reference(changed(EstimatorSettings(), given), 0)
-    assert reference.source == "HDGM"
-    assert reference.sigma_total == pytest.approx(60e-9)
-    assert reference.sigma_dip == pytest.approx(math.radians(0.11))
+def test_a_named_field_brings_its_own_sigmas_and_the_field_of_the_moment_only_where_it_is_an_ifr2():
+    given = {**_FIXED, **_CERTIFICATE, "place.source": "IFR2", "survey.tool_code": "MWD+SRGM"}
+    known = derivation.reference(changed(EstimatorSettings(), given), 0)
+    assert known.source == "IFR2"
+    assert known.sigma_total == pytest.approx(60e-9)
+    assert known.sigma_dip == pytest.approx(math.radians(0.11))
     # The declination's is of this place: it does not grow with a weak horizontal field.
-    assert math.sqrt(reference.declination_variance(1e-5)) == pytest.approx(math.radians(0.15))
+    assert math.sqrt(known.declination_variance(1e-5)) == pytest.approx(math.radians(0.15))
+    # MFIR, MDIR and DBHR of OWSG A003Mc rev 5.1: what changes from station to station.
+    quiet = derivation.reference(changed(EstimatorSettings(), {**given, "place.source": "IFR1"}), 0)
+    assert quiet.sigma_total == pytest.approx(math.hypot(60e-9, 60e-9))
+    assert quiet.sigma_dip == pytest.approx(math.radians(math.hypot(0.11, 0.08)))
+    assert math.sqrt(quiet.declination_variance(15e-6)) == pytest.approx(math.radians(math.hypot(0.15, 0.2)))
 
 
 @pytest.mark.parametrize("missing", [*_CERTIFICATE, "place.source", "place.total_nt"])
