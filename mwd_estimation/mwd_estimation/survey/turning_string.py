@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core.arrays import Array, Stamps
 
-# A window has so many bins, least and most, and the string turns so far in it, rad; so many windows tell something.
-_BINS, _MOST_BINS, _TURNED, _LEAST = 10, 120, 8.0 * math.pi, 2
+# A window has so many bins, least and most, and the string turns so far in it, rad.
+_BINS, _MOST_BINS, _TURNED = 10, 120, 8.0 * math.pi
 # A string that turns by less in a bin, rad, does not begin a window; samples farther apart, s, end it.
 _BEGINS, _APART_S = 0.5, 0.1
 # Fewer samples in a half second, or in a turn, which the fit follows to one and a half cycles, tell nothing.
@@ -42,6 +42,8 @@ _IN_STEP, _SKEW, _ELECTRONICS = 5e-4, math.radians(0.05), 50e-9
 # Columns of the fit: constant and drift, cosine and sine of the roll and their drift, the four that show noise, and two
 # of a delay behind the gyro where the speed changes; and how alike the columns may be for these two to count.
 _CONSTANT, _COS, _SIN, _NOISE, _LATE, _MOST_ALIKE = 0, 2, 3, slice(6, 10), 10, 100.0
+# A window shows its noise by so many numbers: four amplitudes of three axes.
+_NUMBERS = 12.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,11 +98,21 @@ class _Triad:
         self.noise += float(np.mean(noise**2))
         self.rate2 += rate**2
 
+    @property
+    def mean_noise(self) -> float:
+        """
+        Variance of an amplitude in one window, of those with any.
+
+        It is itself known by few numbers: that of Student's t with as many degrees of freedom.
+        """
+        numbers = _NUMBERS * self.windows
+        return self.noise / self.windows * numbers / (numbers - 2.0)
+
     def tilt(self, alike: float) -> tuple[complex, float]:
         """Where the axis of rotation lies, rad, and the variance of each part; alike: 1 sigma of K in all windows."""
-        if self.windows < _LEAST or not self.weight > 0.0:
+        if not self.weight > 0.0:
             return 0j, math.inf
-        variance = self.noise / self.windows + alike**2 * self.windows
+        variance = self.mean_noise + alike**2 * self.windows
         return self.axis / self.weight, variance / self.weight + _SKEW**2
 
 
@@ -188,7 +200,7 @@ class TurningString:
         if not math.isfinite(of_force + of_field):
             return None
         field, along = self._field.across / self._field.windows, self._field.along / self._field.windows
-        noise = self._field.noise / self._field.windows**2 + _ELECTRONICS**2
+        noise = self._field.mean_noise / self._field.windows + _ELECTRONICS**2
         mount, rest = a_force - a_field, field - a_field * along
         return Turning(
             Across(np.array([mount.real, mount.imag]), math.sqrt(of_force + of_field)),

@@ -6,10 +6,17 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from consistency import assert_consistent
+from mwd_estimation.core.magnetic_geometry import dip
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.measurement import measured
+from mwd_estimation.survey.run_model import RunModel
 from mwd_estimation.survey.static_survey import BIN_NS
+from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.turning_string import TurningString
+from mwd_estimation.survey.verdict import judged
 
 RATE_HZ, PERIOD_NS = 100, 10_000_000
 PER_BIN = BIN_NS // PERIOD_NS
@@ -135,10 +142,38 @@ def test_any_cut_of_the_samples_gives_the_same_bits(overtaken):
         assert (one.mount.sigma, one.field.sigma) == (rows[0].mount.sigma, rows[0].field.sigma)
 
 
+@pytest.mark.parametrize(
+    "motion", [{}, {"bounce": 5e-4}, {"late": 1, "slip": 0.8}, {"late": 3}, {"wobble": 0.05}], ids="-".join
+)
+def test_a_string_that_turned_for_few_seconds_has_a_sigma_of_its_own(motion):
+    mount, off = np.radians([1.2, -1.6]), []
+    for seed in range(100, 140):
+        found = string(7.0, np.random.default_rng(seed), mount=mount, noise=10.0, **motion)
+        off += list((found.mount.value - mount) / found.mount.sigma)
+    # The floors, for what is alike in every window, make it less.
+    assert np.mean(np.square(off)) < chi2.ppf(0.99, len(off)) / len(off)
+    assert found.mount.sigma < math.radians(10.0)
+    # Longer turns tell more.
+    assert string(60.0, np.random.default_rng(1), mount=mount, noise=10.0, **motion).mount.sigma < found.mount.sigma
+
+
+def test_a_sound_tool_that_bounces_by_two_millimetres_errs_within_its_sigma():
+    f_t, b_t = np.array([-4.905, 8.4957, 0.0]), np.array([4.2e-5, -1.2e-5, 2.0e-5])
+    settings = StationSettings()
+    reference = Reference(float(np.linalg.norm(b_t)), float(dip(f_t, b_t)), 0.0, gravity=9.81)
+    one = measured(f_t, b_t, reference, settings)
+    for seconds in (7.0, 60.0):
+        turning = string(seconds, np.random.default_rng(3), bounce=2e-3)
+        finding = RunModel(settings).take(one, turning=turning)
+        station = judged(one, finding, settings)
+        assert abs(station.inclination - math.radians(60.0)) < 3.0 * station.sigma_inclination
+        assert station.verdicts.azimuth != "reject"
+
+
 def test_a_string_that_stands_has_just_begun_to_turn_or_whose_sensors_clip_shows_nothing():
     rng = np.random.default_rng(1)
     assert string(60.0, rng, speed=0.0) is None
-    assert string(8.0, rng) is None
+    assert string(4.5, rng) is None
     assert string(60.0, rng, bad=lambda at: at % 400 == 0) is None
 
 
