@@ -4,9 +4,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+    from mwd_surface.receiver.link.receivers import Receiver
+    from mwd_surface.receiver.pressure_files import PressureFile
+    from mwd_surface.receiver.words import Reception
 
 
 def decode(
@@ -43,12 +49,10 @@ def decode(
       mwd decode standpipe.wav --tool tool.yaml -o decoded
       mwd decode voltage.csv --tool em.yaml -o decoded
     """
-    from mwd_sensors.core.output_files import write_whole
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
-    from mwd_surface.receiver import picture, pressure_files, word_files
+    from mwd_surface.receiver import pressure_files
     from mwd_surface.receiver.link import receivers
-    from mwd_surface.receiver.pulse import pulse_receiver
     from mwd_surface.receiver.words import BELIEVED
 
     configuration = tool_configuration.read(tool)
@@ -60,23 +64,51 @@ def decode(
     for note in read.notes:
         terminal.warn(f"{file.name}: {note}")
     receiver = receivers.receiver_of(configuration)
+    got = _received(receiver, read, strokes)
+    names = _write(output, configuration, read, got)
+    _print_words(got, wired)
+    if not any(word.status == BELIEVED for word in got.words):
+        terminal.warn(receiver.why_nothing())
+    terminal.output().print(f"written: {output}/{names} ({read.origin})", markup=False)
+
+
+def _received(receiver: Receiver, read: PressureFile, strokes: Path | None) -> Reception:
+    """What a receiver hears in a file; strokes: of the pumps, where they stand in a file of their own."""
+    from mwd_surface.receiver import pressure_files
+    from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
+
     counted = pressure_files.read_strokes(strokes) if strokes else read.strokes
-    if isinstance(receiver, pulse_receiver.PulseReceiver):
+    if isinstance(receiver, PulseReceiver):
         for pump, times in counted.items():
             receiver.strokes(pump, times)
     elif strokes:
         raise ValueError("--strokes: only the receiver of pulses takes strokes; leave it out")
     got = receiver.push(read.time_s, read.pressure_pa)
     got.add(receiver.finish())
-    output.mkdir(parents=True, exist_ok=True)
-    write_whole(output / "words.csv", word_files.words_csv(got.words))
-    write_whole(output / "surveys.csv", word_files.surveys_csv(got.words))
-    names = "words.csv, surveys.csv"
-    if not wired:
-        quantity = picture.VOLTAGE if configuration.medium == "earth" else picture.PRESSURE
-        drawn = picture.image(read.time_s, read.pressure_pa, got.words, configuration, quantity=quantity)
-        write_whole(output / "picture.png", drawn)
-        names += ", picture.png"
+    return got
+
+
+def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, got: Reception) -> str:
+    """Write the tables, and a picture of what is no serial line; returns the names of the files."""
+    from mwd_sensors.core.output_files import write_whole
+    from mwd_surface.receiver import picture, word_files
+
+    folder.mkdir(parents=True, exist_ok=True)
+    write_whole(folder / "words.csv", word_files.words_csv(got.words))
+    write_whole(folder / "surveys.csv", word_files.surveys_csv(got.words))
+    if configuration.code == "serial":
+        return "words.csv, surveys.csv"
+    quantity = picture.VOLTAGE if configuration.medium == "earth" else picture.PRESSURE
+    drawn = picture.image(read.time_s, read.pressure_pa, got.words, configuration, quantity=quantity)
+    write_whole(folder / "picture.png", drawn)
+    return "words.csv, surveys.csv, picture.png"
+
+
+def _print_words(got: Reception, wired: bool) -> None:
+    """Print a line for each frame and for each value of a survey; a wire has no signal to tell of."""
+    from mwd_surface.commands import terminal
+    from mwd_surface.receiver.words import BELIEVED
+
     console = terminal.output()
     for frame in got.frames:
         words = [word for word in got.words if word.frame == frame.frame]
@@ -91,6 +123,3 @@ def decode(
         if word.kind == "survey" and word.usable:
             chosen = "" if word.status == BELIEVED else "  (by consistency)"
             console.print(f"{word.end_s:8.1f} s  {word.name} {word.value:.2f} {word.unit}{chosen}", markup=False)
-    if not any(word.status == BELIEVED for word in got.words):
-        terminal.warn(receiver.why_nothing())
-    console.print(f"written: {output}/{names} ({read.origin})", markup=False)
