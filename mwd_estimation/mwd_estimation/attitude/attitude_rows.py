@@ -14,7 +14,8 @@ from mwd_estimation.attitude.rejected_samples import PropagatedRow
 from mwd_estimation.attitude.time_alignment_state import AttitudeRow
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
-from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_estimation.core.track import Track
+from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
@@ -35,15 +36,8 @@ class LastMagnetic:
 class Sources(NamedTuple):
     """What the samples of a stretch are written from, n samples and k magnetic azimuths."""
 
-    #: `stamp_ns`, `g_t`, `sigma_inclination`, `sigma_toolface`, `non_gravity`, `rotary_speed`, `status`: stamps, and
-    #: gravity as in `core.track.Track`.
-    stamp_ns: Stamps
-    g_t: Array
-    sigma_inclination: Array
-    sigma_toolface: Array
-    non_gravity: Array
-    rotary_speed: Array
-    status: NDArray[np.uint32]
+    stamp_ns: Stamps  #: int64, shape (n,)
+    track: Track
     suspect: NDArray[np.uint8]  #: uint8, shape (n,); sensors in doubt
     plain: Samples  #: dtype `time_alignment_state.ATTITUDE_ROW`, shape (n,)
     azimuth: Samples  #: dtype `gyro_azimuth_state.AZIMUTH_ROW`, shape (n,)
@@ -91,8 +85,8 @@ def write(stretch: Stretch, last: LastMagnetic, sources: Sources, attitude: Samp
     """
     rejected, pair = 0, 0
     # Kernels called for each sample are given numbers and rows: numba counts the references of an array at each call.
-    stamps, g_t, sigma_inclination, sigma_toolface, non_gravity, rotary_speed, status_of, suspect = sources[:8]
-    plain, azimuth, propagated, magnetic = sources[8:]
+    stamps, track, suspect, plain, azimuth, propagated, magnetic = sources
+    g_t, sigma_inclination, sigma_toolface, non_gravity, rotary_speed, status_of = track
     for i in range(len(stamps)):
         while pair < len(magnetic) and magnetic[pair].place - stretch.start <= i:
             _take(last, magnetic[pair])

@@ -181,7 +181,16 @@ class AttitudeStream:
         azimuth = self._propagate(block, events, magnetic, precision)
         rejected = 0
         for part, model in stretches:
-            sources = self._sources(block, part, plain, azimuth, timed, magnetic)
+            taken = slice(*np.searchsorted(magnetic["place"], [part.start, part.stop]))
+            sources = Sources(
+                block.stamps[part],
+                block.track.part(part),
+                block.suspect[part],
+                plain[part],
+                azimuth[part],
+                timed[part],
+                magnetic[taken],
+            )
             stretch = self._stretch(block, part.start, model)
             rejected += attitude_rows.write(stretch, self._last[0], sources, attitude[part], gravity[part])
         interference = self._interference(events, magnetic, plain, before)
@@ -228,26 +237,6 @@ class AttitudeStream:
         self._waiting = known[used:]
         self.propagated = [PropagatedAzimuth(*row) for row in propagated.tolist()]
         return rows
-
-    def _sources(
-        self, block: Block, part: slice, plain: Samples, azimuth: Samples, timed: Samples, magnetic: Samples
-    ) -> Sources:
-        track = block.track
-        taken = slice(*np.searchsorted(magnetic["place"], [part.start, part.stop]))
-        return Sources(
-            stamp_ns=block.stamps[part],
-            g_t=track.g_t[part],
-            sigma_inclination=track.sigma_inclination[part],
-            sigma_toolface=track.sigma_toolface[part],
-            non_gravity=track.non_gravity[part],
-            rotary_speed=track.rotary_speed[part],
-            status=track.status[part],
-            suspect=block.suspect[part],
-            plain=plain[part],
-            azimuth=azimuth[part],
-            propagated=timed[part],
-            magnetic=magnetic[taken],
-        )
 
     def _stretch(self, block: Block, start: int, model: MagneticModelInForce) -> Stretch:
         status = (0 if self._magnetic.has_reference else _NO_REFERENCE) | (_FAULT if block.unusable else 0)
