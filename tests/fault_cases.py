@@ -6,6 +6,7 @@ from __future__ import annotations
 import ast
 import csv
 import dataclasses
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -41,14 +42,18 @@ def cases() -> list[Case]:
         return [Case(int(row["number"]), row["group"], row["case"], row["expected"]) for row in csv.DictReader(file)]
 
 
-def held() -> list[Held]:
+@functools.cache
+def held() -> tuple[Held, ...]:
     """Return every test that is marked with `fault_case`, in order of file and line."""
-    return [one for folder in FOLDERS for path in sorted((ROOT / folder).rglob("test_*.py")) for one in _in_file(path)]
+    paths = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("test_*.py"))]
+    return tuple(one for path in paths for one in _in_file(path))
 
 
 def _in_file(path: Path) -> Iterator[Held]:
-    file = path.relative_to(ROOT).as_posix()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    file, text = path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+    if "fault_case" not in text:
+        return
+    for node in ast.walk(ast.parse(text)):
         if not isinstance(node, ast.FunctionDef) or not node.name.startswith("test_"):
             continue
         marks = [mark for mark in node.decorator_list if isinstance(mark, ast.Call) and _name(mark) == "fault_case"]

@@ -64,10 +64,15 @@ SIMULATOR_USERS = (SIMULATOR, "mwd_sensors.nodes", "mwd_surface.commands", "mwd_
 
 
 @functools.cache
+def _tree(path):
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@functools.cache
 def _imports(path):
     """Dotted names a file imports, each name of a `from` import also with its module in front."""
     found = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(_tree(path)):
         if isinstance(node, ast.Import):
             found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -110,6 +115,7 @@ def test_packages_depend_one_way():
     assert not wrong, "\n".join(wrong)
 
 
+@functools.cache
 def _room(name):
     """The package of a dotted name and its room, or its module outside rooms; "" for the package itself."""
     package, _, rest = name.partition(".")
@@ -168,7 +174,7 @@ def test_only_its_node_and_the_tools_import_the_simulator():
 
 
 def test_every_module_says_what_it_is_for():
-    wrong = [_module(path) for path in MODULES if not ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))]
+    wrong = [_module(path) for path in MODULES if not ast.get_docstring(_tree(path))]
     assert not wrong, "\n".join(wrong)
 
 
@@ -200,7 +206,7 @@ def test_files_and_functions_stay_small():
         text = path.read_text(encoding="utf-8")
         if text.count("\n") > 400:
             wrong.append(f"{_module(path)} has {text.count(chr(10))} lines")
-        for node in ast.walk(ast.parse(text)):
+        for node in ast.walk(_tree(path)):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and "commands" not in path.parts:
                 lines = (node.end_lineno or node.lineno) - node.lineno + 1
                 if lines > 60:
