@@ -98,6 +98,7 @@ def read_whole(path):
         return
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "suffix"), [("mcap", ".mcap"), ("db3", ".db3")])
 def test_a_recording(kind, suffix, request, tmp_path):
     path = tmp_path / f"attack{suffix}"
@@ -249,6 +250,7 @@ TABLES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TABLES)
 def test_a_table_of_settings(name, tmp_path):
     reader, sample, expected = TABLES[name]

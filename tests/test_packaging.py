@@ -58,11 +58,13 @@ def required(package):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_setup_names_what_the_code_imports(package):
     assert imported(package) <= required(package)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_setup_names_nothing_that_is_not_imported(package):
     # These are imported by a name put together at run time.

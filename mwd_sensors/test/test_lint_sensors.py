@@ -7,11 +7,12 @@ import pytest
 from ament_flake8.main import main_with_errors
 from ament_pep257.main import main as pep257
 
+pytestmark = pytest.mark.slow
+
 PACKAGE = Path(__file__).resolve().parents[1]
 PATHS = [str(PACKAGE / name) for name in (PACKAGE.name, "launch", "setup.py")]
 
 
-@pytest.mark.slow
 def test_flake8(capsys):
     found, errors = main_with_errors(argv=["--config", str(PACKAGE / "setup.cfg"), *PATHS])
     assert found == 0, "\n".join(errors)

@@ -100,6 +100,7 @@ def test_the_surveys_of_a_real_well_are_reproduced_and_judged(tmp_path):
     assert float(third["dip_deg"]) == pytest.approx(71.41, abs=0.005)
 
 
+@pytest.mark.slow
 def test_a_table_is_a_run_whose_rows_keep_their_first_value_and_single_judges_each_alone(tmp_path):
     def lines(*words):
         done = mwd("survey", VOLVE, "-o", tmp_path / "out.csv", *words)
@@ -127,6 +128,7 @@ STATION = "md_m,grav_axial_mps2,grav_tran1_mps2,grav_tran2_mps2,mag_axial_nT,mag
 STATION += "1386.4,8.7425784,-2.5743408,3.697224,38880,-27840,15168\n"
 
 
+@pytest.mark.slow
 def test_the_options_are_the_reference_where_the_table_has_none(tmp_path):
     table, out = tmp_path / "table.csv", tmp_path / "out.csv"
     table.write_text(STATION)
@@ -167,6 +169,7 @@ def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
     assert "1-120 doubtful: " in screen.getvalue()
 
 
+@pytest.mark.slow
 def test_a_table_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     table = tmp_path / "table.csv"
     refused(mwd("survey", table, "-o", tmp_path / "out.csv"), "table.csv", "No such file")
@@ -246,6 +249,7 @@ def test_a_gyro_list_becomes_a_path_and_every_export_of_it_gives_the_same_path(t
     assert (tmp_path / "both" / "comparison.png").is_file()
 
 
+@pytest.mark.slow
 def test_a_list_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     (tmp_path / "list.csv").write_text("Depth,Inc,Azi true\n0,0,0\n100,1,2\n")
     refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out"), "md has no unit", "--length-unit")
@@ -259,6 +263,7 @@ def test_a_list_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     assert not (tmp_path / "out" / "path.csv").exists()
 
 
+@pytest.mark.slow
 def test_a_simulated_run_is_processed_to_its_surveys(tmp_path):
     scenario = tmp_path / "still.yaml"
     scenario.write_text(
@@ -296,6 +301,7 @@ def test_a_warning_that_several_surveys_share_is_given_once_with_their_numbers(t
     assert "survey 2-4: gap 100 m is over 60" in done.stderr
 
 
+@pytest.mark.slow
 def test_an_older_recording_takes_the_older_field_model(tmp_path):
     scenario = tmp_path / "old.yaml"
     scenario.write_text("name: old\ndate: 2012-05-01\nmodel: igrf\nschedule: [{kind: still, seconds: 2.0}]\n")
@@ -306,6 +312,7 @@ def test_an_older_recording_takes_the_older_field_model(tmp_path):
     assert "outside wmm2025" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_damaged_recording_is_recovered(tmp_path):
     scenario = tmp_path / "short.yaml"
     scenario.write_text("name: short\nschedule: [{kind: still, seconds: 5.0}]\n")

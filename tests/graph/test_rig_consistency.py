@@ -43,6 +43,8 @@ from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 
+pytestmark = pytest.mark.slow
+
 S = 10**9
 START = 1_778_767_020 * S
 LAST = 4
@@ -343,7 +345,6 @@ async def variables(address):
         return {name: (await (await well.get_child(f"{index}:{key}")).read_value(), 0.0) for name, key in names.items()}
 
 
-@pytest.mark.slow
 def test_every_output_gives_the_numbers_of_the_list_within_its_own_rounding(given):
     assert len(given.outputs) == 10
     for output, numbers in given.outputs.items():

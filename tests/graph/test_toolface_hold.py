@@ -76,6 +76,7 @@ def test_without_a_controller_the_motor_turns_the_toolface_away():
     assert np.abs(errors).max() > 90.0
 
 
+@pytest.mark.slow
 def test_when_the_toolface_stops_the_controller_does_and_so_does_the_top_drive():
     _, _, commands, sonde, controller = closed_loop(WANTED, 7, silent_from=25.0)
     stale = HoldSettings(WANTED).stale_after

@@ -106,6 +106,7 @@ PACKED = Assembly(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(
     inclination=st.floats(0.2, 2.0),
@@ -134,6 +135,7 @@ def test_a_mirror_of_curvature_in_a_vertical_hole_mirrors_the_sag():
     )
 
 
+@pytest.mark.slow
 def test_the_table_of_a_correction_has_the_model_at_its_steps_and_between_them():
     correction = correction_of(PACKED)
     for degrees in (10.0, 33.0, 61.0, 89.0):

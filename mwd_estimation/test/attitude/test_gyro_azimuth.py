@@ -158,6 +158,7 @@ def motion_like(well: Drilling) -> Motion:
     return Motion(well.stamps, well.gyro, np.zeros_like(well.gyro), well.azimuth, well.azimuth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rpm", [0.0, 60.0])
 def test_sigma_is_truthful_with_mag_without_it_and_after_it_comes_back(rpm: float) -> None:
     well = drilling(400.0, rpm)

@@ -130,6 +130,7 @@ def test_near_vertical_the_magnetic_toolface_is_that_of_the_row_s_own_stamp():
         assert np.max(np.abs(off[refused])) < np.max(np.abs(off[used])) + np.radians(0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoil", [with_bad_values, with_late_ones])
 def test_any_cut_gives_the_same_bits(spoil):
     imu, mag, _, _ = turning(stick_slip, seconds=8.0)

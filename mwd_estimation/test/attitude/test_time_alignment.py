@@ -145,6 +145,7 @@ def test_the_sigma_of_the_magnetic_toolface_is_that_of_the_level_field_whatever_
     assert rows["sigma_magnetic_toolface"][0] == np.pi
 
 
+@pytest.mark.slow
 @given(cuts=st.lists(st.integers(0, 300), max_size=5), mag_ahead=st.integers(0, 50))
 def test_any_cut_into_blocks_gives_the_same_bits(cuts, mag_ahead):
     rng = np.random.default_rng(2)

@@ -118,6 +118,7 @@ def test_the_reference_becomes_the_vector_sum(disturbance):
     assert got.external.is_storm == (math.hypot(*disturbance) > 1e-7)
 
 
+@pytest.mark.slow
 def test_sigma_of_what_the_well_does_not_share_is_that_of_random_vectors():
     rng = np.random.default_rng(11)
     disturbance = np.array([-3e-7, 1e-7, 1e-7])

@@ -73,6 +73,7 @@ def test_a_new_pulse_width_begins_with_a_sync_and_the_echo():
     assert transmitter.state == TransmitterState.SENDING
 
 
+@pytest.mark.slow
 def test_what_is_sent_does_not_depend_on_the_blocks():
     frames = [told("toolface_rate", 3), told("survey_now", counter=2)]
     one, other = played(frames, block=1)[1], played(frames, block=501)[1]

@@ -45,6 +45,7 @@ def stick_slip(frames, rpm, rate=500, seed=1):
     return np.arange(len(rotation)) * 5.0 / rate, rotation
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rpm", [80.0, 130.0])
 def test_commands_come_through_full_stick_slip(rpm):
     random = np.random.default_rng(3)
@@ -104,6 +105,7 @@ def drilled(hours, seed, full, rate=5.0):
     return time, signal * (1.0 + random.uniform(0.0, 0.9) * np.sin(2.0 * math.pi * 0.17 * time))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("downlink", "full"), [(ROTATION, 13.0), (PUMPS, 0.033)])
 def test_a_restless_driller_sends_no_command(downlink, full):
     for seed in range(5):

@@ -50,6 +50,7 @@ def test_transition_is_the_one_the_filter_propagates_with():
     assert P[:STEADY, :STEADY] == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["biasdrift", "surge", "stickslip", "gyroclip"])
 def test_the_smoother_is_better_than_the_filter_and_says_so(case):
     stamps, gyro, accel, down = drilled(case, 40.0)
@@ -61,6 +62,7 @@ def test_the_smoother_is_better_than_the_filter_and_says_so(case):
     assert np.linalg.norm(both.g_t, axis=1) == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_long_log_in_overlapping_blocks_is_the_log_in_one(monkeypatch):
     stamps, gyro, accel, down = drilled("surge", 60.0)
     p = bounded.Params()
@@ -72,6 +74,7 @@ def test_a_long_log_in_overlapping_blocks_is_the_log_in_one(monkeypatch):
     assert np.sqrt(np.mean(difference[1000:] ** 2)) < 0.5 * rms_deg(whole, down, 1000)
 
 
+@pytest.mark.slow
 def test_a_stream_cut_anywhere_is_smoothed_to_the_same_bits_and_comes_out_in_time(monkeypatch):
     monkeypatch.setattr(smoother, "BLOCK", 1000)
     stamps, gyro, accel, _ = drilled("surge", 30.0)

@@ -47,6 +47,7 @@ def bins(seconds, rpm=0.0, seed=1):
         yield 0.5, UnitSamples(tool.stamp_ns[part], values[part]), (tool.stamp_ns[part], ahrs[part])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rpm", "method"), [(0.0, "still"), (60.0, "rotating")])
 def test_north_is_found_in_the_time_asked_for_at_rest_and_turning(rpm, method):
     run = NorthSession(SessionParams(), UNIT, LATITUDE, None, 60.0, "")

@@ -82,6 +82,7 @@ def _gyro(survey):
     return survey.station.by_method("gyro")
 
 
+@pytest.mark.slow
 def test_two_positions_find_north_that_one_refuses():
     first, second = _surveys(_samples(), _settings())
     assert "half a turn" in text(_gyro(first).refused)
@@ -96,6 +97,7 @@ def test_two_positions_find_north_that_one_refuses():
     assert abs(wrap_pi(second.station.azimuth - 2.2)) < 3.0 * second.station.sigma_azimuth
 
 
+@pytest.mark.slow
 def test_a_gyro_outweighs_a_field_that_is_turned_from_outside_or_leaves_the_station_doubtful():
     station = _surveys(_samples(turned=math.radians(22.0)), _settings())[-1].station
     near = abs(wrap_pi(station.azimuth - 2.2)) < 3.0 * station.sigma_azimuth
@@ -103,6 +105,7 @@ def test_a_gyro_outweighs_a_field_that_is_turned_from_outside_or_leaves_the_stat
     assert dict(station.hypotheses)["external"] > 0.05
 
 
+@pytest.mark.slow
 def test_clip_flags_of_the_precision_unit_reach_the_seek_whatever_the_cut():
     imu, precision, mag = _samples()
     flagged = (np.arange(len(imu)) % 200 == 0)[:, None] & np.array([False, True, False])
@@ -112,6 +115,7 @@ def test_clip_flags_of_the_precision_unit_reach_the_seek_whatever_the_cut():
     assert [_gyro(survey) for survey in whole] == [_gyro(survey) for survey in pieces]
 
 
+@pytest.mark.slow
 def test_any_cut_into_blocks_gives_the_same_gyro_azimuth():
     streams = _samples()
     whole = _surveys(streams, _settings())
@@ -122,6 +126,7 @@ def test_any_cut_into_blocks_gives_the_same_gyro_azimuth():
     assert _gyro(whole[-1]) == _gyro(pieces[-1])
 
 
+@pytest.mark.slow
 def test_an_unknown_latitude_is_reported_and_costs_nothing_else():
     survey = _surveys(_samples(), _settings(**{"place.lat_deg": None}))[-1]
     assert _gyro(survey).refused.code is ReasonCode.LATITUDE_UNKNOWN
@@ -138,6 +143,7 @@ def test_without_a_precision_unit_there_is_no_gyro_azimuth_and_no_word_of_it():
     assert "gyro" not in survey.weights
 
 
+@pytest.mark.slow
 def test_a_turn_that_takes_too_long_begins_the_seek_anew(monkeypatch):
     quick = _surveys(_samples(turn_rate=TURN), _settings())[-1]
     short = dataclasses.replace(derivation.gyrocompass_params(_settings()), longest_turn_s=2.0)
@@ -147,6 +153,7 @@ def test_a_turn_that_takes_too_long_begins_the_seek_anew(monkeypatch):
     assert _gyro(slow).sigma > 1.5 * _gyro(quick).sigma
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(31)
 def test_near_the_pole_the_gyro_is_refused_with_the_reason():
     survey = _surveys(_samples(latitude=88.0), _settings(**{"place.lat_deg": 88.0}))[-1]

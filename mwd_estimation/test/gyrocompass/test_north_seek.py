@@ -106,6 +106,7 @@ def test_a_turning_tool_reaches_the_limit_without_knowing_its_biases(noise: floa
     assert_at_limit(error, sigma, found.limit)
 
 
+@pytest.mark.slow
 def test_half_a_turn_cancels_a_bias_that_hides_north_from_a_still_tool() -> None:
     params = settings("auto", 0.05, 34.0, gyro_bias_deg_h=10.0)
     flipped = motion(67.5, 34.0 * DEG, 1.0, 0.5, two_positions, RATE)
@@ -121,6 +122,7 @@ def test_half_a_turn_cancels_a_bias_that_hides_north_from_a_still_tool() -> None
     assert "bias is known only to 10 deg/h" in text(found.reason)
 
 
+@pytest.mark.slow
 def test_x_leakage_times_speed_wobble_is_regressed_out() -> None:
     # 500 urad of leakage and 1 % wobble at 60 r/min are 31 urad/s locked to the turn: half the Earth rate.
     params = settings("rotating", 0.01, 34.0)
@@ -129,6 +131,7 @@ def test_x_leakage_times_speed_wobble_is_regressed_out() -> None:
     assert_at_limit(error, sigma, 1.1 * found.limit)
 
 
+@pytest.mark.slow
 def test_a_known_lag_of_one_millisecond_is_undone() -> None:
     clean = motion(123.5, 34.0 * DEG, 1.0, 0.5, steady(120.0), RATE, lag=0.001)
     given = settings("rotating", 0.003, 34.0, lag_ms=1.0, lag_sigma_ms=0.01)
@@ -200,6 +203,7 @@ def test_a_wobbling_axis_costs_little_and_sigma_knows() -> None:
     assert np.mean(sigmas) < 1.2 * found.limit
 
 
+@pytest.mark.slow
 def test_a_filter_that_turns_for_hours_comes_near_its_steady_state() -> None:
     params = settings("continuous", 0.05, 34.0, axis_walk_deg_rth=0.5, expected_azimuth_deg=30.0, block_seconds=0.4)
     clean = motion(3.5 * 3600.0, 34.0 * DEG, 1.3, 0.4, steady(12.0), 5.0)
@@ -264,6 +268,7 @@ def test_what_cannot_be_measured_is_refused_with_its_reason() -> None:
     assert refusal(dataclasses.replace(quiet, latitude_deg=80.0), still_hole) is ReasonCode.LATITUDE_MISFIT
 
 
+@pytest.mark.slow
 def test_flags_say_what_a_clipped_sample_hides_of_north_and_too_many_of_them_refuse_it() -> None:
     params = settings("still", 0.05, 34.0, gyro_range_dps=50.0)
     clean = motion(63.5, 34.0 * DEG, 1.0, 1.2, still, RATE)
@@ -342,6 +347,7 @@ def test_a_gyro_far_from_its_statement_is_named() -> None:
     assert found.reason.code in (ReasonCode.GYRO_BIAS_EXCESSIVE, ReasonCode.LATITUDE_MISFIT)
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(9)
 def test_a_gyro_whose_bias_drifts_to_the_next_station_errs_by_its_sigma_there() -> None:
     rng, latitude, between = np.random.default_rng(8), math.radians(34.0), 1800.0
@@ -365,6 +371,7 @@ def test_a_gyro_whose_bias_drifts_to_the_next_station_errs_by_its_sigma_there() 
     assert_consistent(error, sigma)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.05, 0.2])
 def test_a_gyro_as_bad_as_the_bound_of_its_bias_errs_by_its_sigma_in_one_position(noise: float) -> None:
     params = SeekParams(

@@ -86,6 +86,7 @@ def test_error_and_sigma_keep_to_the_limit_of_the_noise(latitude_deg: float) -> 
     assert_consistent(errors, sigmas, confidence=0.95)
 
 
+@pytest.mark.slow
 def test_an_unknown_bias_is_in_the_sigma_and_time_does_not_hide_it() -> None:
     params = dataclasses.replace(GOOD, gyro_bias_deg_h=1.0)
     errors, sigmas = monte_carlo(params, 120.0, 60)

@@ -187,6 +187,7 @@ def test_nothing_that_is_not_finite_ever_comes_out():
     assert pipeline.counters.rejected == 13
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(55)
 @settings(max_examples=10)
 @given(

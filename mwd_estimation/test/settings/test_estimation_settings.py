@@ -307,6 +307,7 @@ def test_a_code_of_an_in_field_reference_refuses_a_global_model():
         derivation.reference(changed(EstimatorSettings(), given), START)
 
 
+@pytest.mark.slow
 def test_an_assembly_gives_the_sag_correction_and_its_sigma(tmp_path):
     path = tmp_path / "bha.yaml"
     path.write_text("{hole_mm: 311, sensor_m: 8, components: [{name: dc, length_m: 30, od_mm: 229, id_mm: 71}]}")

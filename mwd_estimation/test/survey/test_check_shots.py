@@ -46,6 +46,7 @@ class Tool:
 FACES = np.radians([10.0, 100.0, 190.0, 280.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inclination_deg", [2.0, 20.0, 60.0, 90.0])
 @pytest.mark.parametrize("tools", [1, 2])
 def test_the_chi_square_of_good_shots_is_that_of_chance(inclination_deg, tools):

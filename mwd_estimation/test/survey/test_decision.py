@@ -152,6 +152,7 @@ def test_the_newest_stations_of_a_run_are_revised_by_all_the_others():
     assert [every[n].station.verdict for n in newest] == [one.station.verdict for one in newest.values()]
 
 
+@pytest.mark.slow
 def test_a_run_without_surprises_keeps_its_verdicts_and_readings_played_again_stay_doubtful():
     decide = decision()
     for k in range(6):

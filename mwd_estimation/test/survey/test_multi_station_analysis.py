@@ -140,6 +140,7 @@ def test_slope_of_the_residuals_agrees_with_finite_differences(gyro):
         assert slope[:, k] == pytest.approx(numeric, rel=1e-5, abs=1e-6), NAMES[k]
 
 
+@pytest.mark.slow
 def test_a_gyro_at_some_stations_shows_the_interference_of_an_east_west_hole():
     alone, aided, sigmas = [], [], []
     for seed in range(25):

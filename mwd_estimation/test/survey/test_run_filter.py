@@ -50,6 +50,7 @@ def test_a_field_turned_about_the_vertical_is_too_improbable_to_widen_the_sigma_
     assert read(turned.evidence(one)).sigma == pytest.approx(read(alone.evidence(one)).sigma, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_declination_is_never_averaged_away():
     model, rng = RunFilter(ALONE, SIGMAS), np.random.default_rng(1)
     least = SIGMAS.shared[Shared.DECLINATION]
@@ -115,6 +116,7 @@ def test_a_gyro_far_from_a_field_in_order_leaves_both_azimuths_open():
     assert sorted(azimuths) == pytest.approx([2.0, 2.3], abs=0.02)
 
 
+@pytest.mark.slow
 def test_a_bias_of_a_gyro_that_steps_is_learnt_as_one_that_stays():
     model, step, off = RunFilter(Priors(), SIGMAS), 0.12, []
     for k in range(14):

@@ -89,6 +89,7 @@ def string(
     return found.found
 
 
+@pytest.mark.slow
 def test_mount_and_collar_are_found_and_their_sigmas_hold():
     mount, across = np.radians([1.2, -1.6]), np.array([4e-7, -9e-7])
     off_mount, off_field = [], []

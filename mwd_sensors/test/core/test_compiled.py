@@ -38,6 +38,7 @@ def _total(columns, k):
     return columns.first_of_three[k] + columns.second_of_three[k] + columns.third_of_three[k]
 
 
+@pytest.mark.slow
 def test_a_kernel_tells_apart_the_layouts_of_columns_and_keeps_nothing_of_a_call():
     table = np.arange(12.0).reshape(4, 3)
     spread, packed = _Columns(*table.T), _Columns(*np.ascontiguousarray(table.T))

@@ -37,6 +37,7 @@ readings = st.sampled_from(sorted(widths)).flatmap(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [False, True])
 @given(sent=st.lists(readings, max_size=8), cut=st.integers(1, 40))
 def test_samples_come_back_to_the_bit_whatever_the_blocks(text, sent, cut):

@@ -120,6 +120,7 @@ def test_the_unit_s_time_is_brought_to_that_of_the_host():
         probe.close()
 
 
+@pytest.mark.slow
 def test_a_line_that_is_lost_is_opened_again(tmp_path):
     sent, link = measured(1.0), tmp_path / "probe"
     settings = LineSettings(port=str(link), clock="unit")

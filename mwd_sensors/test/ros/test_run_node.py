@@ -15,6 +15,7 @@ from mwd_sensors.ros.run_node import security_refusal
 SECURE = {"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"}
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(94)
 def test_a_secured_node_without_keystore_ends_with_one_sentence():
     words = [sys.executable, "-P", "-c", "from mwd_sensors.nodes.sonde import main; raise SystemExit(main([]))"]
@@ -103,6 +104,7 @@ sys.exit(run_node.run_nodes([failing, lambda: Other("other", Settings())], []))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["timer", "diagnostics", "parameters", "end"])
 def test_what_one_node_raises_anywhere_leaves_the_others_of_its_process_alone(where):
     done = subprocess.run([sys.executable, "-c", FAILING, where], capture_output=True, text=True, check=False)

@@ -47,6 +47,7 @@ def test_without_any_the_way_out_is_named(checkout, monkeypatch, tmp_path):
         scenario_files.folder()
 
 
+@pytest.mark.slow
 def test_the_table_of_the_readme_lists_every_scenario_with_its_length(checkout):
     rows = re.findall(r"^\| `([\w/]+)` \| (\d+) (s|min) \|", (ROOT / "bags" / "README.md").read_text(), re.MULTILINE)
     assert {name for name, _, _ in rows} == set(scenario_files.names())

@@ -109,6 +109,7 @@ def test_a_path_that_turns_back_or_goes_up_in_depth_is_refused():
         motion.well_path([0.0, 10.0], [0.5 * np.pi, 0.5 * np.pi], [0.0, np.pi])
 
 
+@pytest.mark.slow
 def test_shocks_leave_neither_velocity_nor_displacement_and_keep_their_area():
     item = Shocks(2.0, (50.0, 100.0), (0.5, 4.0), 15.0)
     m = moved(Vibrations(shocks=(item,)), (Phase("drill", 30.0, rpm=0.0, rop_m_h=0.0),), Rig(running_start=True))

@@ -30,6 +30,7 @@ def run(name="default", changes=None, seconds=1.0):
     return sonde, {topic: np.concatenate([block[topic] for block in blocks]) for topic in wire.SONDE_TOPICS}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["default", "faults", "bench/shocks"])
 def test_the_same_bytes_come_out_whatever_the_block_length(name):
     changes = dict(SHORT)
@@ -52,6 +53,7 @@ def test_the_same_bytes_come_out_whatever_the_block_length(name):
             assert whole[topic].tobytes() == other[topic].tobytes(), topic
 
 
+@pytest.mark.slow
 def test_the_same_seed_is_the_same_run_and_another_is_another():
     _, first = run(changes=SHORT)
     _, again = run(changes=SHORT)
@@ -113,6 +115,7 @@ def test_noise_free_readings_carry_the_attitude_through_drilling():
     assert np.abs(truth["velocity"]).max() > 0.1
 
 
+@pytest.mark.slow
 def test_the_noise_is_that_of_the_grade():
     changes = {"schedule": [{"kind": "still", "seconds": 60.0, "pumps": False}]}
     sonde, out = run(changes=changes)
@@ -138,6 +141,7 @@ def test_the_precision_unit_clips_while_the_string_rotates_and_the_ahrs_does_not
     assert 700.0 < ahrs.max() < 800.0
 
 
+@pytest.mark.slow
 def test_point_samples_are_aliased_and_integrated_ones_are_not():
     base = {"precision": None}
     _, integrated = run("bench/drillvib", {**base, "schedule": [{"kind": "drill", "seconds": 20.0, "rop_m_h": 0.0}]})
@@ -240,6 +244,7 @@ STEERED = {
 }
 
 
+@pytest.mark.slow
 def test_commands_steer_and_are_the_same_run_whatever_the_block_length():
     def run_with(seconds):
         sonde = Sonde(scenario.read(SCENARIOS / "default.yaml", STEERED))

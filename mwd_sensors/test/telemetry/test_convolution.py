@@ -2,6 +2,7 @@
 """The convolutional code against its published distance spectrum, and linear as a code must be."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis.strategies import integers, lists
 
@@ -24,6 +25,7 @@ def test_a_single_one_sends_both_polynomials():
     assert "".join(map(str, coded[1::2])) == f"{0o171:b}"
 
 
+@pytest.mark.slow
 @given(one=BITS, other=BITS)
 def test_the_code_is_linear_and_ends_in_zero(one, other):
     count = min(len(one), len(other))

@@ -348,6 +348,7 @@ def test_a_file_that_was_cut_off_is_read_to_its_last_good_chunk(bag_path, tmp_pa
     assert set(rows) <= set(whole)
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(66)
 def test_no_single_flipped_bit_ever_returns_wrong_data(tmp_path):
     write_bag(tmp_path / "bag", seconds=1, chunk_bytes=20_000)
@@ -441,6 +442,7 @@ def test_the_memory_for_a_day_is_that_for_an_hour(day):
     assert peaks[1] < 1.3 * peaks[0] < 10e6
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(67)
 def test_a_minute_anywhere_in_a_day_is_found_without_reading_the_day(day, monkeypatch):
     read = []

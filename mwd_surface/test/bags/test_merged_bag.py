@@ -71,6 +71,7 @@ def _messages(path: Path) -> list[tuple[int, str, str, bytes]]:
         return list(bag.messages())
 
 
+@pytest.mark.slow
 def test_originals_keep_their_bytes_and_the_new_lie_between_them_by_time(tmp_path):
     _source(tmp_path / "bag")
     attitude = _attitude(300, 10_000_000)

@@ -79,6 +79,7 @@ def test_lists_from_another_north_are_turned_to_that_of_the_well(tmp_path, north
     assert math.degrees(math.atan2(away[1], away[0])) == pytest.approx(79.0 + turn)
 
 
+@pytest.mark.slow
 def test_a_better_wellhead_and_a_better_tool_give_a_larger_factor(tmp_path):
     listed(tmp_path)
     factors = []

@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 from mwd_surface.cli import app
 from mwd_surface.surveys.survey_store import SurveyStore
 
+pytestmark = pytest.mark.slow
+
 NEAR = "{name: A-3, file: beside.csv, north_m: -20.0, planned: true}"
 FAR = "{name: A-2, file: straight.csv, north_m: 900.0, planned: true}"
 
@@ -53,7 +55,6 @@ def test_wells_far_apart_end_with_no_error(folder):
     assert done.exit_code == 0, done.output
 
 
-@pytest.mark.slow
 def test_the_plan_ahead_is_compared_too_and_a_programme_counts(folder):
     ends, allowed = [], []
     for extra in ((), ("--plan", folder / "beside.csv"), ("--programme", folder / "programme.yaml")):

@@ -30,6 +30,7 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_what_is_simulated_is_decoded(folder):
     said = run("decode", folder / "well" / "pressure.csv", "--tool", folder / "tool.yaml", "-o", folder / "out")
     sent, words = rows(folder / "well" / "sent.csv"), rows(folder / "out" / "words.csv")
@@ -63,6 +64,7 @@ def test_a_configuration_is_not_overwritten(folder):
         run("tool", "new", "-o", folder / "tool.yaml")
 
 
+@pytest.mark.slow
 def test_no_word_is_said_with_its_reason(folder):
     text = (folder / "tool.yaml").read_text().replace("pulse_width_s: 0.8", "pulse_width_s: 0.37")
     (folder / "other.yaml").write_text(text)

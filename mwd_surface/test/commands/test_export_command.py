@@ -69,6 +69,7 @@ def test_a_report_is_html_and_pdf(run, tmp_path):
     assert pdf.read_bytes().startswith(b"%PDF")
 
 
+@pytest.mark.slow
 def test_what_is_wrong_is_one_sentence(run, tmp_path):
     refused(mwd("export", tmp_path / "none"), "there is nothing at")
     refused(mwd("export", run, "-f", "wits", "-o", tmp_path), "did you mean witsml")

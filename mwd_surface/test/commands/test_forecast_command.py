@@ -8,6 +8,8 @@ from typer.testing import CliRunner
 
 from mwd_surface.cli import app
 
+pytestmark = pytest.mark.slow
+
 FIELD = ("--field", "50500,71.2,-1.1")
 
 
@@ -22,7 +24,6 @@ def plan(tmp_path):
     return path
 
 
-@pytest.mark.slow
 def test_table_and_picture_are_written_and_the_no_go_part_is_told(plan, tmp_path):
     done = mwd(plan, "-o", tmp_path / "out", "--code", "MWD+IFR1+SAG", *FIELD)
     assert done.exit_code == 0, done.output

@@ -79,6 +79,7 @@ def test_each_row_is_corrected_by_the_field_of_its_time(table, observatory, tmp_
     assert ["external field unknown" in row["reasons"] for row in rows] == [False, False, True]
 
 
+@pytest.mark.slow
 def test_a_tool_code_gives_the_sigmas_of_the_reference(table, tmp_path):
     wide, _ = _rows(table, tmp_path / "wide.csv", "--set", "survey.tool_code=MWD+SRGM")
     narrow, _ = _rows(table, tmp_path / "narrow.csv", "--set", "survey.tool_code=MWD+IFR2+SAG")

@@ -46,6 +46,7 @@ def test_the_slide_sheet_beside_the_list_is_used_and_the_files_agree(folder, tmp
     assert (tmp_path / "dense" / "trajectory.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_table_of_continuous_data_is_used_before_the_slide_sheet(folder, tmp_path):
     path = example.surveys().definitive()
     table = tmp_path / "continuous.csv"

@@ -443,5 +443,5 @@ class AnyController(RuleBasedStateMachine):
             assert status.owner
 
 
-TestAnyController = AnyController.TestCase
+TestAnyController = pytest.mark.slow(AnyController.TestCase)
 TestAnyController.settings = settings(max_examples=60, stateful_step_count=30)

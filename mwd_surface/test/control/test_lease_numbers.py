@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from mwd_surface.control.lease_numbers import LeaseNumbers
 
 
+@pytest.mark.slow
 @given(runs=st.lists(st.tuples(st.integers(1, 2**31), st.integers(0, 3000)), min_size=1, max_size=6))
 def test_no_number_is_given_twice_whatever_the_clock_says(tmp_path_factory, runs):
     file = tmp_path_factory.mktemp("surface") / "well_1" / "control.json"

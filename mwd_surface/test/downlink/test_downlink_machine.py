@@ -341,7 +341,7 @@ class Anybody(RuleBasedStateMachine):
             assert one.by or one.after not in (DownlinkState.DRAFT, DownlinkState.PENDING, DownlinkState.DENIED)
 
 
-TestAnybody = Anybody.TestCase
+TestAnybody = pytest.mark.slow(Anybody.TestCase)
 
 
 def test_every_state_can_be_left_and_only_the_ends_begin_anew():

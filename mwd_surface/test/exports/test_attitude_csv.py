@@ -5,6 +5,7 @@ import itertools
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,6 +31,7 @@ def cells(attitude, gravity):
     return [line.split(",") for line in attitude_csv.rows(attitude, gravity).decode().splitlines()]
 
 
+@pytest.mark.slow
 def test_every_line_has_the_columns_of_the_header():
     names = attitude_csv.HEADER.split(",")
     assert all(len(line) == len(names) == 11 for line in cells(*samples(50)))

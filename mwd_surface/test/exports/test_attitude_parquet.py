@@ -28,6 +28,7 @@ def _samples(n=500):
     return attitude, gravity
 
 
+@pytest.mark.slow
 def test_parquet_holds_the_cells_of_the_csv(tmp_path):
     attitude, gravity = _samples()
     with attitude_parquet.Writer(tmp_path / "a.parquet") as writer:

@@ -70,6 +70,7 @@ def same(printed, exact, decimals):
     return abs(float(printed) - exact) <= 0.5 * 10.0**-decimals * 1.0001
 
 
+@pytest.mark.slow
 def test_every_number_of_the_path_agrees_in_all_exports_and_on_the_page(files):
     """CSV, LAS and WITSML to the last digit; the reports and the page within the decimals that are printed."""
     table, paths = files

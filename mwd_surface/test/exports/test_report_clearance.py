@@ -37,6 +37,7 @@ def surveys(folder):
     return example.surveys(dataclasses.replace(example.WELL, offset_wells=str(folder / "wells.yaml")))
 
 
+@pytest.mark.slow
 def test_each_well_has_a_line_for_the_whole_path_and_one_ahead(folder):
     (section,), remarks = clearance_sections(surveys(folder), read_plan(folder / "beside.csv", "grid"))
     rows = section.sheets[0].rows
@@ -58,6 +59,7 @@ def test_the_position_ahead_grows_worse_from_the_last_survey_over_the_bit_along_
     assert axes == sorted(axes)
 
 
+@pytest.mark.slow
 def test_the_report_has_the_section_and_its_pictures(folder):
     sections, _ = clearance_sections(surveys(folder), None)
     text = FORMATS["html"].make(survey_table(surveys(folder), example.MADE, sections=sections)).decode()

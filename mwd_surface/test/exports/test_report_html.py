@@ -11,6 +11,8 @@ from lxml import etree
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_html import report_html
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def page():

@@ -18,6 +18,7 @@ def pages():
     return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(report_pdf(TABLE))).pages]
 
 
+@pytest.mark.slow
 def test_every_number_of_every_table_is_in_the_pdf(pages):
     words = " ".join(pages).split()
     reported = content(TABLE)

@@ -50,6 +50,7 @@ def test_a_list_without_surveys_draws_its_tie_on_alone():
     assert [one.heading for one in content(table).sections] == ["Definitive survey", "Well path"]
 
 
+@pytest.mark.slow
 def test_deviations_are_drawn_as_judged_with_their_limits_as_a_band():
     table = example.table()
     axes = report_plots.quality_view(table).axes
@@ -62,6 +63,7 @@ def test_deviations_are_drawn_as_judged_with_their_limits_as_a_band():
     assert report_plots.quality_view(table).legends
 
 
+@pytest.mark.slow
 def test_the_same_table_gives_the_same_picture():
     first, second = (report_plots.plan_view(example.table()) for _ in range(2))
     assert svg(first) == svg(second)

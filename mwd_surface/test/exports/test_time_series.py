@@ -80,6 +80,7 @@ def test_rig_data_count_only_while_their_bit_is_set(tmp_path):
     assert [second[name] for name in names] == ["100.500", "", "", "", "", "", ""]
 
 
+@pytest.mark.slow
 def test_rows_do_not_depend_on_how_a_recording_falls_into_blocks(tmp_path, monkeypatch):
     plotted_bag.record(tmp_path / "bag", surveys=False)
     found = []
@@ -124,6 +125,7 @@ def test_one_stamp_that_lies_makes_nothing_else_late(tmp_path):
     assert written.rows == 402
 
 
+@pytest.mark.slow
 def test_parquet_holds_the_numbers_of_the_csv(tmp_path):
     plotted_bag.record(tmp_path / "bag", surveys=False)
     with Bag(tmp_path / "bag") as bag:

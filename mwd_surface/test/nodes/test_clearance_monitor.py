@@ -73,6 +73,7 @@ def test_a_well_too_near_stops_drilling_and_stands_on_the_page(folder):
     assert shown.md[0] >= 630.0
 
 
+@pytest.mark.slow
 def test_the_alarm_goes_with_its_cause(folder):
     watched, context = monitor()
     watched.update(surveys(folder), 642.5)
@@ -83,6 +84,7 @@ def test_the_alarm_goes_with_its_cause(folder):
     assert context.live.at(1.0).clearance == ()
 
 
+@pytest.mark.slow
 def test_wells_are_compared_again_when_the_bit_has_moved_or_the_list_changed(folder):
     watched, context = monitor()
     same = surveys(folder)

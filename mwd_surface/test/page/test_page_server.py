@@ -532,6 +532,7 @@ def test_a_command_as_a_form_or_by_get_is_refused():
         assert ask(server, "/command/stop_recording")[0] == 405
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(79)
 @given(
     st.sampled_from(sorted(COMMANDS)),

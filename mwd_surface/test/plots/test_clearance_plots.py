@@ -2,6 +2,7 @@
 """Pictures of clearance: every well named, levels as bands, nearest points marked."""
 
 import numpy as np
+import pytest
 
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule
 from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
@@ -31,6 +32,7 @@ def test_the_cylinder_marks_the_nearest_point_of_each_well_and_names_depths():
     assert any(text.get_text() == "600" for text in ax.texts)
 
 
+@pytest.mark.slow
 def test_both_are_pictures():
     for draw in (ladder, travelling_cylinder):
         assert png(draw([near("A-3", 9.0)])).startswith(b"\x89PNG")

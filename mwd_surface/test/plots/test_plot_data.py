@@ -32,6 +32,7 @@ def gathered(path, *what, **options):
         return gather(bag, what, **options)
 
 
+@pytest.mark.slow
 def test_everything_a_bag_has_is_found():
     path, sonde = made()
     data = gathered(path, *WHAT)
@@ -85,6 +86,7 @@ def test_a_span_and_topics_can_be_chosen():
     assert data.panels[0].envelope.samples == pytest.approx(300, abs=1)
 
 
+@pytest.mark.slow
 def test_a_bag_without_magnetometer_truth_or_estimate_is_drawn_as_far_as_it_goes(tmp_path):
     plotted_bag.record(tmp_path / "b", ("imu/data_raw",), estimate=False, surveys=False, namespace="/")
     data = gathered(tmp_path / "b", *WHAT)
@@ -127,6 +129,7 @@ def test_stamps_of_another_clock_are_drawn_at_the_time_of_recording(tmp_path):
     assert data.panels[0].envelope.line(0)[0][-1] == pytest.approx(9.99)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_recording(tmp_path):
     # Ten hours of an IMU at one sample a second: the picture holds no more than its columns.
     samples = wire.IMU.empty(36_000)

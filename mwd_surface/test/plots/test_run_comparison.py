@@ -16,6 +16,7 @@ def run(name, count=400, azimuth=359.0, step_ns=10_000_000):
     return run_comparison.Run(name, blocks, [survey])
 
 
+@pytest.mark.slow
 def test_two_runs_are_drawn():
     picture = run_comparison.picture(run("a"), run("b", azimuth=1.0, count=300))
     assert picture.startswith(b"\x89PNG")

@@ -32,6 +32,7 @@ def test_a_golden_recording_gives_its_answers(folder):
     assert found.stations
 
 
+@pytest.mark.slow
 def test_accepted_answers_agree_and_another_method_does_not(tmp_path):
     folder = copied(tmp_path)
     golden.accept(folder)

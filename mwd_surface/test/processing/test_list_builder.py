@@ -88,6 +88,7 @@ def live(tmp_path_factory):
     return processed(raw(folder / "bag"), folder / "out").listed
 
 
+@pytest.mark.slow
 def test_the_settings_of_a_recording_are_read_back_and_strange_ones_are_named(tmp_path):
     with Bag(raw(tmp_path / "bag")) as bag:
         recorded = recorded_settings(bag)
@@ -126,6 +127,7 @@ def test_a_grid_given_by_option_is_that_of_the_list(tmp_path, live):
     )
 
 
+@pytest.mark.slow
 def test_depth_and_decision_of_the_live_list_are_kept(live, tmp_path):
     (record,) = live.records
     judged = live.accept(record.survey.sequence, "Ann", "gyro agrees", record.survey.stamp_ns + 1, measured_depth=480.5)
@@ -160,6 +162,7 @@ def test_what_the_whole_run_says_stands_in_a_list_without_a_live_one(tmp_path, l
     assert record.survey.verdict == Verdict.ACCEPT
 
 
+@pytest.mark.slow
 def test_surveys_of_earlier_recordings_stay_in_the_list(live, tmp_path):
     (record,) = live.records
     early = dataclasses.replace(
@@ -171,6 +174,7 @@ def test_surveys_of_earlier_recordings_stay_in_the_list(live, tmp_path):
     assert again.listed == longer
 
 
+@pytest.mark.slow
 def test_a_rig_whose_clock_is_wrong_gives_no_depth_and_is_named(tmp_path):
     bag = raw(tmp_path / "bag", metadata=False)
     with Bag(bag) as source, BagWriter(tmp_path / "shifted") as out:
@@ -188,6 +192,7 @@ def test_a_rig_whose_clock_is_wrong_gives_no_depth_and_is_named(tmp_path):
     assert "the clock of the rig is 300 s ahead of that of the sonde" in summary.listed.records[0].comment
 
 
+@pytest.mark.slow
 def test_depths_come_from_a_table_by_time_or_number(tmp_path, live):
     bag = raw(tmp_path / "bag", metadata=False)
     stamp = live.records[0].survey.stamp_ns

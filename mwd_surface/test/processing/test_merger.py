@@ -2,6 +2,7 @@
 """Estimates beside the messages they come from: logged with the IMU sample, thinned if asked, reported when renamed."""
 
 import numpy as np
+import pytest
 
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -33,6 +34,7 @@ def _merge(path, target, rate_hz=0.0, count=100, held_back=False):
         return remarks, {name: topic.count for name, topic in bag.topics.items()}, list(bag.messages())
 
 
+@pytest.mark.slow
 def test_every_estimate_is_logged_with_the_imu_sample_of_its_time(tmp_path):
     imu = wire.IMU.empty(500)
     imu["stamp_ns"] = START + np.arange(500) * 10_000_000

@@ -60,6 +60,7 @@ def test_no_wrong_value_passes_at_many_times_the_error_rate(tool, bit_errors):
     assert 0.1 * len(true) < len(got) < 0.9 * len(true)
 
 
+@pytest.mark.slow
 def test_lost_bytes_and_breaks_cost_their_frames_only():
     data, sent = transmit(TOOL, 2000.0, 5)
     channel = SerialChannel(lost_bytes=1e-3, breaks_per_hour=60.0, break_s=0.5)

@@ -67,6 +67,7 @@ def rig(interface, authority):
             thread.join()
 
 
+@pytest.mark.slow
 def test_the_modbus_controller_of_the_page_rotates_and_gives_back(tmp_path):
     authority = ControlAuthority(SETTINGS, first=70_000)
     server = ModbusServer(ModbusSettings(port=0, allow_control=True), authority=authority)

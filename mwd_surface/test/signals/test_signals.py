@@ -180,6 +180,7 @@ print(json.dumps({
 """
 
 
+@pytest.mark.slow
 def test_a_new_row_appears_on_page_and_in_every_protocol_and_file(tmp_path):
     table = shutil.copytree(FILE.parent, tmp_path / "signals") / FILE.name
     with FILE.open(encoding="utf-8", newline="") as file:

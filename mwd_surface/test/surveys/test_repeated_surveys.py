@@ -86,6 +86,7 @@ def test_rows_of_two_runs_are_a_check_shot(tmp_path):
     assert "1000.0 m, check shot by one and two of 4 surveys: pass" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bias_nt", "verdict"), [(0.0, "pass"), (600.0, "fail")])
 def test_mwd_survey_says_what_repeated_rows_show(tmp_path, bias_nt, verdict):
     path = tmp_path / "table.csv"

@@ -94,6 +94,7 @@ def test_two_wells_in_one_folder_must_be_named(tmp_path):
         surveys_of(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_bag_without_surveys_and_an_empty_folder_are_distinguished(tmp_path):
     (tmp_path / "empty").mkdir()
     with pytest.raises(BagError, match="holds no recording"):

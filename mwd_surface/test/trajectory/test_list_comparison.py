@@ -28,6 +28,7 @@ def test_the_same_hole_at_other_stations_is_the_same_hole():
     np.testing.assert_allclose(found.turn, 0.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_an_azimuth_error_moves_the_end_across_and_counts_in_sigmas():
     turned = path(*((md, inc, azi + 359.0) for md, inc, azi in ((0, 30, 1), (150, 30, 1), (300, 30, 1))))
     cov = np.zeros((4, 3, 3)) + np.eye(3) * (np.array([0.0, 100.0, 200.0, 300.0]) / 100.0)[:, None, None]

@@ -124,6 +124,7 @@ def drawn_wells(stations, errors, tie_on, number, rng):
     return np.array(wells)
 
 
+@pytest.mark.slow
 def test_a_thousand_wells_lie_in_their_95_percent_ellipses():
     """
     Errors of a gyro run, two magnetic runs and the tie-on, drawn and carried through minimum curvature.

@@ -32,6 +32,7 @@ def along(azimuth_deg, north="true", code=CODE, axial=0.0, top_deg=90.0):
     return forecast(plan, north, code, REFERENCE, LATITUDE, axial=axial, most=math.radians(2.0))
 
 
+@pytest.mark.slow
 def test_sigmas_are_the_tool_codes_own_at_each_attitude():
     found = along(65.0)
     for k in (20, 45, 70):
@@ -41,6 +42,7 @@ def test_sigmas_are_the_tool_codes_own_at_each_attitude():
     assert np.isnan(found.sigma_azimuth[0])
 
 
+@pytest.mark.slow
 def test_the_correction_is_of_no_use_horizontal_east_west_and_of_use_north_south():
     east, south = along(90.0), along(180.0)
     assert not np.any(south.no_go)
@@ -49,6 +51,7 @@ def test_the_correction_is_of_no_use_horizontal_east_west_and_of_use_north_south
     assert south.sigma_corrected[-1] < math.radians(1.0)
 
 
+@pytest.mark.slow
 def test_azimuths_of_a_plan_are_turned_to_true_north():
     grid, magnetic = along(90.0, "grid"), along(90.0, "magnetic")
     assert math.degrees(grid.true_azimuth[-1]) == pytest.approx(89.0)
@@ -59,6 +62,7 @@ def test_azimuths_of_a_plan_are_turned_to_true_north():
         forecast(plan, "grid", CODE, without, LATITUDE, axial=0.0, most=0.05)
 
 
+@pytest.mark.slow
 def test_the_map_is_worst_where_the_hole_is_horizontal_east_west():
     azimuths, inclinations, sigmas = correction_map(CODE, REFERENCE, LATITUDE, (36, 10))
     k = np.unravel_index(np.nanargmax(sigmas[inclinations > 0.3]), sigmas[inclinations > 0.3].shape)
@@ -91,6 +95,7 @@ def test_a_gyro_has_sigmas_but_no_limits():
         correction_map("GYRO-NS", REFERENCE, LATITUDE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axial_nt", [0.0, 600.0])
 def test_the_pass_rate_is_that_of_readings_drawn_from_the_tools_errors(axial_nt):
     found = along(30.0, axial=axial_nt * 1e-9)

@@ -56,6 +56,7 @@ def test_another_tool_in_the_list_is_another_run():
     assert {t.code for t in tools} == {"MWD+SRGM"}
 
 
+@pytest.mark.slow
 def test_the_tie_on_is_added_to_every_station(tmp_path):
     programme = read_programme(written(tmp_path))
     exact = dataclasses.replace(programme, tie_on=type(programme.tie_on)())

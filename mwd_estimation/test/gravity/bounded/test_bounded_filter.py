@@ -90,6 +90,7 @@ def test_scale_and_lever_arm_are_learnt_while_drilling():
 
 
 # Case, direction error allowed after 10 s, deg: the best setting of VQF on the same data is 1.3 to 10 times that.
+@pytest.mark.slow
 @pytest.mark.fault_case(22)
 @pytest.mark.parametrize(
     ("case", "most"),
@@ -116,6 +117,7 @@ def test_gravity_is_followed_while_drilling_from_a_start_in_motion(case, most):
     assert_consistent((got.inclination - inclination)[late], got.sigma_inclination[late], correlated=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["rot155", "drillvib", "stickslip", "whirl", "build", "offaxis"])
 def test_sigma_lies_in_its_band_over_several_tools(case):
     errors: list[list[np.ndarray]] = [[], []]
@@ -135,6 +137,7 @@ def test_sigma_lies_in_its_band_over_several_tools(case):
     assert_consistent(np.stack(errors[1]), np.stack(sigmas[1]), correlated=True, name="toolface")
 
 
+@pytest.mark.slow
 @pytest.mark.fault_case(6)
 def test_inclination_outlives_a_clipping_gyro():
     stamps, gyro, accel, down = drilled("gyroclip", 60.0)
@@ -167,6 +170,7 @@ def test_flags_of_clipped_accelerometers_save_an_inclination_that_half_the_sampl
     assert_consistent(np.stack(errors[1]), np.stack(sigmas), correlated=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_rare_shock_whose_tip_is_cut_off_costs_velocity_and_not_the_vertical(seed):
     # Every third second the string hits the wall with 40 to 90 g, of which 16 are read: some tenths of a metre a
@@ -180,6 +184,7 @@ def test_a_rare_shock_whose_tip_is_cut_off_costs_velocity_and_not_the_vertical(s
     assert rms(error_deg(got, down)[late]) < 0.2
 
 
+@pytest.mark.slow
 def test_a_flag_tells_of_a_clipping_gyro_whose_range_was_stated_too_wide():
     imu, down = sensed("gyroclip", 45.0, {"ahrs": {"changes": {"flags_clipping": True}}})
     p = bounded.Params()
@@ -197,6 +202,7 @@ def test_a_flag_tells_of_a_clipping_gyro_whose_range_was_stated_too_wide():
     assert error(wide, flags) < 0.5 * error(wide, None)
 
 
+@pytest.mark.slow
 def test_roll_is_found_again_after_the_gyro_clipped():
     stamps, gyro, accel, down = drilled("gyroclip", 45.0)
     clipped, slow = np.abs(gyro[:, 0]) >= 34.9, np.abs(gyro[:, 0]) < 8.0  # half a second and more after clipping
@@ -211,6 +217,7 @@ def test_roll_is_found_again_after_the_gyro_clipped():
         assert np.median(got.sigma_toolface[late & clipped]) > np.radians(5.0), stated_deg_s
 
 
+@pytest.mark.slow
 def test_roll_lost_to_a_clipped_gyro_does_not_raise_the_inclination():
     runs = []
     for seed in range(311, 315):

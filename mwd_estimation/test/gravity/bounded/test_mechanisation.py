@@ -52,6 +52,7 @@ def carried(state, gyro, accel, dt):
     return out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_transition_of_the_errors_matches_finite_differences_of_the_mechanisation(seed):
     rng = np.random.default_rng(seed)

@@ -40,6 +40,7 @@ def contents(path: Path, data: bytes):
         file.close()
 
 
+@pytest.mark.slow
 def test_the_summary_and_a_scan_of_the_same_file_agree(tmp_path):
     data = write(tmp_path / "a.mcap")
     by_summary = contents(tmp_path / "a.mcap", data)

@@ -95,6 +95,7 @@ def test_a_file_cut_at_any_of_200_places_gives_back_every_complete_record_and_no
     assert source.read_bytes() == data
 
 
+@pytest.mark.slow
 def test_bit_flips_and_overwritten_blocks_never_raise_and_never_invent_a_message(whole, tmp_path):
     data = (whole / "bag_0.mcap").read_bytes()
     everything = set(messages(whole / "bag_0.mcap"))

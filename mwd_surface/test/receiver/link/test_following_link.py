@@ -14,6 +14,8 @@ from mwd_surface.receiver.link.following_link import FollowingLink
 from mwd_surface.receiver.link.link import Link
 from mwd_surface.receiver.link.link_attitude import AgeRules
 
+pytestmark = pytest.mark.slow
+
 START_NS = 1_772_345_000_000_000_000
 BEFORE = ToolConfiguration(
     pulse_width_s=0.8,

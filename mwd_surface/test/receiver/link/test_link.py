@@ -69,6 +69,7 @@ def test_the_state_follows_the_pumps_and_the_words(run):
     assert link.quality(silent=True).state == NO_INPUT
 
 
+@pytest.mark.slow
 def test_any_cut_gives_the_same_words_and_surveys(run):
     whole = pushed(link_of(), run.time_s, run.pressure_pa, len(run.time_s))
     for block in (37, 1000):
@@ -102,6 +103,7 @@ def test_a_carrier_is_read_by_the_same_link():
     assert states[-1].state == LOCKED
 
 
+@pytest.mark.slow
 def test_after_flow_on_the_state_says_nothing_of_before(run):
     again = dataclasses.replace(run.sent, pulses=run.sent.pulses)
     channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (262.0, 300.0)))

@@ -100,6 +100,7 @@ def fed(tool, steps):
     return [word for word in words + feed.finish().words if word.revision]
 
 
+@pytest.mark.slow
 def test_words_do_not_depend_on_how_strokes_and_pressure_arrive(counted):
     tool, bursts, counts = counted
     strokes = [(pump, at) for _, some in counts for pump, at in some]

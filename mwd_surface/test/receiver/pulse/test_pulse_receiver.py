@@ -19,6 +19,7 @@ from mwd_surface.receiver.words import BELIEVED, pulse_edges
 TOOL, FAST = TOOLS["0.8"], TOOLS["0.5"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("width", "depth", "clock"), [("0.8", 3000.0, 0.0), ("0.8", 5000.0, 1e-3), ("0.5", 3000.0, -1e-3)]
 )
@@ -32,6 +33,7 @@ def test_a_well_is_read_without_error(width, depth, clock):
     assert got.frames[0].kind == "survey"
 
 
+@pytest.mark.slow
 def test_any_cut_gives_the_same_words():
     run, whole = simulated("0.5"), reception("0.5")
     receiver = PulseReceiver(FAST)
@@ -44,6 +46,7 @@ def test_any_cut_gives_the_same_words():
     assert words == whole.words
 
 
+@pytest.mark.slow
 def test_any_cut_gives_the_same_words_with_strokes():
     run = simulated("0.5")
     strokes = dict(enumerate(run.strokes_s, 1))
@@ -75,6 +78,7 @@ def test_the_pulses_chosen_are_those_that_were_sent():
     assert np.max(off) < 0.5 * tool.tu_s
 
 
+@pytest.mark.slow
 def test_word_errors_in_white_noise_are_near_the_limit():
     """7 dB: hard decisions err in 6 % of 13-bit words, parity used softly in 2 %."""
     errors = []
@@ -156,6 +160,7 @@ def test_words_of_a_wrong_configuration_are_not_believed(wrong):
     assert sum(word.status == BELIEVED for word in words) <= 0.02 * len(words)
 
 
+@pytest.mark.slow
 def test_a_new_flow_on_is_a_new_survey():
     channel = MudChannel(well=Well(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
     sent = transmit(FAST, ((20.0, 250.0), (300.0, 520.0)), 3)
@@ -168,6 +173,7 @@ def test_a_new_flow_on_is_a_new_survey():
     assert np.mean([s.raw == w.raw and w.status == BELIEVED for s, w in surveys]) > 0.9
 
 
+@pytest.mark.slow
 def test_syncs_between_sequences_and_headers_are_followed():
     tool = dataclasses.replace(FAST, header_bits=2, toolface_sequences=("4{aTFA:6:P Gama:8:P}",))
     sent = transmit(tool, ((20.0, 400.0),), 3, resync=True)
@@ -184,6 +190,7 @@ def test_samples_too_far_apart_are_refused():
         decode(TOOL, time, np.sin(time))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("depth", "clock"), [(3000.0, 0.0), (5000.0, 1e-3)])
 def test_the_combinatorial_code_is_read_as_well(depth, clock):
     tool = dataclasses.replace(TOOL, code="combinatorial", header_bits=2)
@@ -225,6 +232,7 @@ def test_another_parity_than_the_tool_has_is_named():
     assert "parities fail half the time" in receiver.why_nothing()
 
 
+@pytest.mark.slow
 def test_words_are_shown_soon_after_their_end():
     """Within ten seconds at a pulse width of 0.5 s: the response behind a word, and a short one waits for the next."""
     run = simulated("0.5")
@@ -247,6 +255,7 @@ def test_the_clock_of_the_tool_is_followed(clock):
     assert got.frames[-1].clock_error == pytest.approx(clock, abs=6e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", [1e-2, -1e-2])
 def test_a_clock_too_far_off_to_be_followed_gives_no_wrong_word(clock):
     for seed in range(3):
@@ -256,6 +265,7 @@ def test_a_clock_too_far_off_to_be_followed_gives_no_wrong_word(clock):
         assert not [word for word in words if word.status == BELIEVED and (word.name, word.raw) not in right]
 
 
+@pytest.mark.slow
 def test_a_receiver_that_starts_amid_a_transmission_reads_from_the_next_sync():
     channel = MudChannel(well=Well(depth_m=3000.0), flow_off_s=((-100.0, 20.0), (250.0, 300.0)))
     sent = transmit(FAST, ((20.0, 250.0), (300.0, 520.0)), 3)
@@ -281,6 +291,7 @@ def test_short_pulses_soon_after_flow_on_are_found():
     assert np.mean([w.status == BELIEVED for _, w in both]) > 0.5
 
 
+@pytest.mark.slow
 def test_electrical_spikes_cost_no_word():
     run = simulated("0.5")
     random = np.random.default_rng(5)

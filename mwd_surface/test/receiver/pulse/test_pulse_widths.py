@@ -9,6 +9,7 @@ from mwd_surface.receiver.pulse import pulse_widths
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("heard", "other"), [("0.8", "0.5"), ("0.5", "0.8")])
 def test_the_margin_of_another_pulse_width_is_what_it_turns_out_to_be(heard, other):
     run = simulated(heard)

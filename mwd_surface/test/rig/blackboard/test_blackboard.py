@@ -144,6 +144,7 @@ def test_every_signal_is_written_with_its_number_status_and_time(board):
         assert one.status().state == "connected"
 
 
+@pytest.mark.slow
 def test_what_did_not_change_is_not_written_again(board):
     table = values()
     with started(client(board)) as one:

@@ -138,6 +138,7 @@ def test_each_connection_reads_the_answer_to_its_own_request_and_a_new_one_the_l
             master.close()
 
 
+@pytest.mark.slow
 def test_the_answer_to_a_master_that_hung_up_at_once_is_not_kept_for_another():
     with serving() as (s, _):
         # Control goes to the first, so that answers differ; the rest do not wait for theirs.

@@ -125,6 +125,7 @@ def test_a_bit_depth_is_taken_where_writing_is_allowed_and_only_a_whole_plausibl
         assert len(taken) == 1
 
 
+@pytest.mark.slow
 def test_no_reader_ever_sees_half_of_a_change():
     with serving() as s:
         one, two = values(), values(later=0.5)

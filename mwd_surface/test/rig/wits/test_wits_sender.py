@@ -57,6 +57,7 @@ def test_two_surveys_at_once_are_two_packets_even_mixed():
     assert sum(713 in p for p in codes(s.due(values(more), 0.5))) == 2
 
 
+@pytest.mark.slow
 def test_a_toolface_goes_out_when_it_is_new_and_not_more_often_than_its_period():
     s = sender()
     sent = [any(717 in p for p in codes(s.due(stamped(k), float(k)))) for k in range(13)]
