@@ -25,9 +25,13 @@ PLAN = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 1.0], [0.0, 1.3, 1.3])
 
 
 @pytest.fixture(scope="module")
-def files(tmp_path_factory):
+def table():
+    return example.table(plan=PLAN)
+
+
+@pytest.fixture(scope="module")
+def files(table, tmp_path_factory):
     folder = tmp_path_factory.mktemp("exports")
-    table = example.table(plan=PLAN)
     return table, {kind: export(table, kind, folder) for kind in FORMATS}
 
 
@@ -106,6 +110,7 @@ def test_every_number_of_the_path_agrees_in_all_exports_and_on_the_page(files):
             )
 
 
+@pytest.mark.slow
 def test_verdicts_and_quality_agree_in_all_exports_and_on_the_page(files):
     table, paths = files
     raw = {row["survey"]: row for row in read_csv(paths["raw_csv"])}
@@ -139,6 +144,7 @@ def test_verdicts_and_quality_agree_in_all_exports_and_on_the_page(files):
             assert float(stations[k].find(f"{W}valid").findtext(f"{W}magTotalFieldCalc")) == float(row["b_total_nt"])
 
 
+@pytest.mark.slow
 def test_html_and_pdf_print_the_same_cells(files):
     import pypdf
 
@@ -153,6 +159,7 @@ def test_html_and_pdf_print_the_same_cells(files):
             assert short in text, cells
 
 
+@pytest.mark.slow
 def test_raw_and_definitive_agree_on_what_was_measured(files):
     _, paths = files
     raw = {row["survey"]: row for row in read_csv(paths["raw_csv"])}
@@ -162,6 +169,7 @@ def test_raw_and_definitive_agree_on_what_was_measured(files):
                 assert row[name] == raw[row["survey"]][name]
 
 
+@pytest.mark.slow
 def test_names_are_made_of_well_word_and_time_or_of_what_is_asked(files, tmp_path):
     table, paths = files
     assert {p.name for p in paths.values()} >= {
@@ -177,13 +185,13 @@ def test_names_are_made_of_well_word_and_time_or_of_what_is_asked(files, tmp_pat
     assert export(long, "csv", tmp_path).name.endswith("-definitive-20260515T174340Z.csv")
 
 
-def test_an_unknown_format_is_answered_with_the_near_ones(files, tmp_path):
+def test_an_unknown_format_is_answered_with_the_near_ones(table, tmp_path):
     with pytest.raises(ValueError, match="no 'wits'; did you mean witsml"):
-        export(files[0], "wits", tmp_path)
+        export(table, "wits", tmp_path)
 
 
-def test_a_disk_that_refuses_leaves_the_old_file_and_no_piece_of_the_new(files, tmp_path, monkeypatch):
-    path = export(files[0], "csv", tmp_path, "a")
+def test_a_disk_that_refuses_leaves_the_old_file_and_no_piece_of_the_new(table, tmp_path, monkeypatch):
+    path = export(table, "csv", tmp_path, "a")
     before = path.read_bytes()
 
     def full(_handle):
@@ -191,13 +199,12 @@ def test_a_disk_that_refuses_leaves_the_old_file_and_no_piece_of_the_new(files, 
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(ExportError, match="not written: No space left"):
-        export(files[0], "csv", tmp_path, "a")
+        export(table, "csv", tmp_path, "a")
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
 
 
-def test_two_formats_with_one_ending_and_one_name_are_two_files(files, tmp_path):
-    table = example.table()
+def test_two_formats_with_one_ending_and_one_name_are_two_files(table, tmp_path):
     assert export(table, "csv", tmp_path, "run7").name == "run7.csv"
     assert export(table, "raw_csv", tmp_path, "run7").name == "run7-raw.csv"
     assert export(table, "raw_csv", tmp_path, "all.csv").name == "all.csv"

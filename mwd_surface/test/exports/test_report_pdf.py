@@ -10,6 +10,8 @@ import pytest
 from mwd_surface.exports.report_content import content
 from mwd_surface.exports.report_pdf import report_pdf
 
+pytestmark = pytest.mark.slow
+
 TABLE = example.table(stretches=example.stretches())
 
 
@@ -18,7 +20,6 @@ def pages():
     return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(report_pdf(TABLE))).pages]
 
 
-@pytest.mark.slow
 def test_every_number_of_every_table_is_in_the_pdf(pages):
     words = " ".join(pages).split()
     reported = content(TABLE)
@@ -45,7 +46,6 @@ def test_head_certificate_and_page_numbers_are_printed(pages):
         assert f"page {k} of {len(pages)}" in text
 
 
-@pytest.mark.slow
 def test_a_long_list_flows_over_pages_and_repeats_its_titles():
     whole = example.surveys()
     for k in range(13, 90):

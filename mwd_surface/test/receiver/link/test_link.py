@@ -15,6 +15,8 @@ from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, SEARCHING,
 from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_surveys import LinkSurveys
 
+pytestmark = pytest.mark.slow
+
 START_NS = 1_772_345_000_000_000_000
 TOOL = ToolConfiguration(
     pulse_width_s=0.5,
@@ -69,7 +71,6 @@ def test_the_state_follows_the_pumps_and_the_words(run):
     assert link.quality(silent=True).state == NO_INPUT
 
 
-@pytest.mark.slow
 def test_any_cut_gives_the_same_words_and_surveys(run):
     whole = pushed(link_of(), run.time_s, run.pressure_pa, len(run.time_s))
     for block in (37, 1000):
@@ -89,7 +90,6 @@ def test_the_same_codes_are_a_repeat_unless_a_rest_for_another_survey_came_befor
     assert [len(one_list.take(heard, 0)) for heard in surveys] == [1, listed]
 
 
-@pytest.mark.slow
 def test_a_carrier_is_read_by_the_same_link():
     tool = dataclasses.replace(
         starting("psk"), transmit_delay_s=30.0, survey_sequences=TOOL.survey_sequences, toolface_sequences=("aTFA:6:P",)
@@ -103,7 +103,6 @@ def test_a_carrier_is_read_by_the_same_link():
     assert states[-1].state == LOCKED
 
 
-@pytest.mark.slow
 def test_after_flow_on_the_state_says_nothing_of_before(run):
     again = dataclasses.replace(run.sent, pulses=run.sent.pulses)
     channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0), (262.0, 300.0)))
