@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mwd_estimation.core.sensor_fault import GYRO, FaultCode, SensorFault
+from mwd_estimation.core.time_jumps import BACK_NS
 from mwd_estimation.core.track import AT_RANGE, sample_arrays
 from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, signal_checks
 from mwd_estimation.health.carried_vectors import Window
@@ -26,7 +27,7 @@ from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
 from mwd_estimation.health.motion_window import CARRIED, PARTS, Consistency, Expected, Samples
 from mwd_estimation.health.replayed_samples import judge_replay
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
-from mwd_estimation.health.stream_checks import BACK_NS, STREAM, judge_silence, judge_stamp, judge_stream
+from mwd_estimation.health.stream_checks import STREAM, judge_silence, judge_stamp, judge_stream
 from mwd_estimation.health.window_checks import BROKEN, CLIPPED, WindowJudge, WindowLimits
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY

@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
+from mwd_estimation.core.time_jumps import BACK_NS
+from mwd_estimation.health.signal_checks import ABSURD
 from mwd_sensors.core.arrays import Array, Indices, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import rotate_right
@@ -25,13 +27,14 @@ ROWS = 8192
 _TURN2, _STEP_NS = 0.2, 100_000_000
 # An interval beyond which the turn between two samples is not known, s.
 _LONGEST = 0.25
-_ABSURD = 1e12
 TURNING = 3.0
 """Net rate from which a string turns, rad/s: a tool handled by people does not turn so for seconds."""
 ABOUT_X = math.cos(math.radians(5.0))
 """Cosine from which a whole window's net turn is about x: axes of a gyro err by less, and 8 deg off are a fault."""
 ROUGHLY_X = 0.85
 """As `ABOUT_X`, of part of a window: a second of whirl or of a blow leaves a net turn across."""
+LEAST_FIELD, MOST_FIELD = 5e-6, 3e-4
+"""Fields in T that are the Earth's with what a magnetised string adds; another one is in another unit."""
 UPWARDS = 0.17
 """Axial force, as a share of gravity, from which the hole would point upwards, by 10 deg."""
 
@@ -161,12 +164,12 @@ def add(carried: Any, steps: Any, samples: Samples, start: int, stop: int, used:
         at = samples.stamps[i]
         dt = 1e-9 * (at - last)
         dt = dt if 0.0 < dt <= _LONGEST else 0.0
-        last = at if at > last or last - at > 1_000_000_000 else last
+        last = at if at > last or last - at > BACK_NS else last
         x, y, z = samples.gyro[i, 0], samples.gyro[i, 1], samples.gyro[i, 2]
-        if abs(x) + abs(y) + abs(z) < _ABSURD:
+        if abs(x) + abs(y) + abs(z) < ABSURD:
             tx, ty, tz = tx + x * dt, ty + y * dt, tz + z * dt
         x, y, z = samples.accel[i, 0], samples.accel[i, 1], samples.accel[i, 2]
-        if abs(x) + abs(y) + abs(z) < _ABSURD:
+        if abs(x) + abs(y) + abs(z) < ABSURD:
             forces += 1
             fx, fy, fz = fx + x, fy + y, fz + z
             force2 += x * x + y * y + z * z
@@ -191,7 +194,7 @@ def _add_fields(step: Any, samples: Samples, used: int, at: int) -> int:
     step.fields = 0
     while used < len(samples.mag_ns) and samples.mag_ns[used] <= at:
         x, y, z = samples.mag[used, 0], samples.mag[used, 1], samples.mag[used, 2]
-        if at - samples.mag_ns[used] < _LONGEST * 1e9 and abs(x) + abs(y) + abs(z) < _ABSURD:
+        if at - samples.mag_ns[used] < _LONGEST * 1e9 and abs(x) + abs(y) + abs(z) < ABSURD:
             step.fields += 1
             step.field[0] += x
             step.field[1] += y
@@ -251,7 +254,7 @@ def consistent(p: Consistency, expected: Expected, carried: Any, seconds: float)
     if carried.fields < 3:
         return True
     rms = math.sqrt(carried.field2 / carried.fields)
-    if not 5e-6 < rms < 3e-4:
+    if not LEAST_FIELD < rms < MOST_FIELD:
         return False
     held = (carried.field[0] ** 2 + carried.field[1] ** 2 + carried.field[2] ** 2) / carried.fields**2
     if held < p.field * rms**2 and carried.path < 0.6 * carried.fields:

@@ -24,7 +24,7 @@ BIN_NS = 500_000_000
 ABSURD = 1e12
 # Samples of an axis below which half a second is not judged: a magnetometer may come at 10 Hz. And those below
 # which a spread is not used.
-_SOME, _FEW = 3, 10
+_SOME, FEW = 3, 10
 # Readings this far beyond the end of the range are in another unit, not at the end of the range.
 _BEYOND = 1.02
 
@@ -152,13 +152,13 @@ def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limit: flo
         if row.spread > limit:
             axes |= 1 << c
             worst = max(worst, row.spread)
-            white = white or (row.n >= _FEW and row.steps2 > p.white * row.n * row.spread**2)
+            white = white or (row.n >= FEW and row.steps2 > p.white * row.n * row.spread**2)
     check = checks[FaultCode.NOISE.value, 3 * s]
     if white and (s == 1 or size2 < p.no_tesla**2):
         observe(check, FOR, began, worst, limit)
         check.seen_which[0] = axes
         return True
-    if channels[3 * s].n >= _FEW:
+    if channels[3 * s].n >= FEW:
         observe(check, AGAINST, began, 0.0, limit)
     return False
 

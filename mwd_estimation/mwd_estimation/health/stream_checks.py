@@ -12,21 +12,18 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from mwd_estimation.core.sensor_fault import FaultCode
+from mwd_estimation.core.time_jumps import BACK_NS
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, observe, weigh
 from mwd_estimation.health.motion_window import Samples
-from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
+from mwd_estimation.health.signal_checks import BIN_NS, FEW, SignalLimits
 from mwd_sensors.core.arrays import Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# A stamp so much before the others begins anew, ns.
-BACK_NS = 1_000_000_000
 # Stamps that do not advance count two for the fault, those that do one against it.
 _STAMP_FAULT, _STAMP_MOST = 200, 400
 # Intervals that the sample rate is learned from, at least; and how long and short ones are off it.
 _LEARN, _LONG, _SHORT = 12, 1.4, 0.7
-# Samples below which a spread is not used.
-_FEW = 10
 
 
 class Stream:
@@ -128,7 +125,7 @@ def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: S
         lively, least, repeats = 0.0, 0.0, pace.imu
         for c in range(3 * s, 3 * s + 3):
             row = channels[c]
-            if row.n >= _FEW:
+            if row.n >= FEW:
                 lively = max(lively, row.total2 / row.n - (row.total / row.n) ** 2)
             least = max(least, row.least_step)
             repeats = min(repeats, row.repeats)

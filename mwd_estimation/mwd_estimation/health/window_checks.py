@@ -19,7 +19,15 @@ from mwd_estimation.core.axis_mappings import ACCEL, MAG, MAPPINGS, MISTAKES, WE
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, STRONGLY, observe
-from mwd_estimation.health.motion_window import ABOUT_X, ROUGHLY_X, TURNING, UPWARDS, Expected
+from mwd_estimation.health.motion_window import (
+    ABOUT_X,
+    LEAST_FIELD,
+    MOST_FIELD,
+    ROUGHLY_X,
+    TURNING,
+    UPWARDS,
+    Expected,
+)
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.mount import ALONG, axis_down
@@ -140,13 +148,13 @@ class WindowJudge:
                 self._sigma = self._noise() / self._length
         if w.fields >= 3 and self._samples[2] < BROKEN:
             rms, unit = self._field_size, -1
-            if 5e-6 < rms < 3e-4:
+            if LEAST_FIELD < rms < MOST_FIELD:
                 unit = 0
-            elif rms > 3e-4:
+            elif rms > MOST_FIELD:
                 total = self._expected.total if math.isfinite(self._expected.total) else 5e-5
                 away = np.abs(math.log10(rms / total) - FIELD_POWERS)
                 unit = int(np.argmin(away)) + 1 if away.min() < 0.5 else -1
-            self._note_unit(6, unit, rms, 3e-4)
+            self._note_unit(6, unit, rms, MOST_FIELD)
 
     def _note_unit(self, place: int, unit: int, value: float, limit: float) -> None:
         """Note the unit of a sensor: 0 SI, else its number; -1: not known."""
