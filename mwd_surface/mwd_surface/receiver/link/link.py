@@ -232,7 +232,7 @@ class Link:
     def _state(self, silent: bool) -> tuple[int, str]:
         if silent or math.isinf(self.now_s):
             return NO_INPUT, _NO_INPUT[self._tool.medium]
-        if not self._wired and not self.flow.flowing(self.now_s):
+        if not self._wired and self.flow.flowing(self.now_s) is False:
             return NO_FLOW, "the pumps are off: the tool is silent"
         frame, word, _ = self._heard()
         on_since = self._on_since()

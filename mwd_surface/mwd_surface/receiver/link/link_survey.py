@@ -45,14 +45,16 @@ _CLOCKS_S = 5.0
 
 @dataclasses.dataclass(frozen=True)
 class SurveyTime:
-    """When a survey was taken, ns, and half of the time at rest round it, s; inf: unknown."""
+    """When a survey was taken, ns, and half of the time at rest round it, s; inf: unknown, the stamp is the latest."""
 
     stamp_ns: int
     half_s: float
 
     @property
     def _rest_s(self) -> tuple[float, float]:
-        """Begin and end of the rest, s."""
+        """Begin and end of the rest, s; of one that is not known all the time before."""
+        if not self.known:
+            return -math.inf, self.stamp_ns / NANOSECONDS
         begin = self.stamp_ns / NANOSECONDS - min(self.half_s, SETTLE_S)
         return begin, begin + 2.0 * self.half_s
 
@@ -62,7 +64,7 @@ class SurveyTime:
         return math.isfinite(self.half_s)
 
     def in_rest_of(self, other: SurveyTime) -> bool:
-        """Whether both rests, which are known, are one."""
+        """Whether both rests can be one: are, where both are known."""
         (one_begin, one_end), (two_begin, two_end) = self._rest_s, other._rest_s
         return max(one_begin, two_begin) <= min(one_end, two_end) + _CLOCKS_S
 

@@ -87,7 +87,8 @@ class LinkSurveys:
             for quantity, value in heard.values.items():
                 if quantity not in station.values or _better(value, station.values[quantity], quantity):
                     station.values[quantity], station.links[quantity] = value, heard.link
-            if heard.at.half_s < station.heard.at.half_s:
+            # What is sent again after a rest too short for a survey was taken in the rest before.
+            if heard.at.half_s < station.heard.at.half_s and heard.at.in_rest_of(station.heard.at):
                 station.heard = station.heard._replace(at=heard.at)
         return out + self.advance(now_ns)
 
@@ -131,16 +132,16 @@ def _same(station: _Station, heard: HeardSurvey) -> bool:
     A tool takes a new survey in each rest that is long enough for one, and in a straight hole it may have the codes of
     the survey before: so words of two such rests are never one survey, however equal. Within a rest, over another link
     they are one; over the same link, where the tool sent again what may be a survey taken while the string moved, if
-    they are equal in all that both have, an angle among it. The same holds where a rest is too short or not known.
+    they are equal in all that both have, an angle among it. The same holds where a rest is too short or not known; one
+    that was not seen ended before the survey was sent.
     Totals hardly change from station to station: alike, they alone do not tell one survey from the next.
     """
     one, two = station.heard.at, heard.at
-    if one.known and two.known:
-        same_rest = one.in_rest_of(two)
-        if not same_rest and 2.0 * two.half_s >= SURVEY_S:
-            return False
-        if same_rest and station.heard.link != heard.link:
-            return True
+    same_rest = one.in_rest_of(two)
+    if not same_rest and SURVEY_S <= 2.0 * two.half_s < math.inf:
+        return False
+    if same_rest and one.known and two.known and station.heard.link != heard.link:
+        return True
     both = [name for name in _OF_SURVEY if name in station.values and name in heard.values]
     angles = {meanings.INCLINATION, meanings.AZIMUTH}.intersection(both)
     return (

@@ -71,6 +71,17 @@ def test_the_state_follows_the_pumps_and_the_words(run):
     assert link.quality(silent=True).state == NO_INPUT
 
 
+def test_pumps_of_which_nothing_is_known_are_not_called_off():
+    """A voltage does not tell the flow, and a rig need not."""
+    carrier = starting("psk")
+    link = link_of(dataclasses.replace(carrier, carrier=dataclasses.replace(carrier.carrier, medium="earth")))
+    time_s = np.arange(1000) / 100.0
+    link.push(time_s, np.random.default_rng(1).standard_normal(1000))
+    assert link.quality().state == SEARCHING
+    link.flow.switch(5.0, flowing=False)
+    assert link.quality().state == NO_FLOW
+
+
 def test_any_cut_gives_the_same_words_and_surveys(run):
     whole = pushed(link_of(), run.time_s, run.pressure_pa, len(run.time_s))
     for block in (37, 1000):

@@ -120,6 +120,27 @@ def test_a_rest_too_short_for_a_survey_makes_the_same_codes_a_repeat_and_others_
     assert [len(one) for one in (first, again, other)] == [1, 0, 1]
 
 
+def test_what_a_repeat_after_a_short_rest_completes_keeps_its_time():
+    (first, completed), _ = surveys_of(
+        (100.0, heard("mud_pulse", 50.0, without=(meanings.AZIMUTH,))),
+        (400.0, heard("mud_pulse", 350.0, half_s=2.0)),
+        tools=(MUD,),
+    )
+    assert [first[0].azimuth_method, completed[0].azimuth_method] == ["", "link"]
+    assert completed[0].stamp_ns == first[0].stamp_ns
+
+
+@pytest.mark.parametrize(("at_s", "listed"), [(60.0, 0), (350.0, 1)])
+def test_a_rest_after_a_survey_whose_rest_was_not_seen_is_another_one(at_s, listed):
+    """A receiver that was started while the tool sent its survey: over a second link the rest before it is known."""
+    tools = (MUD, EM) if not listed else (MUD,)
+    link = "em" if not listed else "mud_pulse"
+    (first, second), _ = surveys_of(
+        (100.0, heard("mud_pulse", 70.0, half_s=math.inf)), (400.0, heard(link, at_s)), tools=tools
+    )
+    assert [len(first), len(second)] == [1, listed]
+
+
 def test_a_long_connection_is_not_the_rest_before_it():
     (first, second), _ = surveys_of(
         (100.0, heard("em", 50.0)), (2600.0, heard("mud_pulse", 350.0, half_s=900.0, inclination=0.02))
