@@ -157,7 +157,7 @@ def _settings(usual: S, table: Mapping[str, str] | None, remarks: list[str], *, 
         return None
     known = settings.flat(usual)
     # What is a constant now: the value that it has always had is none to speak of.
-    constant = getattr(type(usual), "CONSTANT", {})
+    constant, former = getattr(type(usual), "CONSTANT", {}), settings.former_names(type(usual))
     changes: dict[str, Any] = {}
     unknown = []
     for name, text in table.items():
@@ -174,7 +174,8 @@ def _settings(usual: S, table: Mapping[str, str] | None, remarks: list[str], *, 
             try:
                 made = settings.changed(made, {name: value})
             except settings.SettingsError:
-                remarks.append(f"{name} = {table[name]} of the recording is not used: this version does not have it")
+                why = f"it is now {former[name]}" if name in former else "this version does not have it"
+                remarks.append(f"{name} = {table[name]} of the recording is not used: {why}")
     return made
 
 

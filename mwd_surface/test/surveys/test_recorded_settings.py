@@ -48,8 +48,12 @@ def test_settings_in_the_recording_count_before_a_fix(tmp_path):
 
 
 def test_a_parameter_of_before_is_named_where_its_value_was_not_todays_constant(tmp_path):
-    told = {ESTIMATOR: {"tool.lever_m": "0.03", "survey.rotary_s": "60.0", "tool.gyro.bias_deg_h": "100.0"}}
+    before = {"tool.lever_m": "0.03", "survey.rotary_s": "60.0", "tool.misalignment_y_deg": "0.3"}
+    told = {ESTIMATOR: {**before, "tool.gyro.bias_deg_h": "100.0"}}
     with Bag(fixes(tmp_path / "bag", (0, 59.9, 10.7), tables=told)) as bag:
         got = recorded_settings(bag)
     assert got.estimator.tool.gyro.bias_deg_h == 100.0
-    assert got.remarks == ("survey.rotary_s = 60.0 of the recording is not used: this version does not have it",)
+    assert got.remarks == (
+        "survey.rotary_s = 60.0 of the recording is not used: it is now a constant (30.0)",
+        "tool.misalignment_y_deg = 0.3 of the recording is not used: it is now tool.hole_axis_deg, about y and z",
+    )
