@@ -17,8 +17,8 @@ from mwd_sensors.core.arrays import Samples
 BACK_NS = 1_000_000_000
 # Samples in a row that confirm a new time.
 CONFIRMED = 3
-# Held samples of a stream that ran ahead of the leader; more means that the leader never followed.
-_MOST_HELD = 100_000
+MOST_AHEAD = 100_000
+"""Samples kept of a stream that runs ahead of the leader; more means that the leader does not follow."""
 _NONE = np.iinfo(np.int64).min
 
 
@@ -110,7 +110,7 @@ class Clocks:
             self._last[name] = max(last, stamp)
             return True
         held = self._ahead.setdefault(name, [])
-        if len(held) < _MOST_HELD:
+        if len(held) < MOST_AHEAD:
             held.append(sample.copy())
         else:
             self.dropped += 1

@@ -9,6 +9,7 @@ A step that changes the reading of the field belongs into the bins; one that nee
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import itertools
 
@@ -24,6 +25,7 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import MAG
+from mwd_estimation.core.time_jumps import MOST_AHEAD
 from mwd_estimation.core.track import Track, sample_arrays
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
@@ -76,6 +78,8 @@ class Estimate:
         self._dynamics_state = drilling_dynamics.initial()
         self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
         self._shift_mag(mag_late_ns)
+        self._mag: collections.deque[Samples] = collections.deque()
+        self._mag_waiting = 0
         self.last_imu_ns = np.iinfo(np.int64).min
         self._ready = False
         self._statuses = StatusHistory(BIN_NS)
@@ -119,7 +123,25 @@ class Estimate:
             self.watch.set_reference(reference)
 
     def take_mag(self, samples: Samples) -> None:
-        """Take magnetic samples, dtype of `wire.MAG`."""
+        """
+        Take magnetic samples, dtype of `wire.MAG`; they wait for the next block of the conventional unit.
+
+        While that is silent the oldest are rejected: they would be paired with gravity of another time.
+        """
+        self._mag.append(samples)
+        self._mag_waiting += len(samples)
+        while self._mag_waiting - len(self._mag[0]) >= MOST_AHEAD:
+            dropped = len(self._mag.popleft())
+            self._mag_waiting -= dropped
+            self._counters.rejected += dropped
+
+    def _use_mag(self) -> None:
+        """Hand the magnetic samples that wait to the stages."""
+        if not self._mag:
+            return
+        samples = np.concatenate(self._mag) if len(self._mag) > 1 else self._mag[0]
+        self._mag.clear()
+        self._mag_waiting = 0
         self.watch.note_declared(samples)
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
         self.watch.take_mag(stamps - self.mag_late_ns, b_t)
@@ -156,6 +178,7 @@ class Estimate:
         """Take samples of the conventional unit, dtype of `wire.IMU`; followed: their gravity, by a smoother."""
         if not len(samples):
             return Output.empty(0)
+        self._use_mag()
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
         self.watch.note_declared(samples)
@@ -237,6 +260,7 @@ class Estimate:
 
     def finish(self) -> Output:
         """Give the survey that waited for the gyro, when no more samples come."""
+        self._use_mag()
         output = Output.empty(0)
         held = self.bin_stage.finish()
         if held is not None:

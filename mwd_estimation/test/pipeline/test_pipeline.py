@@ -14,6 +14,7 @@ from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
+from mwd_estimation.core.time_jumps import MOST_AHEAD
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -185,6 +186,21 @@ def test_nothing_that_is_not_finite_ever_comes_out():
         for field in samples.dtype.names:
             assert np.isfinite(samples[field]).all(), (name, field)
     assert pipeline.counters.rejected == 13
+
+
+def test_a_magnetometer_beside_a_silent_imu_keeps_the_newest_samples_only():
+    imu, mag = _samples(seconds=4.0)
+    pipeline = Pipeline(EstimatorSettings(), REFERENCE)
+    block = np.repeat(mag[:1], MOST_AHEAD // 10)
+    for number in range(12, 0, -1):
+        block["stamp_ns"] = mag["stamp_ns"][0] - 10_000_000 * np.arange(
+            number * len(block), (number - 1) * len(block), -1
+        )
+        pipeline.push_mag(block.copy())
+    assert pipeline.counters.rejected == 2 * len(block)
+    pipeline.push_mag(mag)
+    output = pipeline.push_imu(imu)
+    assert np.isfinite(output.attitude["azimuth"][-1])
 
 
 @pytest.mark.slow
