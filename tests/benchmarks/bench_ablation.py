@@ -99,6 +99,7 @@ VARIANTS: dict[str, tuple[dict[str, dict[str, float]], dict[str, Any]]] = {
     "velocity lost in clipped shocks": ({"clipping": {"LOST": 0.0}}, {}),
     "gate of lost velocities": ({"clipping": {"GATE": 1e30}}, {}),
     "bend of a clipped rate": ({"clipping": {"CURVE_LAG": 1e9}}, {}),
+    "middle of the band": ({"scale": {"BAND": 0.0}}, {}),
     "attitude found lost": ({"alignment": {"LOST_FORCE2": 1e30}}, {}),
     "scale": ({"scale": {"SCALE_TIME": 1e12, "SCALE_YOUNG": 1e12}}, {}),
     "young scale": ({"scale": {"OWN_AGE": 1e9, "SCALE_AGE": 1e9}}, {}),

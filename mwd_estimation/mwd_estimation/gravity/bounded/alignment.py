@@ -44,7 +44,7 @@ def begin(s: Record) -> None:
     s.motion.along = s.motion.across = noise.START_DISPLACEMENT**2
     s.motion.white = s.motion.rough = 0.0
     for found in (s.innovations.along, s.innovations.across):
-        found.mean[0] = found.mean[1] = 0.0
+        found.low[:] = 0.0
         found.power = 1.0
     s.age = s.settled = s.mean_power = s.kept_tilt = 0.0
     for j in range(3):

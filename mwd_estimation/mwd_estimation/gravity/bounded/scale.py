@@ -3,11 +3,10 @@
 Covariance scale of the bounded filter: its corrections of the tilt against the variance expected of them.
 
 The noises have reserve, because motion is not white and gains need only their ratios. An update that finds as much as
-it should corrects the tilt by a variance of what the covariance shrinks by. Corrections are summed over the filter's
-own time, that in which noise adds as much as the variance of the tilt: of a filter of first order they then show the
-error's variance exactly, be it driven by the gyros or by the motion, equation (10). Their
-power is the factor of the covariance. What no innovation shows is added: calibration, a cone of the gyros across the
-axis while the tool rotates, travel along a curve.
+it should corrects the tilt by a variance of what the covariance shrinks by. Corrections are low-passed by the filter's
+own time, that in which noise adds as much as the variance of the tilt, and their power, weighted as in equation (10),
+is the factor of the covariance. What no innovation shows is added: calibration, a cone of the gyros across the axis
+while the tool rotates, travel along a curve.
 """
 
 from __future__ import annotations
@@ -26,10 +25,11 @@ OWN_AGE = 0.25  # the most of it for each time since the start, which had more t
 LEAST_CORRECTION, SHARE_AFTER_CLIP = 0.3, 0.5
 SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, memory of the power, and so many times the filter's own time more
 SCALE_YOUNG, SCALE_AGE = 1.0, 0.15  # s and share: after a start it is no longer than these allow
+BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # s, memory of the usual innovation
 ROTATING = 1.5  # rad/s, mean rate about the axis beyond which the filter cannot follow what is fixed in the tool
 HALF = 0.5  # of the variance of calibration: biases; the other half is scales and axes out of square
-BIAS_SHARE = 0.4  # of the carried sigmas of gyro bias and misalignment, which have reserve
+BIAS_SHARE = 0.4  # of the carried sigmas of gyro bias and misalignment, which are 2.5 times those of the tool
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning that no hole asks for
 
 
@@ -68,10 +68,15 @@ def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float,
     T = s.sums.time
     own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
     share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
+    low = found.low
     for j in range(2):
-        found.mean[j] += share * (s.correction[TILT + j] * unit - found.mean[j])
-    mean = nx * found.mean[0] + ny * found.mean[1]
-    power = 2.0 / share * mean * mean
+        value = s.correction[TILT + j] * unit
+        for m in range(3):
+            low[m, j] += share * (value - low[m, j])
+            value = low[m, j]
+    mean = nx * low[0, 0] + ny * low[0, 1]
+    band = nx * (low[1, 0] - low[2, 0]) + ny * (low[1, 1] - low[2, 1])
+    power = (mean * mean + BAND * band * band) / share
     found.power += T / min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + SCALE_AGE * s.settled) * (power - found.power)
 
 

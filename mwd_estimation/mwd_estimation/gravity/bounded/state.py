@@ -78,10 +78,10 @@ class Motion:
 class Scale:
     """Covariance scale in one direction: corrections of the tilt against the variance expected of them."""
 
-    mean: Annotated[Array, 2]
-    """Mean correction over its expected sigma, over the filter's own time, level axes."""
+    low: Annotated[Array, 3, 2]
+    """Corrections over their expected sigma, low-passed once, twice and three times by the filter's own time."""
     power: float
-    """Power of that mean, 1 expected: the scale."""
+    """Their power by equation (8), 1 expected: the scale."""
 
 
 class Innovations:
