@@ -51,6 +51,12 @@ class GyroErrors:
         """Mean bias of x, y, z, rad/s, shape (3,)."""
         return np.asarray(np.exp(self.log_weight) @ self.mean[:, _BIAS])
 
+    @property
+    def bias_sigma(self) -> Array:
+        """1 sigma of it, rad/s, shape (3,)."""
+        own = np.diagonal(self.covariance, axis1=1, axis2=2)[:, _BIAS]
+        return np.sqrt(np.exp(self.log_weight) @ (own + (self.mean[:, _BIAS] - self.bias) ** 2))
+
 
 def stated(params: SeekParams) -> GyroErrors:
     """What the parameters say, before any station."""

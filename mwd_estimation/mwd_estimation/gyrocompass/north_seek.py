@@ -34,6 +34,8 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_tau
 
 _EARTH, _BIAS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), slice(Error.GYRO_BIAS, Error.SCALE_X)
+# A bias so many sigmas from zero is found; of an x gyro that turns steadily it may be its scale.
+_FOUND = 3.0
 _G_SENSITIVITY = slice(Error.G_SENSITIVITY, Error.LAG)
 
 
@@ -134,8 +136,9 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     blind = math.sin(inclination) * math.sin(azimuth)
     seen = math.sqrt(max(1.0 - blind * blind, 1e-12)) if method != "still" else 1.0
     fitting = tuple(float(wrap_tau(angle + heading)) for angle in circle.several)
-    bias = gyro_errors.learnt(now, x, state.P, _EARTH, _BIAS, p.horizontal).bias
-    fit = Fit(method, azimuth, circle.sigma, inclination, seen, circle.misfit, fitting, bias)
+    found = gyro_errors.learnt(now, x, state.P, _EARTH, _BIAS, p.horizontal)
+    known = np.where(np.abs(found.bias) > _FOUND * found.bias_sigma, found.bias, 0.0)
+    fit = Fit(method, azimuth, circle.sigma, inclination, seen, circle.misfit, fitting, known)
     reason = refusal(params, state, fit)
     choices: tuple[tuple[float, float], ...] = ()
     if reason is not None and reason.code is ReasonCode.TWO_AZIMUTHS_FIT_GYRO:

@@ -33,9 +33,9 @@ _TILT, _VELOCITY, _DIRECTION, _WOBBLE_1, _WOBBLE_2, _HEADING_VARIANCE = 0.03, 0.
 # Start sigma of the horizontal Earth rate, in Earth rates: wide, and the same in every direction, so that on the circle
 # where azimuth is read it favours none.
 _EARTH_RATES = 3.0
-# Start sigma of the biases in stated ones: a seek knows nothing of them, and what the run knows is weighed in its end
-# (`gyro_errors`).
-UNKNOWN = 100.0
+# Start sigma of the biases in stated ones: twice the largest that is credible, for what the run knows of them is
+# weighed in the end (`gyro_errors`). With a wider one bias and scale of the x gyro, alike in a steady turn, drift.
+UNKNOWN = 16.0
 
 
 @compiled

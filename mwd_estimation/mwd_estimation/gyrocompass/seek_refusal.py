@@ -38,7 +38,7 @@ class Fit:
     sensitivity: float  #: share of the horizontal Earth rate that this method sees at this attitude, 0 to 1
     misfit: float  #: squared distance of the horizontal Earth rate from the latitude's, in sigmas
     azimuths: tuple[float, ...]  #: all that fit alike, rad, where there are several
-    bias: Array  #: shape (3,); of the gyros as found, rad/s
+    bias: Array  #: shape (3,); of the gyros, rad/s; 0 where it is not found
 
 
 def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
@@ -47,6 +47,7 @@ def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
         polar(params.latitude_deg)
         or _motion(params, state, fit.method)
         or _attitude(params, fit)
+        or _latitude(params, fit)
         or _instrument(params, state, fit)
         or _uncertainty(params, float(state.elapsed), fit)
     )
@@ -115,6 +116,13 @@ def _attitude(params: SeekParams, fit: Fit) -> Reason | None:
     return None
 
 
+def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
+    """Refuse a horizontal rate that no bias of such a unit makes that of the latitude."""
+    if fit.misfit <= _MISFIT**2:
+        return None
+    return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (math.radians(params.latitude_deg),))
+
+
 def _instrument(params: SeekParams, state: State, fit: Fit) -> Reason | None:
     """Refuse an error of the instrument found far from its stated range."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
@@ -136,8 +144,6 @@ def _uncertainty(params: SeekParams, elapsed: float, fit: Fit) -> Reason | None:
     worst = math.radians(params.worst_sigma_deg)
     if fit.azimuths and fit.sigma > worst / 4.0:
         return Reason(Code.TWO_AZIMUTHS_FIT_GYRO, fit.sigma, worst / 4.0, fit.azimuths)
-    if fit.misfit > _MISFIT**2:
-        return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (math.radians(params.latitude_deg),))
     if fit.sigma <= worst:
         return None
     bias = params.gyro_bias_deg_h * DEG_PER_HOUR
