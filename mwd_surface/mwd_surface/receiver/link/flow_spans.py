@@ -13,6 +13,8 @@ from mwd_sensors.core.arrays import Array
 # Share of the usual pressure below which the pumps are off; the friction of a mud line falls faster than its flow.
 _OFF, _ON = 0.25, 0.4
 _FORGET_S = 3600.0
+SURVEY_S = 10.0
+"""How long a survey takes at rest, s: after a longer one the tool sends another."""
 # No rig drills with less at its standpipe.
 _LEAST_PA = 1.0e6
 
@@ -36,7 +38,7 @@ class FlowSpans:
 
     def __init__(self, block_s: float = 1.0) -> None:
         self._block_s = block_s
-        self._cell: int | None = None
+        self._cell: float | None = None
         self._sum = self._count = 0.0
         self._usual = 0.0
         self._known = False
@@ -47,15 +49,17 @@ class FlowSpans:
         time, pressure = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
         finite = np.isfinite(time) & np.isfinite(pressure)
         time, pressure = time[finite], pressure[finite]
-        cells = np.floor(time / self._block_s).astype(np.int64)
-        for cell in np.unique(cells):
-            inside = cells == cell
+        cells = np.floor(time / self._block_s)
+        for inside in np.split(np.arange(len(cells)), np.flatnonzero(np.diff(cells)) + 1):
+            if not len(inside):
+                continue
+            cell = float(cells[inside[0]])
             if self._cell is not None and cell != self._cell and self._count:
                 self._judge(self._cell * self._block_s, self._sum / self._count)
                 self._sum = self._count = 0.0
-            self._cell = int(cell)
+            self._cell = cell
             self._sum += float(pressure[inside].sum())
-            self._count += float(inside.sum())
+            self._count += float(len(inside))
 
     def switch(self, at_s: float, flowing: bool) -> None:
         """Take that the pumps are on or off since a time, s, from whoever knows: a voltage does not tell it."""
@@ -72,6 +76,13 @@ class FlowSpans:
         if not self._known:
             return None
         return not any(span.start_s <= at_s < span.end_s for span in self.spans)
+
+    def rested(self, from_s: float, until_s: float) -> bool:
+        """Whether a rest long enough for a survey lies between two times, s."""
+        return any(
+            from_s <= span.start_s and span.end_s <= until_s and span.end_s - span.start_s >= SURVEY_S
+            for span in self.spans
+        )
 
     def before(self, time_s: float) -> Span | None:
         """Last span without flow that ended before a time, s; None where there was none."""

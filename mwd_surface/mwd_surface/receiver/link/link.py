@@ -18,9 +18,9 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
-from mwd_surface.receiver.link.flow_spans import FlowSpans
+from mwd_surface.receiver.link.flow_spans import SURVEY_S, FlowSpans
 from mwd_surface.receiver.link.link_attitude import AgeRules, LinkAttitude
-from mwd_surface.receiver.link.link_survey import SETTLE_S, SURVEY_S, HeardSurvey, SurveyTime
+from mwd_surface.receiver.link.link_survey import SETTLE_S, HeardSurvey, SurveyTime
 from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed

@@ -37,8 +37,8 @@ _FIELD, _DIP = 5.0e-5, math.radians(65.0)
 _NAMESPACE = uuid.UUID("5b0cfe2c-94f6-4d0e-9c1f-6f0cbd0a5f5e")
 
 
-# How long a survey takes at rest, s, and how long after the begin of the rest its middle is at the latest.
-SURVEY_S, SETTLE_S = 10.0, 6.0
+# How long after the begin of a rest the middle of its survey is at the latest, s.
+SETTLE_S = 6.0
 # Clocks of links and the ends of rests agree so far, s.
 _CLOCKS_S = 5.0
 

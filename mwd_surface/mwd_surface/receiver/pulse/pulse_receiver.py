@@ -12,6 +12,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.belief import Temper
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
+from mwd_surface.receiver.link.flow_spans import FlowSpans
 from mwd_surface.receiver.pulse import segment, synchronisation
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.pulse.survey_memory import SurveyMemory
@@ -57,7 +58,8 @@ class PulseReceiver(SampledReceiver):
             raise ValueError(f"code: this receiver reads pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
         super().__init__(tool.tu_s / STEPS_PER_TU)
         self._tool = tool
-        self._surveys = SurveyMemory(tool)
+        self._flow = FlowSpans()
+        self._surveys = SurveyMemory(tool, self._flow.rested)
         parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
         self._temper = Temper(parity)
         quiet_s = min(_NOISE_S, tool.transmit_delay_s - _SETTLED_S)
@@ -79,6 +81,11 @@ class PulseReceiver(SampledReceiver):
         after = PulseReceiver(tool)
         after._temper = self._temper.following()
         return after
+
+    def push(self, time_s: Array, value: Array) -> Reception:
+        """Take samples, as `SampledReceiver.push`."""
+        self._flow.push(time_s, value)
+        return super().push(time_s, value)
 
     def strokes(self, pump: int, time_s: Array) -> None:
         """

@@ -2,7 +2,8 @@
 """
 What surveys know of each other: words sent again are combined, and erased ones are chosen by what surveys agree on.
 
-A tool that sends a survey again sends the same codes, so the posteriors are multiplied. Gravity, field and dip hardly
+A tool that sends a survey again sends the same codes, so the posteriors are multiplied, unless it has rested for long
+enough to take another one, which in a straight hole may differ by one word. Gravity, field and dip hardly
 change from station to station, inclination and azimuth by some degrees: an outer code that no parity has. A word
 chosen by it is marked, never silently believed.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.telemetry import meanings
@@ -73,10 +75,13 @@ class SurveyMemory:
     Parameters
     ----------
     tool : ToolConfiguration
+    rested : callable
+        Whether the pumps were off for long enough for a survey between two times, s.
     """
 
-    def __init__(self, tool: ToolConfiguration) -> None:
-        self._tool = tool
+    def __init__(self, tool: ToolConfiguration, rested: Callable[[float, float], bool]) -> None:
+        self._tool, self._rested = tool, rested
+        self._last_s = -math.inf
         self._last: dict[str, tuple[_Codes, int]] = {}
         self._values: dict[str, float] = {}
 
@@ -95,13 +100,14 @@ class SurveyMemory:
             one = _codes_of(word, bits[word.index])
             known = codes.get(word.name)
             codes[word.name] = one if known is None or known.count != one.count else known.times(one)[0]
-        if self._sent_again(codes):
+        if not self._rested(self._last_s, words[0].start_s) and self._sent_again(codes):
             codes = {
                 name: one.times(self._last[name][0])[0] if self._comparable(name, one) else one
                 for name, one in codes.items()
             }
         settled = [self._chosen(self._shown(word, codes[word.name], bits[word.index])) for word in words]
         self._last = {name: (one, one.count) for name, one in codes.items()}
+        self._last_s = words[0].start_s
         for word in settled:
             if word.status == BELIEVED:
                 self._values[word.name] = word.value

@@ -35,6 +35,14 @@ def test_spans_without_flow_are_found_however_the_pressure_is_cut(block):
     assert spans.before(30.0) is None
 
 
+def test_a_rest_between_two_times_is_told_where_it_is_long_enough_for_a_survey():
+    spans = pushed(drilled(), 100)
+    assert [spans.rested(*times) for times in ((100.0, 500.0), (100.0, 330.0), (400.0, 599.0))] == [True, False, False]
+    spans.switch(700.0, flowing=False)
+    spans.switch(708.0, flowing=True)
+    assert not spans.rested(690.0, 720.0)
+
+
 def test_pumps_that_stop_are_known_to_be_off():
     spans = pushed(drilled()[:3200], 50)
     assert spans.flowing(319.0) is False

@@ -15,6 +15,13 @@ from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED, Receive
 
 TOOL = TOOLS["0.5"]
 ITEMS = TOOL.surveys[0]
+
+
+def at_once(_from_s, _until_s):
+    """No rest for another survey."""
+    return False
+
+
 CODES = (1000, 2000, 3500, 120, 2047, 2010, 77)
 
 
@@ -46,7 +53,7 @@ def survey(codes=CODES, confidence=0.999, wrong=(), frame=0):
 
 
 def test_a_survey_sent_again_has_the_posterior_of_both():
-    memory = SurveyMemory(TOOL)
+    memory = SurveyMemory(TOOL, at_once)
     memory.settle(survey(confidence=0.9))
     second = memory.settle(survey(confidence=0.9, wrong=(1,), frame=1))
     assert [word.raw for word in second] == list(CODES)
@@ -56,8 +63,19 @@ def test_a_survey_sent_again_has_the_posterior_of_both():
     assert memory.settle(survey(confidence=0.9, frame=2))[0].status == BELIEVED
 
 
+@pytest.mark.parametrize(("rested", "taken"), [(False, CODES[1]), (True, CODES[1] ^ 1)])
+def test_behind_a_rest_a_survey_that_differs_by_one_word_is_another_one(rested, taken):
+    """In a straight hole: the azimuth, heard well enough, is not that of the survey before."""
+    memory = SurveyMemory(TOOL, lambda _, until_s: rested and until_s > 0.0)
+    memory.settle(survey())
+    words = [dataclasses.replace(word, start_s=word.start_s + 600.0) for word in survey(frame=1)]
+    near = {"raw": words[1].raw ^ 1, "confidence": 0.9, "status": ERASED, "alternatives": ((words[1].raw, 0.09),)}
+    words[1] = dataclasses.replace(words[1], **near)
+    assert memory.settle(words)[1].raw == taken
+
+
 def test_another_survey_is_not_taken_for_the_same():
-    memory = SurveyMemory(TOOL)
+    memory = SurveyMemory(TOOL, at_once)
     memory.settle(survey())
     codes = tuple(code + 3 for code in CODES)
     words = survey(codes, 0.9, frame=1)
@@ -72,14 +90,14 @@ def test_a_word_sent_twice_in_a_survey_is_combined():
     tool = dataclasses.replace(TOOL, survey_sequences=("Inc:12:P Azm:12:P Inc:12:P Azm:12:P",))
     words = survey(confidence=0.95)[:2]
     both = [dataclasses.replace(word, index=k) for k, word in enumerate(words + words)]
-    settled = SurveyMemory(tool).settle(both)
+    settled = SurveyMemory(tool, at_once).settle(both)
     assert {word.name: word.raw for word in settled} == {"Inc": 1000, "Azm": 2000}
     assert all(word.confidence > 0.995 and word.status == BELIEVED for word in settled)
 
 
 def test_an_erased_word_is_chosen_by_the_surveys_before_and_marked():
     """Inclination 45 deg off is far from the station before; one step off is not, and stays erased."""
-    memory = SurveyMemory(TOOL)
+    memory = SurveyMemory(TOOL, at_once)
     memory.settle(survey())
     words = survey(tuple(code + 7 for code in CODES), 0.999, frame=1)
     far = CODES[0] + 1024
@@ -97,7 +115,7 @@ def test_gravity_is_known_before_any_survey():
     words = survey()
     right = TOOL.table["Grav"].code(0.9995, 12)
     words[4] = dataclasses.replace(words[4], raw=1023, confidence=0.7, status=ERASED, alternatives=((right, 0.29),))
-    gravity = SurveyMemory(TOOL).settle(words)[4]
+    gravity = SurveyMemory(TOOL, at_once).settle(words)[4]
     assert (gravity.raw, gravity.status) == (right, BY_CONSISTENCY)
 
 
@@ -109,7 +127,7 @@ def test_the_unit_of_a_word_changes_no_choice(name, unit, factor):
     k = [item.name for item in ITEMS].index(name)
     chosen = []
     for one in (TOOL, tool):
-        memory = SurveyMemory(one)
+        memory = SurveyMemory(one, at_once)
         for frame, confidence in enumerate((0.999, 0.9)):
             words = survey(frame=frame)
             row = one.table[name]
@@ -133,7 +151,7 @@ def test_the_unit_of_a_word_changes_no_choice(name, unit, factor):
 
 def test_toolface_words_are_left_alone():
     words = [dataclasses.replace(word, kind="toolface") for word in survey(confidence=0.5)]
-    assert SurveyMemory(TOOL).settle(words) == words
+    assert SurveyMemory(TOOL, at_once).settle(words) == words
 
 
 @pytest.mark.slow
