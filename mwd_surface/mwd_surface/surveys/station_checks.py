@@ -151,15 +151,18 @@ def revision_doubt(record: SurveyRecord, north: North) -> str:
     """
     Return what later surveys say against a value in use, in a sentence; empty where nothing, or a person knew it.
 
-    They do where the verdict is no longer accept, or the azimuth lies more than its 1 sigma away.
+    They do where the verdict is neither the first one nor accept, or the azimuth lies more than its 1 sigma away.
     """
     first, now = record.survey, record.revision
     if now is None or not record.in_use or now.revision <= record.decided_revision:
         return ""
     used, azimuth = first.azimuth_from(north), now.azimuth_from(north)
     words = ["no azimuth" if one is None else f"azimuth {math.degrees(one):.2f} deg" for one in (used, azimuth)]
-    apart = math.inf if used is None or azimuth is None else abs(math.remainder(azimuth - used, math.tau))
-    if now.verdict == Verdict.ACCEPT and apart <= first.sigma_azimuth:
+    if used is None or azimuth is None:
+        moved = used is not azimuth
+    else:
+        moved = abs(math.remainder(azimuth - used, math.tau)) > first.sigma_azimuth
+    if not moved and now.verdict in (Verdict.ACCEPT, first.verdict):
         return ""
     why = f": {now.action}" if now.action else ""
     place = f"survey {first.sequence} at {record.measured_depth:.1f} m"

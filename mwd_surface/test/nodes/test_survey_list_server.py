@@ -18,6 +18,7 @@ from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.page.survey_panel import survey_row
 from mwd_surface.surveys.message_conversion import fill_survey
 from mwd_surface.surveys.station_checks import revision_doubt
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.north import North
 
@@ -139,6 +140,21 @@ def test_a_value_in_use_that_later_surveys_contradict_is_an_alarm_until_a_person
     assert server.log.standing
     assert decide(server.server.reject).success
     assert server.log.standing == {}
+
+
+def test_a_revision_that_says_no_more_than_the_value_in_use_raises_no_alarm():
+    doubtful = dataclasses.replace(example.survey(1, 10.0, 40.0), verdict=int(Verdict.DOUBTFUL))
+    upright = dataclasses.replace(example.survey(2, 0.5, 40.0), north=int(North.UNKNOWN))
+    for first in (doubtful, upright):
+        record = SurveyList(well=example.WELL).add(first, 300.0, 0.0).records[0]
+        record = dataclasses.replace(record, in_use=True)
+        later = dataclasses.replace(first, azimuth=first.azimuth + 0.3 * first.sigma_azimuth, revision=3)
+        assert revision_doubt(dataclasses.replace(record, revised=(later,)), North.GRID) == ""
+        known = dataclasses.replace(later, verdict=int(Verdict.REJECT))
+        assert revision_doubt(dataclasses.replace(record, revised=(known,)), North.GRID)
+        other = North.UNKNOWN if first.has_azimuth else North.GRID
+        found = dataclasses.replace(later, north=int(other))
+        assert revision_doubt(dataclasses.replace(record, revised=(found,)), North.GRID)
 
 
 def test_a_revision_of_a_survey_that_is_not_listed_changes_nothing(server):
