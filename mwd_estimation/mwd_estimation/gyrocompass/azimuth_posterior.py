@@ -39,7 +39,7 @@ class OnCircle:
 
     mean: float
     sigma: float
-    misfit: float  #: squared distance of the nearest part from the circle, in sigmas
+    misfit: float  #: squared distance of the likeliest part from the circle, in sigmas
     several: tuple[float, ...]  #: the angles that fit alike, where there are several
 
 
@@ -153,7 +153,8 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
     cost = _Cost(parts, horizontal)
     modes = _modes(cost.total)
     best = min(modes, key=lambda mode: mode[1])[0]
-    misfit = float(cost.distances(np.array([best])).min())
+    likeliest = int(np.argmin(cost.each(np.array([best]))))
+    misfit = float(cost.distances(np.array([best]))[likeliest, 0])
     if len(modes) > 1 and expected is not None:
         modes = [min(modes, key=lambda mode: abs(float(wrap_pi(mode[0] - expected))))]
     angles = [mode for mode, _ in modes]

@@ -67,3 +67,12 @@ def test_parts_are_weighed_by_their_evidence_and_by_how_well_they_fit_the_circle
     # Thirty sigma off the circle the narrow one has no say, whatever its weight was.
     off = azimuth_posterior.posterior([wide, one(1.0, 0.01, length=1.3)], RATE)
     assert off.sigma == pytest.approx(azimuth_posterior.posterior([wide], RATE).sigma, rel=0.01)
+
+
+def test_the_misfit_is_that_of_the_part_that_answers_not_of_an_unlikely_one_that_fits() -> None:
+    answers, unlikely = one(1.0, 0.1, length=1.5), one(2.5, 1.0, log_weight=-60.0)
+    alone = azimuth_posterior.posterior([answers], RATE)
+    found = azimuth_posterior.posterior([answers, unlikely], RATE)
+    assert found.mean == pytest.approx(alone.mean, abs=1e-3)
+    assert found.misfit == pytest.approx(alone.misfit, rel=1e-3)
+    assert alone.misfit == pytest.approx(25.0, rel=1e-3)
