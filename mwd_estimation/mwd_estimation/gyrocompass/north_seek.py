@@ -120,9 +120,11 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     The reasons to refuse it are those of `seek_refusal`. errors: known of the gyros when the seek began; None: what the
     parameters state.
     """
+    pole = polar(params.latitude_deg)
+    if pole is not None:
+        return Solution(pole, params.mode)
     if state.phase != Phase.SEEKING:
-        levelling = Reason(ReasonCode.SEEK_LEVELLING, float(state.level_time), params.shortest)
-        return Solution(polar(params.latitude_deg) or levelling, params.mode)
+        return Solution(Reason(ReasonCode.SEEK_LEVELLING, float(state.level_time), params.shortest), params.mode)
     p = kernel_params(params)
     method = _method(params, state)
     inclination, heading, right = _hole_axis(state, method)
@@ -192,10 +194,10 @@ def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -
     """
     What is known of the gyros at the end of a seek, from what was known when it began (None: what is stated).
 
-    A seek that has not got past levelling adds nothing.
+    A seek that has not got past levelling adds nothing, and none does near a pole.
     """
     now = _errors_now(params, state, errors)
-    if state.phase != Phase.SEEKING:
+    if state.phase != Phase.SEEKING or polar(params.latitude_deg) is not None:
         return now
     return gyro_errors.learnt(now, estimate(state), state.P, _EARTH, _BIAS, kernel_params(params).horizontal)
 

@@ -44,8 +44,7 @@ class Fit:
 def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
     """Reason to refuse the azimuth: the motion first, then the hole's attitude, the instrument and the uncertainty."""
     return (
-        polar(params.latitude_deg)
-        or _motion(params, state, fit.method)
+        _motion(params, state, fit.method)
         or _attitude(params, fit)
         or _latitude(params, fit)
         or _instrument(params, state, fit)

@@ -213,6 +213,16 @@ def test_a_gyro_that_fits_the_latitude_finds_north_in_one_position_and_says_how_
     assert math.radians(0.25) < found.sigma < math.radians(4.0)
 
 
+@pytest.mark.parametrize("latitude_deg", [-90.0, 86.0, 90.0])
+def test_near_a_pole_every_station_is_refused_for_its_latitude(latitude_deg):
+    station = GyroStation(TACTICAL, latitude_deg, 9.81)
+    # The axis lies elsewhere the second time: that seek begins with what the first has learnt.
+    for start, inclination in ((0.0, 1.0), (35.0, 1.1)):
+        _feed(station, tuple(stream[: 35 * RATE] for stream in _samples(inclination=inclination)), start)
+        assert station.solution().reason.code is ReasonCode.LATITUDE_POLAR
+        assert station.pending() is None
+
+
 def test_a_gyro_with_a_bias_gets_no_credit_for_fitting_the_latitude():
     station = _station()
     _rest(station, 122.0, 4.0, noise=0.01)
