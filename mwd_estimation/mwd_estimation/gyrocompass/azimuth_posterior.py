@@ -17,6 +17,9 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
+# Width of a peak, rad, that the angles all around resolve; and how much wider than the last one the next is resolved.
+_NARROW, _ALIKE = 0.1, 1.4
+
 
 @dataclasses.dataclass(frozen=True)
 class Part:
@@ -103,11 +106,12 @@ class _Cost:
         spread = [modes[0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
         for mode in modes:
             tangent = self._horizontal * np.array([-math.sin(mode), -math.cos(mode)])
-            for inverse in self.inverses:
-                width = 1.0 / math.sqrt(float(tangent @ inverse @ tangent))
-                if width < 0.1:
-                    # A narrow peak wants points of its own.
+            resolved = 0.0
+            for width in sorted(1.0 / math.sqrt(float(tangent @ inverse @ tangent)) for inverse in self.inverses):
+                # A narrow peak wants points of its own, and those of one a little narrower resolve it too.
+                if _ALIKE * resolved < width < _NARROW:
                     spread.append(mode + np.linspace(-8.0, 8.0, 81) * width)
+                    resolved = width
         angle = np.unique(np.concatenate(spread))
         if lone:
             return angle, np.gradient(angle)

@@ -111,13 +111,7 @@ def parts(errors: GyroErrors, x: Array, P: Array, right: Array, earth: slice, bi
     earth, bias : slice
         Places of the horizontal Earth rate and of the biases in x.
     """
-    found = []
-    for log, m, C in zip(errors.log_weight, errors.mean, errors.covariance, strict=True):
-        gain, log_evidence, off = _joined(x[bias], P[:, bias], P[bias, bias], m[_BIAS], C[_BIAS, _BIAS])
-        moved = gain @ off
-        one = part(log + log_evidence, x[earth] + moved[earth], P - gain @ P[bias], right, earth, float(right @ moved))
-        found.append(one)
-    return found
+    return _parts(errors, _joined(errors, x, P, bias), x, P, right, earth, bias)
 
 
 def learnt(errors: GyroErrors, x: Array, P: Array, earth: slice, bias: slice, horizontal: float) -> GyroErrors:
@@ -126,12 +120,13 @@ def learnt(errors: GyroErrors, x: Array, P: Array, earth: slice, bias: slice, ho
 
     The Gaussians of all azimuths are collapsed to their mean and covariance (Murphy, Machine Learning, 2012, 18.6).
     """
-    found = parts(errors, x, P, np.zeros(len(x)), earth, bias)
+    joined = _joined(errors, x, P, bias)
+    found = _parts(errors, joined, x, P, np.zeros(len(x)), earth, bias)
     angle, share, log_weight = along(found, horizontal)
     circle = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     means, covariances = [], []
-    for one, of_angles, m, C in zip(found, share, errors.mean, errors.covariance, strict=True):
-        gain, _, off = _joined(x[bias], P[:, bias], P[bias, bias], m[_BIAS], C[_BIAS, _BIAS])
+    each_pair = zip(found, share, errors.mean, errors.covariance, *joined[:2], strict=True)
+    for one, of_angles, m, C, gain, off in each_pair:
         S = P - gain @ P[bias]
         K = np.linalg.solve(S[earth, earth], S[earth, bias]).T
         each = (x + gain @ off)[bias] + (circle - one.earth) @ K.T
@@ -147,8 +142,20 @@ def learnt(errors: GyroErrors, x: Array, P: Array, earth: slice, bias: slice, ho
     return GyroErrors(log_weight, errors.drift, np.array(means), np.array(covariances))
 
 
-def _joined(x: Array, P_b: Array, P_bb: Array, m: Array, C: Array) -> tuple[Array, float, Array]:
-    """Gain, log evidence and innovation where a bias x, covariance P_bb, is known to be m with covariance C."""
-    S, off = P_bb + C, m - x
-    gain: Array = np.asarray(np.linalg.solve(S, P_b.T).T, dtype=float)
-    return gain, -0.5 * (float(off @ np.linalg.solve(S, off)) + float(np.linalg.slogdet(S)[1])), off
+def _joined(errors: GyroErrors, x: Array, P: Array, bias: slice) -> tuple[Array, Array, Array]:
+    """Gain, shape (k, n, 3), innovation (k, 3) and log evidence (k,) where each pair of scales knows the biases."""
+    S, off = P[bias, bias] + errors.covariance[:, _BIAS, _BIAS], errors.mean[:, _BIAS] - x[bias]
+    gain: Array = np.asarray(np.linalg.solve(S, P[bias]).transpose(0, 2, 1), dtype=float)
+    distance: Array = np.einsum("ki,ki->k", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
+    return gain, off, np.asarray(-0.5 * (distance + np.linalg.slogdet(S)[1]), dtype=float)
+
+
+def _parts(
+    errors: GyroErrors, joined: tuple[Array, Array, Array], x: Array, P: Array, right: Array, earth: slice, bias: slice
+) -> list[Part]:
+    found = []
+    for log, gain, off, log_evidence in zip(errors.log_weight, *joined, strict=True):
+        moved = gain @ off
+        one = part(log + log_evidence, x[earth] + moved[earth], P - gain @ P[bias], right, earth, float(right @ moved))
+        found.append(one)
+    return found

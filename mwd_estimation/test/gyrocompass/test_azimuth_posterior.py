@@ -76,3 +76,11 @@ def test_the_misfit_is_that_of_the_part_that_answers_not_of_an_unlikely_one_that
     assert found.mean == pytest.approx(alone.mean, abs=1e-3)
     assert found.misfit == pytest.approx(alone.misfit, rel=1e-3)
     assert alone.misfit == pytest.approx(25.0, rel=1e-3)
+
+
+def test_parts_of_like_widths_share_the_angles_that_resolve_them() -> None:
+    alike = [one(1.0, 0.01 * 1.01**k) for k in range(48)]
+    angle, share, _ = azimuth_posterior.along(alike, RATE)
+    assert len(angle) < 1200
+    for k, shares in enumerate(share):
+        assert math.sqrt(float(shares @ (angle - 1.0) ** 2)) == pytest.approx(0.01 * 1.01**k, rel=1e-3)
