@@ -203,7 +203,11 @@ def _fixed(place: Place) -> Reference:
             "take them from its certificate"
         )
     # A certificate knows core and crust; the field of the Sun it knows only where an observatory is part of it (IFR2).
-    outside = FieldErrors(total_nt=0.0, dip_deg=0.0, declination_degnt=0.0) if _IFR2 in place.source else FieldErrors()
+    outside = (
+        FieldErrors(total_nt=0.0, dip_deg=0.0, declination_degnt=0.0)
+        if _IFR2 in place.source.upper()
+        else FieldErrors()
+    )
     return dataclasses.replace(
         reference,
         sigma_total=math.hypot(place.sigma_total_nt, outside.total_nt) * 1e-9,

@@ -282,6 +282,8 @@ def test_a_named_field_brings_its_own_sigmas_and_the_field_of_the_moment_only_wh
     given = {**_FIXED, **_CERTIFICATE, "place.source": "IFR2", "survey.tool_code": "MWD+SRGM"}
     known = derivation.reference(changed(EstimatorSettings(), given), 0)
     assert known.source == "IFR2"
+    lower = derivation.reference(changed(EstimatorSettings(), {**given, "place.source": "ifr2 of the well"}), 0)
+    assert lower.sigma_total == known.sigma_total
     assert known.sigma_total == pytest.approx(60e-9)
     assert known.sigma_dip == pytest.approx(math.radians(0.11))
     # The declination's is of this place: it does not grow with a weak horizontal field.
