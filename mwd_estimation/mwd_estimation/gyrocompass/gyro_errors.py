@@ -34,11 +34,14 @@ _LEAST, _LEAST_RAMP = 1e-6 * DEG_PER_HOUR, 1e-9 * DEG_PER_HOUR / 3600.0
 _BIAS, _RAMP = slice(0, 3), slice(3, 6)
 # Logarithm of the odds that no pair of scales falls below: the unit may change.
 _LEAST_ODDS = math.log(1e-6)
+# Probability beforehand that the biases are others than at the station before, as after a shock: a guess on the wide
+# side, for a step that nobody expects is answered with a sigma that it does not keep. From the second one on they are.
+_STEP, _STEPPED = 0.02, 0.5
 
 
 @dataclasses.dataclass(frozen=True)
 class GyroErrors:
-    """Bias and ramp of the gyros for each pair of scales."""
+    """Bias and ramp of the gyros for each pair of scales, and, of a run, where the biases stepped, in a last row."""
 
     log_weight: Array  #: shape (k,)
     drift: Array  #: shape (k,); scale of the drift
@@ -94,6 +97,30 @@ def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
     phi = np.kron(np.array([[1.0, moved], [0.0, kept]]), np.eye(3))
     added = errors.drift[:, None, None] ** 2 * np.kron(noise, np.eye(3))
     return dataclasses.replace(errors, mean=errors.mean @ phi.T, covariance=phi @ errors.covariance @ phi.T + added)
+
+
+def maybe_stepped(errors: GyroErrors, params: SeekParams) -> GyroErrors:
+    """
+    The same before another station, with a last row for biases that stepped: as stated anew, whatever was before.
+
+    What the station before made likely of a step stays in that row, or becomes what all pairs of scales know.
+    """
+    begun = stated(params)
+    pairs, as_stated = len(begun.log_weight), int(np.argmax(begun.log_weight))
+    log_weight, mean, covariance = errors.log_weight[:pairs], errors.mean[:pairs], errors.covariance[:pairs]
+    if len(errors.log_weight) > pairs:
+        odds = math.exp(errors.log_weight[pairs])
+        if _STEP < odds <= _STEPPED:
+            return errors
+        if odds > _STEPPED:
+            mean, covariance = np.tile(errors.mean[pairs], (pairs, 1)), np.tile(errors.covariance[pairs], (pairs, 1, 1))
+    kept = log_weight - math.log(float(np.exp(log_weight).sum())) + math.log(1.0 - _STEP)
+    return GyroErrors(
+        np.append(kept, math.log(_STEP)),
+        np.append(begun.drift, begun.drift[as_stated]),
+        np.append(mean, begun.mean[[as_stated]], axis=0),
+        np.append(covariance, begun.covariance[[as_stated]], axis=0),
+    )
 
 
 def parts(errors: GyroErrors, x: Array, P: Array, right: Array, earth: slice, bias: slice) -> list[Part]:

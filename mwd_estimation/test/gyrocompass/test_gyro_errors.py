@@ -77,3 +77,22 @@ def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias
     assert np.mean((off / sigma) ** 2) < 1.6
     # At the sixth station the bias is known to a part of what is stated, which alone is 23 deg.
     assert np.median(sigma) < math.radians(10.0)
+
+
+def test_biases_that_step_after_they_are_known_are_found_again():
+    rng, off, sigma = np.random.default_rng(5), [], []
+    for _ in range(40):
+        true, known = 5.0 * DEG_PER_HOUR * rng.standard_normal(3), gyro_errors.stated(PARAMS)
+        for k in range(8):
+            if k == 6:
+                true = 5.0 * DEG_PER_HOUR * rng.standard_normal(3)
+            heading = rng.uniform(0.0, math.tau)
+            x, P = station(true, heading, rng)
+            found = posterior(gyro_errors.parts(known, x, P, np.zeros(5), EARTH, BIAS), HORIZONTAL, heading)
+            known = gyro_errors.learnt(known, x, P, EARTH, BIAS, HORIZONTAL)
+            known = gyro_errors.after(gyro_errors.maybe_stepped(known, PARAMS), PARAMS, 1800.0)
+            if k >= 6:
+                off.append(float(wrap_pi(found.mean - heading)))
+                sigma.append(found.sigma)
+    beyond = np.mean(np.abs(off) > 3.0 * np.array(sigma))
+    assert beyond < 0.1
