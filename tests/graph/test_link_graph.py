@@ -39,10 +39,12 @@ out = node.create_publisher(PressureBurst, "rig/standpipe", qos.EVENT)
 until = time.monotonic() + 30.0
 while out.get_subscription_count() < 2 and time.monotonic() < until:
     rclpy.spin_once(node, timeout_sec=0.1)
-# Endpoints of a node are known a moment before the node itself.
-while ("surface", "/w1") not in node.get_node_names_and_namespaces() and time.monotonic() < until:
+# A node and each of its endpoints become known one after the other.
+topics = []
+while not {"/w1/link/attitude", "/w1/link/survey"} <= set(topics) and time.monotonic() < until:
     rclpy.spin_once(node, timeout_sec=0.1)
-topics = [name for name, _ in node.get_subscriber_names_and_types_by_node("surface", "/w1")]
+    if ("surface", "/w1") in node.get_node_names_and_namespaces():
+        topics = [name for name, _ in node.get_subscriber_names_and_types_by_node("surface", "/w1")]
 clients = [name for name, _ in node.get_client_names_and_types_by_node("surface", "/w1")]
 with open(sys.argv[1], "rb") as file:
     size = int.from_bytes(file.read(4), "little")

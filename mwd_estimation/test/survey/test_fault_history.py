@@ -171,13 +171,17 @@ def test_a_survey_whose_time_a_doubt_touches_is_doubtful_with_the_reason():
     at = dataclasses.replace(survey, stamp_ns=10_000_000_000, duration=8.0)
     assert record.judge(at) is at
     suspect = np.where(stamps >= 3_000_000_000, ACCEL, 0).astype(np.uint8)
-    for shift, touched in ((0, False), (4, True), (13, True), (18, False)):
+    # At 13 s: begun two seconds after its end, by evidence of its time. A survey at rest is judged late enough for it.
+    for shift, at_its_end, later in ((0, False, False), (4, True, True), (13, False, True), (18, False, False)):
         record = FaultHistory()
         record.doubt(stamps + shift * 10**9, suspect)
-        judged = record.judge(at)
-        assert (judged.station.verdict == "doubtful") == touched, shift
-        if touched:
-            assert "accelerometer" in text(judged.station.reasons[0])
+        judged, against = record.judge(at).station, record.against(at)
+        assert (judged.verdict == "doubtful") == at_its_end, shift
+        assert (against is not None) == later, shift
+        if at_its_end:
+            assert "accelerometer" in text(judged.reasons[0])
+        if against is not None:
+            assert against.judge(at).station.verdict == "doubtful"
 
 
 def test_a_failed_magnetometer_is_no_reading_and_does_not_touch_a_gyro_azimuth():

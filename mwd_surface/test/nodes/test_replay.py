@@ -35,7 +35,8 @@ from mwd_surface.ros.topics import TOPICS, message_class, profile_yaml  # noqa: 
 pytestmark = pytest.mark.slow
 
 START = 1_772_344_800_000_000_000
-STREAM = QoSProfile(depth=5000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
+# Reliable, as a replay offers it: on a busy machine a listener may not lose what is compared one by one.
+STREAM = QoSProfile(depth=5000, reliability=QoSReliabilityPolicy.RELIABLE)
 
 
 def recording(path, seconds=4.0, rate=100):
