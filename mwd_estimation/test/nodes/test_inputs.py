@@ -245,8 +245,10 @@ def test_a_sensor_that_is_declared_absent_only_after_it_failed_is_broken_however
 def test_samples_that_were_not_used_are_told_with_the_remedy_of_their_cause():
     imu, mag = still()
     late = Pipeline(EstimatorSettings())
-    late.push_imu(imu)
-    late.push_mag(mag)
+    half = len(imu) // 2
+    late.push_imu(imu[:half])
+    late.push_mag(mag[:half])
+    late.push_imu(imu[half:])
     assert "tool.magnetometer.delay_s" in diagnostics.sample_diagnostic(late, 0).remedy
     assert "type of message" not in diagnostics.sample_diagnostic(late, 0).remedy
     assert diagnostics.sample_diagnostic(Pipeline(EstimatorSettings()), 3).remedy.startswith("is another type")

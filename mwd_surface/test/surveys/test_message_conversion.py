@@ -21,7 +21,7 @@ if not hasattr(msg, "Survey"):
     ("kind", "message", "own"),
     [
         (Survey, msg.Survey, {"stamp_ns", "frame_id"}),
-        (SurveyRecord, msg.SurveyRecord, {"judged_ns", "decisions"}),
+        (SurveyRecord, msg.SurveyRecord, {"judged_ns", "decisions", "decided_revision"}),
         (AzimuthEstimate, msg.AzimuthEstimate, set()),
     ],
 )
