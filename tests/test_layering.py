@@ -7,6 +7,8 @@ import graphlib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[1]
 LINE = ("mwd_msgs", "mwd_sensors", "mwd_estimation", "mwd_surface")
 ROS = {
@@ -140,13 +142,15 @@ def test_ranked_rooms_depend_one_way():
     assert not wrong, "\n".join(wrong)
 
 
-def test_rooms_import_each_other_in_no_circle():
-    rooms = {".".join(_module(path).split(".")[:2]) for path in MODULES if len(_module(path).split(".")) > 2}
+@pytest.mark.parametrize("depth", [2, 3])
+def test_rooms_import_each_other_in_no_circle(depth):
+    """Rooms of a package, and the rooms within a room."""
+    rooms = {".".join(_module(path).split(".")[:depth]) for path in MODULES if _module(path).count(".") >= depth}
     imports = {room: set() for room in rooms}
     for path in MODULES:
-        own = ".".join(_module(path).split(".")[:2])
+        own = ".".join(_module(path).split(".")[:depth])
         for name in _imports(path):
-            room = ".".join(name.split(".")[:2])
+            room = ".".join(name.split(".")[:depth])
             if own in rooms and room in rooms - {own}:
                 imports[own].add(room)
     list(graphlib.TopologicalSorter(imports).static_order())  # raises with the rooms of a circle

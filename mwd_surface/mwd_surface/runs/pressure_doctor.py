@@ -9,7 +9,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
-from mwd_surface.receiver.link.flow_spans import FlowSpans
+from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.pressure_files import PressureFile
 from mwd_surface.receiver.pulse.pulse_receiver import LEAST_PER_TU
 from mwd_surface.runs.doctor import CheckResult, Level

@@ -18,7 +18,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
-from mwd_surface.receiver.link.flow_spans import SURVEY_S, FlowSpans
+from mwd_surface.receiver.flow_spans import SURVEY_S, FlowSpans
 from mwd_surface.receiver.link.link_attitude import AgeRules, LinkAttitude
 from mwd_surface.receiver.link.link_survey import SETTLE_S, HeardSurvey, SurveyTime
 from mwd_surface.receiver.link.receivers import receiver_of
@@ -104,9 +104,9 @@ class Link:
     ) -> None:
         self._tool, self.name = tool, name
         self._rules, self._stamp_ns = rules, stamp_ns
-        self._receiver = receiver_of(tool)
-        self._needed_db = _NEEDED_DB.get(tool.code, NEEDED_DB)
         self.flow = FlowSpans()
+        self._receiver = receiver_of(tool, self.flow)
+        self._needed_db = _NEEDED_DB.get(tool.code, NEEDED_DB)
         self.attitude = LinkAttitude(rules)
         self._survey_words: dict[int, list[ReceivedWord]] = {}
         self._last_survey: SurveyTime | None = None
@@ -127,7 +127,9 @@ class Link:
         after.flow, after.attitude = copy.deepcopy(self.flow), copy.deepcopy(self.attitude)
         after.now_s, after._last_survey = self.now_s, self._last_survey
         if isinstance(self._receiver, PulseReceiver) and tool.code in PULSE_CODES:
-            after._receiver = self._receiver.successor(tool)
+            after._receiver = self._receiver.successor(tool, after.flow)
+        else:
+            after._receiver = receiver_of(tool, after.flow)
         return after
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:

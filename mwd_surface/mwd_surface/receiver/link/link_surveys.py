@@ -17,7 +17,7 @@ from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.link.flow_spans import SURVEY_S
+from mwd_surface.receiver.flow_spans import SURVEY_S
 from mwd_surface.receiver.link.link_survey import HeardSurvey, survey
 from mwd_surface.receiver.words import LinkValue
 from mwd_surface.surveys.survey_record import Survey

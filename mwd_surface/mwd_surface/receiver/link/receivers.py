@@ -8,6 +8,7 @@ from typing import Protocol
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.carrier.carrier_receiver import CarrierReceiver
+from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.serial_receiver import SerialReceiver
 from mwd_surface.receiver.words import Reception
@@ -32,9 +33,9 @@ class Receiver(Protocol):
         ...
 
 
-def receiver_of(tool: ToolConfiguration) -> Receiver:
+def receiver_of(tool: ToolConfiguration, flow: FlowSpans | None = None) -> Receiver:
     """
-    Receiver of a tool.
+    Receiver of a tool; flow: as `PulseReceiver`, for the others do without.
 
     Raises
     ------
@@ -45,4 +46,4 @@ def receiver_of(tool: ToolConfiguration) -> Receiver:
         return CarrierReceiver(tool)
     if tool.code == "serial":
         return SerialReceiver(tool)
-    return PulseReceiver(tool)
+    return PulseReceiver(tool, flow)

@@ -11,8 +11,8 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.belief import Temper
+from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
-from mwd_surface.receiver.link.flow_spans import FlowSpans
 from mwd_surface.receiver.pulse import segment, synchronisation
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.pulse.survey_memory import SurveyMemory
@@ -41,6 +41,9 @@ class PulseReceiver(SampledReceiver):
     Parameters
     ----------
     tool : ToolConfiguration
+    flow : FlowSpans, optional
+        Spans without flow that the caller finds in the same pressure, each block before it is pushed; without them
+        the receiver finds them itself.
 
     Attributes
     ----------
@@ -53,12 +56,12 @@ class PulseReceiver(SampledReceiver):
         The code of the tool is not one that this receiver reads.
     """
 
-    def __init__(self, tool: ToolConfiguration) -> None:
+    def __init__(self, tool: ToolConfiguration, flow: FlowSpans | None = None) -> None:
         if tool.code not in PULSE_CODES:
             raise ValueError(f"code: this receiver reads pulses ({', '.join(PULSE_CODES)}), not {tool.code}")
         super().__init__(tool.tu_s / STEPS_PER_TU)
         self._tool = tool
-        self._flow = FlowSpans()
+        self._flow, self._finds_flow = flow or FlowSpans(), flow is None
         self._surveys = SurveyMemory(tool, self._flow.rested)
         parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
         self._temper = Temper(parity)
@@ -76,15 +79,16 @@ class PulseReceiver(SampledReceiver):
         self.last_sync_s = -math.inf
         self.channel: segment.Channel | None = None
 
-    def successor(self, tool: ToolConfiguration) -> PulseReceiver:
+    def successor(self, tool: ToolConfiguration, flow: FlowSpans) -> PulseReceiver:
         """Return a receiver of the same tool, told to send otherwise: what parities taught of its words is kept."""
-        after = PulseReceiver(tool)
+        after = PulseReceiver(tool, flow)
         after._temper = self._temper.following()
         return after
 
     def push(self, time_s: Array, value: Array) -> Reception:
         """Take samples, as `SampledReceiver.push`."""
-        self._flow.push(time_s, value)
+        if self._finds_flow:
+            self._flow.push(time_s, value)
         return super().push(time_s, value)
 
     def strokes(self, pump: int, time_s: Array) -> None:

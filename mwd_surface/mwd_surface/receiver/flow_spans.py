@@ -69,13 +69,13 @@ class FlowSpans:
             self.spans[-1] = Span(self.spans[-1].start_s, at_s)
         elif not off and not flowing:
             self.spans.append(Span(at_s, math.inf))
-        del self.spans[:-32]
 
     def flowing(self, at_s: float) -> bool | None:
         """Whether the pumps are on at a time, s, that is not later than what is known; None before anything is."""
         if not self._known:
             return None
-        return not any(span.start_s <= at_s < span.end_s for span in self.spans)
+        last = next((span for span in reversed(self.spans) if span.start_s <= at_s), None)
+        return last is None or at_s >= last.end_s
 
     def rested(self, from_s: float, until_s: float) -> bool:
         """Whether a rest long enough for a survey lies between two times, s."""

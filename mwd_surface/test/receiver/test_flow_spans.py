@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from mwd_surface.receiver.link.flow_spans import FlowSpans
+from mwd_surface.receiver.flow_spans import FlowSpans
 
 
 def pushed(pressure, block):
@@ -60,3 +60,12 @@ def test_a_sample_that_is_no_number_does_not_make_standing_mud_flow():
     with_gap = pressure.copy()
     with_gap[3300] = math.nan
     assert pushed(with_gap, 100).spans == pushed(pressure, 100).spans
+
+
+def test_a_rest_is_known_however_many_came_after_it():
+    # A recording that is decoded at once asks for its first rest when the last one has been found.
+    time = np.arange(4000.0)
+    spans = FlowSpans()
+    spans.push(time, np.where(time % 40.0 < 20.0, 2.0e5, 2.0e7))
+    assert spans.rested(-1.0, 30.0)
+    assert [spans.flowing(at) for at in (10.0, 30.0)] == [False, True]
