@@ -67,8 +67,9 @@ class MagneticDelay:
         return math.sqrt(self._P[1, 1])
 
     def take(self, stamps: Stamps, g_t: Array) -> None:
-        """Take gravity in tool axes, nan while unknown, shape (n, 3)."""
-        self._imu.append((stamps, g_t[:, 1:]))
+        """Take gravity in tool axes, nan while unknown, shape (n, 3); each stamp is later than all before."""
+        if len(stamps):
+            self._imu.append((stamps, g_t[:, 1:]))
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Take samples of the field, T, shape (n, 3)."""
@@ -99,8 +100,6 @@ class MagneticDelay:
         at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
         last = until_ns // _BIN_NS
         known = np.isfinite(g).all(axis=1) & (np.hypot(g[:, 0], g[:, 1]) > _LEAST_GRAVITY)
-        # Doubled stamps and such that go back have no rate.
-        known[1:] &= stamps[1:] > np.maximum.accumulate(stamps)[:-1]
         seen = np.isfinite(b).all(axis=1) & (np.hypot(b[:, 0], b[:, 1]) > _LEAST_FIELD)
         seen &= (at // _BIN_NS > self._bin) & (at // _BIN_NS < last)
         if known.sum() > 1 and seen.any():

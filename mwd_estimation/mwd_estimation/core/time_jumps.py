@@ -11,15 +11,25 @@ that are still of the old time are dropped.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.arrays import Samples, Stamps
 
 BACK_NS = 1_000_000_000
 # Samples in a row that confirm a new time.
 CONFIRMED = 3
-MOST_AHEAD = 100_000
-"""Samples kept of a stream that runs ahead of the leader; more means that the leader does not follow."""
+MOST_AHEAD = 500_000
+"""
+Samples kept of a stream that runs ahead of the leader; more means that the leader does not follow.
+
+A smoother holds 90 000 samples of the leader back, beside which a stream of five times its rate is kept whole.
+"""
 _NONE = np.iinfo(np.int64).min
+
+
+def advances(stamps: Stamps, newest_ns: int) -> NDArray[np.bool_]:
+    """Which samples are later than all before them, shape (n,); newest_ns: the latest stamp before the block."""
+    return np.asarray(stamps > np.maximum.accumulate(np.concatenate([[newest_ns], stamps]))[:-1])
 
 
 class Clocks:

@@ -102,17 +102,21 @@ class BinStage:
         self._waiting: list[Bin] = []
         self._sensors_usable = True
 
-    def close_bins(self, stretch: Stretch, clipped: NDArray[np.uint8], output: Output) -> Bins:
+    def close_bins(
+        self, stretch: Stretch, later: NDArray[np.bool_], clipped: NDArray[np.uint8], output: Output
+    ) -> Bins:
         """
         Close the bins that end within a stretch; refusals, faults and results of requests go to the output.
 
-        clipped: flags of its samples, as `clip_flags.of`.
+        later, clipped: of its samples, whether each is later than all before it, and its flags as `clip_flags.of`.
         """
         values = np.hstack([stretch.gyro, stretch.accel])
-        unsure = (stretch.suspect | np.uint8(stretch.unusable) | clipped) != 0
-        self.turning.take_imu(stretch.stamps, stretch.gyro[:, 0], stretch.accel, unsure)
-        self.requests.take_rates(stretch.stamps, stretch.gyro)
-        self.precision.compare(stretch.stamps, values, stretch.suspect | np.uint8(stretch.unusable))
+        doubted_sensors = stretch.suspect | np.uint8(stretch.unusable)
+        if later.any():
+            stamps, kept = stretch.stamps[later], values[later]
+            self.turning.take_imu(stamps, kept[:, 0], kept[:, 3:], (doubted_sensors | clipped)[later] != 0)
+            self.requests.take_rates(stamps, kept[:, :3])
+            self.precision.compare(stamps, kept, doubted_sensors[later])
         self._sensors_usable = not stretch.unusable
         bins = Bins([], [(0, self._field.in_force)], [])
         doubted = 0

@@ -25,7 +25,7 @@ from mwd_estimation.core import clip_flags
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import MAG
-from mwd_estimation.core.time_jumps import MOST_AHEAD
+from mwd_estimation.core.time_jumps import MOST_AHEAD, advances
 from mwd_estimation.core.track import Track, sample_arrays
 from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.gravity.fallback import GravityWithFallback, without_faulty
@@ -44,6 +44,32 @@ from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Samples
 
 _STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
+# Samples in a row without a later stamp that show that time stands still: of a second, by which single stamps may be
+# off (`time_jumps.BACK_NS`), even of a fast unit.
+_STANDS_STILL = 10_000
+
+
+class _Ahead:
+    """Samples of a stream that wait until the time of the conventional unit advances."""
+
+    def __init__(self) -> None:
+        self._parts: collections.deque[Samples] = collections.deque()
+        self._count = 0
+
+    def add(self, samples: Samples) -> int:
+        """Keep a block; of too many samples the oldest are dropped, and their number is returned."""
+        self._parts.append(samples)
+        before = self._count = self._count + len(samples)
+        while self._count - len(self._parts[0]) >= MOST_AHEAD:
+            self._count -= len(self._parts.popleft())
+        return before - self._count
+
+    def take(self) -> Samples | None:
+        """Take out all that waits; None: nothing does."""
+        parts = list(self._parts)
+        self._parts.clear()
+        self._count = 0
+        return np.concatenate(parts) if len(parts) > 1 else next(iter(parts), None)
 
 
 class Estimate:
@@ -78,9 +104,9 @@ class Estimate:
         self._dynamics_state = drilling_dynamics.initial()
         self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
         self._shift_mag(mag_late_ns)
-        self._mag: collections.deque[Samples] = collections.deque()
-        self._mag_waiting = 0
-        self.last_imu_ns = np.iinfo(np.int64).min
+        self._ahead = {"mag": _Ahead(), "precision": _Ahead(), "temperature": _Ahead()}
+        self.last_imu_ns = self._newest_ns = np.iinfo(np.int64).min
+        self._standing = 0  # samples since the newest stamp
         self._ready = False
         self._statuses = StatusHistory(BIN_NS)
 
@@ -122,26 +148,24 @@ class Estimate:
             self._attitude.set_reference(reference)
             self.watch.set_reference(reference)
 
-    def take_mag(self, samples: Samples) -> None:
+    def take_beside(self, name: str, samples: Samples) -> None:
         """
-        Take magnetic samples, dtype of `wire.MAG`; they wait for the next block of the conventional unit.
+        Take samples of a stream: mag (dtype of `wire.MAG`), precision (`wire.IMU`) or temperature (`wire.TEMPERATURE`).
 
-        While that is silent the oldest are rejected: they would be paired with gravity of another time.
+        They wait for the next block of the conventional unit. While that is silent, or its time stands still, the
+        oldest are rejected: they would be paired with gravity of another time.
         """
-        self._mag.append(samples)
-        self._mag_waiting += len(samples)
-        while self._mag_waiting - len(self._mag[0]) >= MOST_AHEAD:
-            dropped = len(self._mag.popleft())
-            self._mag_waiting -= dropped
-            self._counters.rejected += dropped
+        self._counters.rejected += self._ahead[name].add(samples)
 
-    def _use_mag(self) -> None:
-        """Hand the magnetic samples that wait to the stages."""
-        if not self._mag:
-            return
-        samples = np.concatenate(self._mag) if len(self._mag) > 1 else self._mag[0]
-        self._mag.clear()
-        self._mag_waiting = 0
+    def _use_beside(self) -> None:
+        """Hand the samples that wait to the stages."""
+        use = {"mag": self._use_mag, "precision": self._use_precision, "temperature": self._use_temperature}
+        for name, ahead in self._ahead.items():
+            samples = ahead.take()
+            if samples is not None:
+                use[name](samples)
+
+    def _use_mag(self, samples: Samples) -> None:
         self.watch.note_declared(samples)
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
         self.watch.take_mag(stamps - self.mag_late_ns, b_t)
@@ -162,15 +186,13 @@ class Estimate:
         self._attitude.take_mag(stamps - self.mag_late_ns, b_t)
         self._delay.take_mag(stamps - self.mag_late_ns, b_t)
 
-    def take_precision(self, samples: Samples) -> None:
-        """Take samples of the high-precision unit, dtype of `wire.IMU`."""
+    def _use_precision(self, samples: Samples) -> None:
         values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
         stamps = np.ascontiguousarray(samples["stamp_ns"])
         self.bin_stage.streams.add("precision", stamps, values)
         self.bin_stage.precision.take(stamps, values, clip_flags.of(samples))
 
-    def take_temperature(self, samples: Samples) -> None:
-        """Take temperatures, dtype of `wire.TEMPERATURE`."""
+    def _use_temperature(self, samples: Samples) -> None:
         values = np.ascontiguousarray(samples["temperature"])[:, None]
         self.bin_stage.streams.add("temperature", np.ascontiguousarray(samples["stamp_ns"]), values)
 
@@ -178,7 +200,9 @@ class Estimate:
         """Take samples of the conventional unit, dtype of `wire.IMU`; followed: their gravity, by a smoother."""
         if not len(samples):
             return Output.empty(0)
-        self._use_mag()
+        self._standing = 0 if samples["stamp_ns"].max() > self._newest_ns else self._standing + len(samples)
+        if self._standing < _STANDS_STILL:
+            self._use_beside()
         if not self._ready:
             self._begin(int(samples["stamp_ns"][0]))
         self.watch.note_declared(samples)
@@ -228,10 +252,13 @@ class Estimate:
         # Gravity.
         given = followed.part(stretch.part) if followed is not None else None
         track = self._gravity.run(unusable, stamps, stretch.gyro, accel, clipped[stretch.part], given)
+        # Of samples whose time does not advance nothing is kept: they may come without end.
+        later = advances(stamps, self._newest_ns)
+        self._newest_ns = max(self._newest_ns, int(stamps.max()))
         # Bins, and surveys begun in them.
-        bins = self.bin_stage.close_bins(stretch, clipped[stretch.part], output)
+        bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
         # Attitude.
-        self._delay.take(stamps, track.g_t)
+        self._delay.take(stamps[later], track.g_t[later])
         gyro = without_faulty(unusable, stretch.gyro)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         block = Block(stamps, gyro, accel, track, stretch.suspect, unusable, stretch.contaminated)
@@ -260,7 +287,7 @@ class Estimate:
 
     def finish(self) -> Output:
         """Give the survey that waited for the gyro, when no more samples come."""
-        self._use_mag()
+        self._use_beside()
         output = Output.empty(0)
         held = self.bin_stage.finish()
         if held is not None:

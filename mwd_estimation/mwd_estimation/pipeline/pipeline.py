@@ -89,7 +89,7 @@ class Pipeline:
             return
         samples = self.mount.mag_in_tool(samples)
         self.counters.mag += len(samples)
-        self._estimate.take_mag(self._clocks.beside("mag", samples))
+        self._estimate.take_beside("mag", self._clocks.beside("mag", samples))
 
     def push_precision(self, samples: Samples) -> None:
         """Take samples of the high-precision unit, dtype of `wire.IMU`; left out where its mount is not known."""
@@ -97,12 +97,12 @@ class Pipeline:
             return
         samples = self.mount.precision_in_tool(samples)
         self.counters.precision += len(samples)
-        self._estimate.take_precision(self._clocks.beside("precision", samples))
+        self._estimate.take_beside("precision", self._clocks.beside("precision", samples))
 
     def push_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""
         self.temperature.take(samples["temperature"])
-        self._estimate.take_temperature(self._clocks.beside("temperature", samples))
+        self._estimate.take_beside("temperature", self._clocks.beside("temperature", samples))
 
     def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
@@ -137,15 +137,9 @@ class Pipeline:
         ended = self.requests.end_north(why.reason)
         output.north += [ended] if ended is not None else []
         self._begin_anew(self.mag_late_ns)
-        estimate = self._estimate
-        take = {
-            "mag": estimate.take_mag,
-            "precision": estimate.take_precision,
-            "temperature": estimate.take_temperature,
-        }
         for name, waiting in self._clocks.release().items():
-            take[name](waiting)
-        estimate.take_imu(begun)
+            self._estimate.take_beside(name, waiting)
+        self._estimate.take_imu(begun)
 
     def set_mount(self, mount: Mount) -> None:
         """Turn samples like this from now on; with other axes of the conventional unit the estimate begins anew."""

@@ -23,6 +23,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.time_jumps import advances
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -125,10 +126,10 @@ class _Waiting:
         self._newest_ns = np.iinfo(np.int64).min
 
     def add(self, stamps: Stamps, values: Array) -> None:
-        newest = np.maximum.accumulate(np.concatenate([[self._newest_ns], stamps]))
-        advances = stamps > newest[:-1]
-        self._newest_ns = int(newest[-1])
-        self._parts.append((stamps[advances], values[advances]))
+        used = advances(stamps, self._newest_ns)
+        if used.any():
+            self._parts.append((stamps[used], values[used]))
+            self._newest_ns = int(self._parts[-1][0][-1])
 
     def between(self, start_ns: int, end_ns: int) -> tuple[Stamps, Array]:
         """Take out the samples before the end of a time, ns; those before its start are dropped."""

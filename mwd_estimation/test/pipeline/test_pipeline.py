@@ -17,6 +17,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_jumps import MOST_AHEAD
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import methods as gravity
+from mwd_estimation.pipeline import estimate
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings, Survey
@@ -199,6 +200,32 @@ def test_a_magnetometer_beside_a_silent_imu_keeps_the_newest_samples_only():
         pipeline.push_mag(block.copy())
     assert pipeline.counters.rejected == 2 * len(block)
     pipeline.push_mag(mag)
+    output = pipeline.push_imu(imu)
+    assert np.isfinite(output.attitude["azimuth"][-1])
+
+
+@pytest.mark.slow
+def test_what_is_kept_while_the_time_of_the_imu_stands_still_is_bounded(monkeypatch):
+    monkeypatch.setattr(estimate, "MOST_AHEAD", 2000)
+    imu, mag = _samples(seconds=4.0)
+    pipeline, sizes = Pipeline(EstimatorSettings(), REFERENCE), []
+    fine = imu.copy()
+    _run(imu, mag, pipeline)
+    imu["stamp_ns"] = imu["stamp_ns"][-1]
+    tracemalloc.start()
+    for _ in range(110):
+        mag["stamp_ns"] += 4 * 10**9
+        fine["stamp_ns"] += 4 * 10**9
+        pipeline.push_mag(mag.copy())
+        pipeline.push_precision(fine.copy())
+        pipeline.push_imu(imu)
+        gc.collect()
+        sizes.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    # The health of the sensors keeps up to 16 384 samples of the IMU, which come in 41 blocks; so many of the other two
+    # would be 6 MB.
+    assert max(sizes[-41:]) - max(sizes[-82:-41]) < 100_000
+    imu["stamp_ns"] = mag["stamp_ns"]
     output = pipeline.push_imu(imu)
     assert np.isfinite(output.attitude["azimuth"][-1])
 
