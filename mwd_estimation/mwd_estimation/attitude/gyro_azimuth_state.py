@@ -17,6 +17,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from mwd_estimation.attitude import time_alignment_state
 from mwd_estimation.attitude.block import BinEvent
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
@@ -45,6 +46,7 @@ STATES = 16
 BINS = 4  # bins whose sums are kept: the open one, those that wait for other streams, and one to spare
 RING = 8192  # samples kept for pairing with other streams: 1.5 s at 5 kHz; a power of two
 NO_BIN = np.iinfo(np.int64).min
+_HELD_S = 10.0  # correlation time of an error of the vertical in magnetic azimuths, s
 
 
 class GyroUnit(NamedTuple):
@@ -96,8 +98,8 @@ class Params(NamedTuple):
     #: `earth_north`, `earth_down`: the Earth's rotation, rad/s; 0 where the latitude is not known.
     earth_north: float = 0.0
     earth_down: float = 0.0
-    #: Magnetic azimuths, five a second, over which an error of the vertical that lasts 10 s repeats itself.
-    held_repeats: float = 100.0
+    #: Magnetic azimuths over which an error of the vertical repeats itself: those of twice its correlation time.
+    held_repeats: float = 2.0 * _HELD_S / (time_alignment_state.Params().interval_ns * 1e-9)
     slow_error_time_s: float = 14400.0  #: time constant of the slow error of the magnetic azimuth
     reset_time_s: float = 60.0  #: after good azimuths were rejected for so long, the filter takes the next one in
     mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth from which on the azimuth is called gyro-aided
