@@ -34,7 +34,6 @@ _BLOCK_S = 0.1  # of the scenario, simulated at a time
 _TIMER_PERIOD = 0.005  # s
 _CALL_S = 0.05  # longest time of one timer callback, beyond one block of the simulation
 _MOST_BEHIND_S = 1.0  # of wall time that the simulation may lag before it drops behind
-_DELIVERY_TIME = 0.5  # s; messages published last are still being delivered for so long
 # Most messages of one timer callback: more at once, after a delay, overrun the middleware's queues on a busy machine.
 _MAX_PER_CALLBACK = 100
 _TYPES = {
@@ -184,9 +183,8 @@ class SondeNode(GraphNode[SondeSettings]):
                 return
             sonde = self._start()
         if self._finished:
-            since = time.monotonic() - self._finished_at
-            drained = self._telemetry is None or self._telemetry.drained(since)
-            if self.settings.exit_at_end and drained and since > _DELIVERY_TIME:
+            drained = self._telemetry is None or self._telemetry.drained(time.monotonic() - self._finished_at)
+            if self.settings.exit_at_end and drained:
                 self.request_stop()
             return
         rate = self.settings.rate

@@ -9,6 +9,7 @@ in a callback is logged and counted instead of ending the process.
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -16,10 +17,12 @@ from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.task import Future
+from rclpy.timer import Timer
 
 from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_deferred_responses
 from mwd_sensors.ros.diagnostics import (
@@ -42,6 +45,10 @@ T = TypeVar("T")
 
 _NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
 _DIAGNOSTICS_PERIOD = 1.0  # s
+# From the last message to the end of a process that ends by itself, s: best-effort subscriptions acknowledge nothing.
+_DELIVERY_TIME = 0.5
+# Longest wait for reliable subscriptions, s: Fast DDS has removed a dead participant by then (its lease).
+_ACKNOWLEDGEMENT_TIME = 20.0
 
 
 class GraphNode(LifecycleNode, Generic[T]):
@@ -85,6 +92,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         self.active = self._configured = False
         self._failures = CallbackFailures()
         self.stop_requested: Future = Future()
+        self._stop_timer: Timer | None = None
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._middleware = MiddlewareEvents(self)
         self._heartbeat = Heartbeat(self.get_fully_qualified_name(), self.get_namespace())
@@ -265,7 +273,27 @@ class GraphNode(LifecycleNode, Generic[T]):
         return bool(self._state_machine.current_state[1] == "finalized")
 
     def request_stop(self) -> None:
-        """End the process in order, as a signal would."""
+        """End the process in order, as a signal would, once subscribers have received what was published last."""
+        if self._stop_timer is None:
+            self._stop_asked_at = time.monotonic()
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self._stop_timer = self.create_timer(_DELIVERY_TIME, self._stop_when_acknowledged, clock=steady)
+
+    def _stop_when_acknowledged(self) -> None:
+        # A subscription that lacks a message cannot ask a destroyed publisher for it.
+        waiting = [
+            publisher.topic_name
+            for publisher in self.publishers
+            if isinstance(publisher, TopicPublisher) and not publisher.wait_for_all_acked(Duration())
+        ]
+        if waiting and time.monotonic() - self._stop_asked_at < _ACKNOWLEDGEMENT_TIME:
+            self.get_logger().info(f"waiting for subscribers of {', '.join(waiting)}", once=True)
+            return
+        if waiting:
+            self.get_logger().warning(f"the last messages did not reach every subscriber of {', '.join(waiting)}")
+        self._stop()
+
+    def _stop(self) -> None:
         if not self.stop_requested.done():
             self.stop_requested.set_result(None)
 
@@ -323,7 +351,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         if self.active:
             self.deactivate()
         self._release()
-        self.request_stop()
+        self._stop()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -72,6 +72,10 @@ DEADLINE_STATE = QoSProfile(
 )
 
 
+# Messages that wait where a queue must not lose any: a second of five topics of 1 kHz.
+LONG_QUEUE = 5000
+
+
 def offered(profile: QoSProfile) -> QoSProfile:
     """Copy a profile for a publisher: reliable, so that a subscription of either kind receives its messages."""
     return QoSProfile(
@@ -89,7 +93,7 @@ def buffered(profile: QoSProfile) -> QoSProfile:
     """Copy a profile with a long queue, for a subscription whose messages wait until they are taken."""
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
-        depth=5000,
+        depth=LONG_QUEUE,
         reliability=profile.reliability,
         durability=profile.durability,
     )

@@ -22,7 +22,7 @@ from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.discovery import SubscriberDiscovery
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.qos import STATE, STREAM
+from mwd_sensors.ros.qos import LONG_QUEUE, STATE, STREAM, buffered
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.bag_files import TopicInfo
@@ -343,17 +343,23 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
 
 def profile(recorded: str) -> QoSProfile:
-    """Derive a profile to publish with, compatible with every subscriber of the recorded one."""
+    """
+    Derive a profile to publish with, compatible with every subscriber of the recorded one.
+
+    A writer forgets messages beyond its depth even if a subscriber has not acknowledged them, and a replay publishes
+    faster than the sensor did: its depth is `LONG_QUEUE`. Of a latched topic the depth is what late subscribers
+    receive: it follows the recording.
+    """
     try:
         first = parse_qos(recorded)[0]
         deadline, lease = (_duration(first[name]) for name in ("deadline", "liveliness_lease_duration"))
-        depth = int(first["depth"]) or STREAM.depth
+        depth = int(first["depth"])
     except (ValueError, IndexError, TypeError, KeyError):
-        return STREAM
+        return buffered(STREAM)
     latched = first["durability"] == "transient_local"
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
-        depth=min(max(depth, 10), 1000),
+        depth=min(max(depth, 10), 1000) if latched else LONG_QUEUE,
         reliability=QoSReliabilityPolicy.RELIABLE,
         durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
         deadline=deadline,

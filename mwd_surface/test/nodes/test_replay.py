@@ -2,6 +2,7 @@
 """A recording published again by a real node, received by a real subscriber on a middleware domain of its own."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -27,7 +28,7 @@ from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Imu, MagneticField  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
-from mwd_sensors.ros.qos import DEADLINE, LEASE  # noqa: E402
+from mwd_sensors.ros.qos import DEADLINE, LEASE, LONG_QUEUE  # noqa: E402
 from mwd_sensors.ros.time_stamps import stamp  # noqa: E402
 from mwd_surface.nodes import replay  # noqa: E402
 from mwd_surface.ros.topics import TOPICS, message_class, profile_yaml  # noqa: E402
@@ -200,8 +201,11 @@ def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path)
     process = play(tmp_path / "bag", "--topic", "/well_9/imu/data_raw", "--rate", 0.5)
     arrived, clock = listener.received["/well_9/imu/data_raw"], listener.received["/clock"]
 
+    def place(message):
+        return int(wire.IMU.decode(message[1])["linear_acceleration"][0, 0])
+
     def places():
-        return [int(wire.IMU.decode(data)["linear_acceleration"][0, 0]) for _, data in arrived]
+        return [place(message) for message in arrived]
 
     def time_of(stamp):
         return stamp.sec * 10**9 + stamp.nanosec - START
@@ -224,7 +228,8 @@ def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path)
     assert listener.call(SetReplayRate, "/replay/set_rate", rate=4.0).success
     back = stamp(START + 10**9)
     assert time_of(listener.call(SeekReplay, "/replay/seek", time=back).time) == 10**9
-    listener.until(lambda: 300 in places()[stood + 52 :])
+    # One message at a time: decoding all of them each time would take longer than they do.
+    listener.until(lambda: place(arrived[-1]) == 300)
     onward = places()
     assert onward[onward.index(100, stood + 1) :] == list(range(100, onward[-1] + 1))
     given = [time_of(deserialize_message(data, Clock).clock) for _, data in clock]
@@ -238,16 +243,55 @@ def test_a_replay_stands_still_steps_seeks_and_changes_its_pace(graph, tmp_path)
     assert listener.call(SetReplayRate, "/replay/set_rate", rate=50.0).success
     listener.until(lambda: process.poll() is not None)
     assert process.returncode == 0
-    listener.until(lambda: places()[-1] == len(imu) - 1)
+    listener.until(lambda: place(arrived[-1]) == len(imu) - 1)
+
+
+FREEZING_SUBSCRIBER = """
+import os, signal, sys
+import rclpy
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Imu
+signal.alarm(60)
+def on_message(message):
+    print(round(message.linear_acceleration.x), flush=True)
+    if message.linear_acceleration.x == 0.0: os.kill(os.getpid(), signal.SIGSTOP)
+rclpy.init()
+node = rclpy.create_node("subscriber")
+node.create_subscription(Imu, sys.argv[1], on_message, QoSProfile(depth=5000))
+rclpy.spin(node)
+"""
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_replay_that_ends_waits_for_a_subscriber_without_processor_time(graph, tmp_path):
+    """The subscriber stops at its first message: more is unacknowledged than the depth of the recorded profile."""
+    _, play = graph
+    imu = recording(tmp_path / "bag", seconds=20.0)
+    command = [sys.executable, "-P", "-c", FREEZING_SUBSCRIBER, "/well_9/imu/data_raw"]
+    with subprocess.Popen(command, env=os.environ, stdout=subprocess.PIPE, text=True) as subscriber:
+        try:
+            process = play(tmp_path / "bag", "--topic", "/well_9/imu/data_raw", "--rate", 1000)
+            while f"published {len(imu)} messages" not in (line := process.stderr.readline()):
+                assert line, "the replay ended"
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(2.0)
+            subscriber.send_signal(signal.SIGCONT)
+            assert process.wait(30.0) == 0
+            assert [int(subscriber.stdout.readline()) for _ in imu] == list(range(len(imu)))
+        finally:
+            subscriber.kill()
 
 
 def test_a_recorded_profile_is_offered_again():
     latched = replay.profile(qos_text([qos_profile(durability="transient_local", depth=1)]))
+    assert latched.depth == 10
     assert latched.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
     assert latched.reliability == QoSReliabilityPolicy.RELIABLE
     streamed = replay.profile(qos_text([qos_profile("best_effort")]))
     assert streamed.reliability == QoSReliabilityPolicy.RELIABLE
     assert streamed.deadline.nanoseconds == 0
+    assert streamed.depth == LONG_QUEUE
     assert replay.profile("").reliability == replay.STREAM.reliability
     assert replay.profile("what: [").reliability == replay.STREAM.reliability
 
@@ -259,7 +303,7 @@ def test_a_watched_topic_is_recorded_and_replayed_with_its_deadline_and_lease():
         (recorded.liveliness_lease_duration, LEASE),
     ):
         assert ours.nanoseconds == theirs.nanoseconds
-    assert replay.profile("- {depth: 3, deadline: {sec: 1}}").depth == replay.STREAM.depth
+    assert replay.profile("- {depth: 3, deadline: {sec: 1}}").depth == LONG_QUEUE
 
 
 def test_a_type_that_is_not_installed_has_no_class():
