@@ -6,6 +6,6 @@ Each worker's OpenBLAS would start a thread for each core, which wait for each o
 reads the variable when numpy is first imported: this plugin is loaded before anything that imports numpy.
 """
 
-import os
+from mwd_sensors.core.linear_algebra import use_one_thread
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+use_one_thread()

@@ -11,8 +11,6 @@ from launch import LaunchDescription
 
 # Room in Fast DDS for streams at a kilohertz; a profile of one's own comes first, other middleware reads none.
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-# Matrices have some tens of rows: OpenBLAS's threads would wait for each other longer than they work.
-THREADS = "OPENBLAS_NUM_THREADS"
 NODES = {"surface": "mwd_surface", "estimator": "mwd_estimation", "sonde": "mwd_sensors", "probe": "mwd_sensors"}
 # Which node a source of samples needs; topics: none, a driver publishes them.
 SOURCES = {"simulated": "sonde", "probe": "probe", "topics": ""}
@@ -33,7 +31,6 @@ def generate_launch_description() -> LaunchDescription:
     nothing_more = PathJoinSubstitution([*config, "surface.yaml"])
     actions = [
         SetEnvironmentVariable(PROFILES, EnvironmentVariable(PROFILES, default_value=[ours])),
-        SetEnvironmentVariable(THREADS, EnvironmentVariable(THREADS, default_value="1")),
         DeclareLaunchArgument("params_file", default_value=nothing_more, description="Parameter file of all nodes"),
         DeclareLaunchArgument(
             "source",

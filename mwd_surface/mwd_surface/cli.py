@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from mwd_sensors.core.linear_algebra import use_one_thread
 from mwd_surface.commands import downlink
 from mwd_surface.commands.assembly import sag, spacing
 from mwd_surface.commands.bag import bag, recover
@@ -124,9 +125,7 @@ def main() -> None:
     os.environ.setdefault("AMENT_PREFIX_PATH", sys.prefix)
     # Nodes find each other on this machine alone, and files are not for other users, unless set otherwise.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    # Matrices have some tens of rows: the threads of OpenBLAS wait for each other longer than they work. It looks when
-    # numpy is first imported, which a command does.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    use_one_thread()
     os.umask(os.umask(0o077) | 0o027)
     try:
         app(prog_name="mwd")

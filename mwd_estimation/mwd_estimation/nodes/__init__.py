@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The nodes of this package: the only modules that import ROS beside `mwd_sensors.ros`."""
+
+from mwd_sensors.core.linear_algebra import use_one_thread
+
+use_one_thread()
