@@ -14,7 +14,10 @@ from mwd_sensors.core.settings import setting
 class Transmit:
     """When the tool transmits. What it sends, and how, stands in its tool configuration (tool.yaml)."""
 
-    FORMER: ClassVar[Mapping[str, str]] = {"continuous_s": "a constant (10 s)"}
+    FORMER: ClassVar[Mapping[str, str]] = {
+        "continuous_s": "a constant (10 s)",
+        **dict.fromkeys(("rotation_switching", "rotation_hold_s"), "rotation_switching_s; 0: no switching"),
+    }
 
     tool_file: str = setting(
         "",
@@ -44,18 +47,14 @@ class Transmit:
         high=60.0,
         expert=True,
     )
-    rotation_switching: bool = setting(
-        False,
+    rotation_switching_s: float = setting(
+        0.0,
         "Begin anew when rotation begins (survey, then the second toolface sequence) and when it ends (first toolface "
-        "sequence). Needs header_bits in the tool configuration, so that the surface knows which sequence comes.",
-        expert=True,
-    )
-    rotation_hold_s: float = setting(
-        10.0,
-        "Time for which the string has to turn, or to stand, before the sequence is switched. Raising it survives "
-        "longer stick phases.",
+        "sequence): time for which the string has to turn, or to stand, before that; 0: no switching. Raising it "
+        "survives longer stick phases; 10 s is usual. Needs header_bits in the tool configuration, so that the surface "
+        "knows which sequence comes.",
         unit="s",
-        low=0.5,
+        low=0.0,
         high=300.0,
         expert=True,
     )

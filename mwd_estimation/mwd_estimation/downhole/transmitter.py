@@ -122,7 +122,7 @@ class Transmitter:
         self.tool, self._settings = tool, settings
         self._commands, self._commanded = Commands(tool), False
         self._flow = Switch(round(settings.flow_hold_s * NANOSECONDS))
-        self._rotation = Switch(round(settings.rotation_hold_s * NANOSECONDS))
+        self._rotation = Switch(round(settings.rotation_switching_s * NANOSECONDS))
         self._continuous = ContinuousSurvey(round(_CONTINUOUS_S * NANOSECONDS))
         self._flows: deque[tuple[int, float]] = deque()
         self._attitudes: deque[tuple[int, int, Readings]] = deque()
@@ -224,7 +224,7 @@ class Transmitter:
         elif self.state == TransmitterState.SILENT:
             self._begin_sending(now)
         turned = self._rotation.update(now, bool(status & Status.ROTATING))
-        if turned and self._settings.rotation_switching and self.tool.names_sequences and not self.wired:
+        if turned and self._settings.rotation_switching_s > 0.0 and self.tool.names_sequences and not self.wired:
             self._begins_anew = self.state == TransmitterState.SENDING
         if (self.state == TransmitterState.WAITING and now >= self._next_ns) or (
             self.state == TransmitterState.MUTED and self._commanded
@@ -264,7 +264,8 @@ class Transmitter:
         """Number of the sequences to send now."""
         if not self.tool.names_sequences:
             return 0
-        return int(self._rotation.on) if self._settings.rotation_switching else self._commands.settings.sequence
+        switches = self._settings.rotation_switching_s > 0.0
+        return int(self._rotation.on) if switches else self._commands.settings.sequence
 
     def _parts(self, *, with_survey: bool) -> Iterator[_Part]:
         """Sync, header, survey and for ever the toolface sequence."""

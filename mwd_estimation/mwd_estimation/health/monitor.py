@@ -58,7 +58,6 @@ class Params(NamedTuple):
     #: Time that IMU samples wait for magnetic ones of their time, ns; each fault is named later by as much.
     mag_lag_ns: int = 50_000_000
     mag_expected: bool = True  #: a magnetometer belongs to the tool: a missing one is a warning
-    watch: bool = True  #: false: no fault is named
 
 
 class Tables(NamedTuple):
@@ -152,7 +151,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     """
     stamps, gyro, accel = sample_arrays(stamp_ns, gyro_t, accel_t)
     step = Step(np.zeros(len(stamps), dtype=np.uint8), np.zeros(len(stamps), dtype=np.uint8), [], [])
-    if not params.watch or not len(stamps):
+    if not len(stamps):
         return step
     held, tables = state.samples, state.tables
     at = offset = len(held.stamps)

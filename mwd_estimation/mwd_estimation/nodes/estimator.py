@@ -153,8 +153,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     @property
     def _frame(self) -> str:
         """Frame of the tool's axes: that of the samples, unless they are turned."""
-        mount, frame = self.settings.tool.mount, self._inputs.frames.get("imu/data_raw", "")
-        return self.frame(mount.frame) if self._pipeline.mount.turns else frame
+        frame = self._inputs.frames.get("imu/data_raw", "")
+        return self.frame(wire.SONDE_FRAME) if self._pipeline.mount.turns else frame
 
     # Publishers.
 

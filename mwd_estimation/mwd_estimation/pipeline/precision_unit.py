@@ -36,7 +36,6 @@ class PrecisionUnit:
     """The unit of one tool."""
 
     def __init__(self, settings: EstimatorSettings) -> None:
-        self._watch = settings.health.watch
         self._settle_ns = settings.survey.settle_s * 1e9
         self._health = PrecisionHealth(derivation.precision_gyro_bias(settings))
         self._params = derivation.gyrocompass_params(settings)
@@ -70,9 +69,8 @@ class PrecisionUnit:
 
     def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:
         """Take the conventional unit's samples of the same time; those of a suspect sensor are not compared."""
-        if self._watch:
-            unsure = suspect & (GYRO | ACCEL) != 0
-            self._health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
+        unsure = suspect & (GYRO | ACCEL) != 0
+        self._health.beside(stamps, np.where(unsure[:, None], np.nan, values) if unsure.any() else values)
 
     def close(self, imu: Bin, still_bins: int) -> PrecisionBin:
         """
@@ -85,9 +83,9 @@ class PrecisionUnit:
         first, self._at = self._at, first_not_before(self._stamps, self._at, end_ns)
         part = slice(first, self._at)
         samples = UnitSamples(self._stamps[part], self._values[part], self._clipped[part])
-        changes = self._health.judge(end_ns, still_bins > 0, samples[:2]) if self._watch else []
+        changes = self._health.judge(end_ns, still_bins > 0, samples[:2])
         fault = None
-        if self._watch and self._health.active:
+        if self._health.active:
             faulty = any(one.unusable for one in self.faults)
             refusal = self._health.refusal
             self.station.refuse(refusal, faulty)

@@ -117,7 +117,6 @@ def health_params(settings: EstimatorSettings) -> monitor.Params:
         # The checks set how long they wait for the magnetometer, as long as that covers the delay.
         mag_lag_ns=max(usual.mag_lag_ns, round(tool.magnetometer.delay_s * 1e9)),
         mag_expected=tool.magnetometer.present,
-        watch=settings.health.watch,
     )
 
 
@@ -179,7 +178,6 @@ def gyrocompass_params(settings: EstimatorSettings) -> SeekParams:
         gyro_x_bias_deg_h=gyro.bias_deg_h,
         gyro_walk_deg_h_rth=gyro.walk_deg_h_sqrt_h,
         gyro_ramp_deg_h2=_RAMP_PER_H * gyro.bias_deg_h,
-        scale_x_ppm=gyro.scale_ppm,
         leak_urad=gyro.misalignment_mrad * 1e3,
         g_sensitivity_deg_h_g=gyro.g_deg_h_g,
         g_calibration_deg_h_g=gyro.g_calibration_deg_h_g,
@@ -252,7 +250,7 @@ def check(settings: EstimatorSettings) -> None:
     low_c, high_c = settings.tool.calibrated_c
     if low_c > high_c:
         raise SettingsError(f"tool.calibrated_c: {low_c:g} degC is above {high_c:g} degC; exchange the two")
-    first_year, _ = earth.years(settings.place.model)
+    first_year, _ = earth.years(settings.place.model or earth.MODELS[0])
     day = datetime.datetime(math.ceil(first_year) + 1, 1, 1, tzinfo=datetime.UTC)
     reference(settings, round(day.timestamp()) * 10**9)
 
@@ -262,7 +260,7 @@ def with_code(settings: EstimatorSettings, found: Reference) -> Reference:
     place, code = settings.place, settings.survey.tool_code
     if not code:
         return found
-    if "IFR" in code and place.field == "model":
+    if "IFR" in code and place.model:
         raise SettingsError(
             f"survey.tool_code: {code} needs an in-field reference and {found.source} is a global model; "
             "give the field of the IFR certificate (place.field fixed), or take a code with SRGM, HRGM (HDGM) or "

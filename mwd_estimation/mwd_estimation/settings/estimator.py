@@ -162,17 +162,6 @@ class Dynamics:
 
 
 @dataclasses.dataclass(frozen=True)
-class Health:
-    """The checks of the sensors."""
-
-    watch: bool = setting(
-        True,
-        "Check the sensors and leave faulty ones out. Switch it off only to see what the checks change.",
-        expert=True,
-    )
-
-
-@dataclasses.dataclass(frozen=True)
 class EstimatorSettings:
     """Everything that can be set about the estimator."""
 
@@ -186,5 +175,4 @@ class EstimatorSettings:
     gravity: Gravity = setting(Gravity, "Gravity extraction")
     attitude: Attitude = setting(Attitude, "Continuous attitude")
     dynamics: Dynamics = setting(Dynamics, "Drilling dynamics")
-    health: Health = setting(Health, "Health of the sensors")
     transmit: Transmit = setting(Transmit, "Transmission to the surface")

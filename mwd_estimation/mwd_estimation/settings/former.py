@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 # Parameters of before with the value that each had by default. In brackets: what brings the number now.
-CONSTANT: Mapping[str, float] = {
+CONSTANT: Mapping[str, float | str] = {
     "tool.gyro.walk_deg_h_sqrt_h": 10.0,  # in proportion to the bias (derivation.py)
     "tool.gyro.scale_ppm": 5000.0,  # of an x gyro that a tumble calibration has not reached (SessionParams)
     "tool.gyro.delay_ms": 0.5,  # filters of two sensors of one unit (gyro_azimuth.CONVENTIONAL)
@@ -43,6 +43,19 @@ CONSTANT: Mapping[str, float] = {
     "tool.calibrated_high_c": 175.0,
     "tool.misalignment_y_deg": 0.0,  # (tool.hole_axis_deg)
     "tool.misalignment_z_deg": 0.0,
+    "tool.precision.gyro.scale_ppm": 500.0,  # (seek_params.TACTICAL); from 17 r/min on its x gyro is not read
+    "tool.mount.frame": "sonde_link",  # (wire.SONDE_FRAME)
+    "place.model": "wmm2025",  # (place.field)
+    "place.sigma_total_nt": 0.0,  # three in one (place.source_sigmas)
+    "place.sigma_dip_deg": 0.0,
+    "place.sigma_declination_deg": 0.0,
+    "verdict.gravity_limit_mg": 2.5,  # three in one (verdict.custom_limits)
+    "verdict.field_limit_nt": 300.0,
+    "verdict.dip_limit_deg": 0.45,
+    "gravity.expert.axial_speed": 1.0,  # a string is tripped at that speed (bounded.Params)
+    "health.watch": True,
+    "transmit.rotation_switching": False,  # two in one (transmit.rotation_switching_s)
+    "transmit.rotation_hold_s": 10.0,
 }
 
 # Other names, blocks of before among them, and what does their work now.
@@ -79,6 +92,21 @@ FORMER: Mapping[str, str] = {
     "place.gravity_mps2": "derived: of place.lat_deg, or the standard value without it",
     **dict.fromkeys(("tool.calibrated_low_c", "tool.calibrated_high_c"), "tool.calibrated_c, lowest and highest"),
     **dict.fromkeys(("tool.misalignment_y_deg", "tool.misalignment_z_deg"), "tool.hole_axis_deg, about y and z"),
+    "tool.mount.frame": "a constant (sonde_link): a static transform joins it to a frame of another name",
+    "place.model": "place.field: model is the WMM2025, igrf the IGRF",
+    **dict.fromkeys(
+        ("place.sigma_total_nt", "place.sigma_dip_deg", "place.sigma_declination_deg"),
+        "place.source_sigmas, of total (nT), dip (deg) and declination (deg)",
+    ),
+    **dict.fromkeys(
+        ("verdict.gravity_limit_mg", "verdict.field_limit_nt", "verdict.dip_limit_deg"),
+        "verdict.custom_limits, of gravity (mG), field (nT) and dip (deg)",
+    ),
+    **dict.fromkeys(("health", "health.watch"), "always on: a faulty sensor is left out"),
+    **dict.fromkeys(
+        ("transmit.rotation_switching", "transmit.rotation_hold_s"),
+        "transmit.rotation_switching_s, the time for which the string has to turn or stand; 0: no switching",
+    ),
     "tool.sag_deg": "derived: 0.2 deg, or 0.08 with tool.sag_correction_deg or tool.assembly_file",
 }
 

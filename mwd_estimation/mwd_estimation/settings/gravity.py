@@ -12,23 +12,6 @@ from mwd_sensors.core.settings import setting
 
 
 @dataclass(frozen=True)
-class Bounded:
-    """The velocity-bounded filter."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("gravity.expert")
-
-    axial_speed: float = setting(
-        1.0,
-        "Speed along the hole when the string is tripped, 1 sigma; in a curve it is an acceleration. Raising it widens "
-        "sigma while the tool moves along a curve. Raise it for wireline speeds.",
-        unit="m/s",
-        low=0.0,
-        high=10.0,
-        expert=True,
-    )
-
-
-@dataclass(frozen=True)
 class Mahony:
     """The complementary filter with fixed gains."""
 
@@ -130,10 +113,11 @@ class AccelerometerOnly:
 class NoExpert:
     """A method without parameters to set."""
 
+    FORMER: ClassVar[Mapping[str, str]] = former("gravity.expert")
+
 
 # A method that is not listed has none.
 EXPERT: dict[str, type[Any]] = {
-    "bounded": Bounded,
     "s3": FuzzyMahony,
     "mahony": Mahony,
     "kalman": LigorioKalman,

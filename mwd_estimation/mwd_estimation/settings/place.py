@@ -17,6 +17,8 @@ from mwd_sensors.core.settings import SettingsError, setting
 
 # A source with this in its name holds the field of the moment too.
 _IFR2 = "IFR2"
+# The geomagnetic model of a word of `place.field`.
+_MODELS = {"model": "wmm2025", "igrf": "igrf"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -27,16 +29,11 @@ class Place:
 
     field: str = setting(
         "none",
-        "Where the reference field comes from: none (azimuth from magnetic north, no check of the field), model (by "
-        "position and date), fixed (the figures below, such as those of an IFR or HDGM certificate). Surveys are "
-        "judged and corrected only against a field.",
-        choices=("none", "model", "fixed"),
-    )
-    model: str = setting(
-        "wmm2025",
-        "Geomagnetic model. wmm2025 holds from 2025 to 2030, igrf from 1900.",
-        choices=earth.MODELS,
-        expert=True,
+        "Where the reference field comes from: none (azimuth from magnetic north, no check of the field), model (the "
+        "World Magnetic Model of 2025 to 2030, by position and date), igrf (the IGRF, likewise, from 1900), fixed (the "
+        "figures below, such as those of an IFR or HDGM certificate). Surveys are judged and corrected only against a "
+        "field.",
+        choices=("none", *_MODELS, "fixed"),
     )
     lat_deg: float | None = setting(
         None,
@@ -79,32 +76,16 @@ class Place:
     )
     source: str = setting(
         "",
-        "Name of the field model behind the fixed field: IFR1, IFR2, HDGM or any other. With a name all three sigmas "
-        "below must be given and replace those of survey.tool_code; without one they must be 0.",
+        "Name of the field model behind the fixed field: IFR1, IFR2, HDGM or any other. With a name "
+        "source_sigmas must be given, which replace those of survey.tool_code; without one they must be 0.",
         expert=True,
     )
-    sigma_total_nt: float = setting(
-        0.0,
-        "Strength of the named field, 1 sigma, from its certificate.",
-        unit="nT",
+    source_sigmas: tuple[float, float, float] = setting(
+        (0.0, 0.0, 0.0),
+        "Total, dip and declination of the named field, 1 sigma each, from its certificate.",
+        unit="nT, deg, deg",
         low=0.0,
         high=5000.0,
-        expert=True,
-    )
-    sigma_dip_deg: float = setting(
-        0.0,
-        "Dip of the named field, 1 sigma, from its certificate.",
-        unit="deg",
-        low=0.0,
-        high=10.0,
-        expert=True,
-    )
-    sigma_declination_deg: float = setting(
-        0.0,
-        "Declination of the named field, 1 sigma, from its certificate.",
-        unit="deg",
-        low=0.0,
-        high=20.0,
         expert=True,
     )
     convergence_deg: float = setting(
@@ -129,6 +110,11 @@ class Place:
         high=2.0,
         expert=True,
     )
+
+    @property
+    def model(self) -> str:
+        """Geomagnetic model of the field, of `earth.MODELS`; empty: the field is not that of a model."""
+        return _MODELS.get(self.field, "")
 
 
 def reference_of(place: Place, first_ns: int) -> Reference | None:
@@ -190,17 +176,20 @@ def _fixed(place: Place) -> Reference:
         gravity=None if place.lat_deg is None else earth.gravity(math.radians(place.lat_deg), place.height_m),
         source=place.source or "configured",
     )
-    sigmas = {name: getattr(place, name) for name in ("sigma_total_nt", "sigma_dip_deg", "sigma_declination_deg")}
+    total_nt, dip_deg, declination_deg = place.source_sigmas
     if not place.source:
-        given = [f"place.{name}" for name, value in sigmas.items() if value > 0.0]
-        if given:
-            raise SettingsError(f"place.source: name the field model that {', '.join(given)} belong to")
+        if any(place.source_sigmas):
+            raise SettingsError("place.source: name the field model that place.source_sigmas belong to")
         return reference
-    missing = [f"place.{name}" for name, value in sigmas.items() if not value > 0.0]
-    if missing:
+    if not all(place.source_sigmas):
         raise SettingsError(
-            f"{', '.join(missing)}: a field of {place.source} needs total, dip and declination each with its sigma; "
+            f"place.source_sigmas: a field of {place.source} needs total, dip and declination each with its sigma; "
             "take them from its certificate"
+        )
+    if dip_deg > 10.0 or declination_deg > 20.0:
+        raise SettingsError(
+            f"place.source_sigmas: {dip_deg:g} and {declination_deg:g} deg are no sigmas of dip and declination; the "
+            "order is total (nT), dip (deg), declination (deg)"
         )
     # A certificate knows core and crust; the field of the Sun it knows only where an observatory is part of it (IFR2).
     outside = (
@@ -210,8 +199,8 @@ def _fixed(place: Place) -> Reference:
     )
     return dataclasses.replace(
         reference,
-        sigma_total=math.hypot(place.sigma_total_nt, outside.total_nt) * 1e-9,
-        sigma_dip=math.radians(math.hypot(place.sigma_dip_deg, outside.dip_deg)),
-        sigma_declination=math.radians(place.sigma_declination_deg),
+        sigma_total=math.hypot(total_nt, outside.total_nt) * 1e-9,
+        sigma_dip=math.radians(math.hypot(dip_deg, outside.dip_deg)),
+        sigma_declination=math.radians(declination_deg),
         sigma_declination_field=math.radians(outside.declination_degnt) * 1e-9,
     )

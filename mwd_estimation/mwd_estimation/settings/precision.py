@@ -53,14 +53,6 @@ class PrecisionGyro:
         high=1e4,
         expert=True,
     )
-    scale_ppm: float = setting(
-        500.0,
-        "Scale error of the x gyro. Raising it widens the sigma of a seek in a turning string.",
-        unit="ppm",
-        low=0.0,
-        high=1e5,
-        expert=True,
-    )
     misalignment_mrad: float = setting(
         0.3,
         "Rate about the tool axis that the cross axes read too. Raising it widens sigma in a turning string.",

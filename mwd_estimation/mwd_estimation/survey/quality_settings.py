@@ -36,34 +36,16 @@ class QualitySettings:
     limits: str = setting(
         TOOLCODE,
         "Limits on total gravity, total field and dip: toolcode (from the errors of the tool at this attitude), "
-        "service (2.5 mG, 300 nT, 0.45 deg), iscwsa (2.5 mG, 300 nT, 0.25 deg), custom (gravity_limit_mg, "
-        "field_limit_nt, dip_limit_deg).",
+        "service (2.5 mG, 300 nT, 0.45 deg), iscwsa (2.5 mG, 300 nT, 0.25 deg), custom (custom_limits).",
         choices=(TOOLCODE, *LIMITS, CUSTOM),
     )
-    gravity_limit_mg: float = setting(
-        2.5,
-        "Custom limit: total gravity off its reference by more makes a survey doubtful. Raising it accepts worse "
-        "accelerometers.",
-        unit="mG",
+    custom_limits: tuple[float, float, float] = setting(
+        (2.5, 300.0, 0.45),
+        "Custom limits on the deviations of total gravity (mG; beyond it a survey is doubtful), total field (nT) and "
+        "dip (deg; beyond them an azimuth is). Raising them accepts worse accelerometers and more interference.",
+        unit="mG, nT, deg",
         low=0.01,
-        high=100.0,
-        expert=True,
-    )
-    field_limit_nt: float = setting(
-        300.0,
-        "Custom limit: total field off its reference by more makes an azimuth doubtful. Raising it accepts more "
-        "interference.",
-        unit="nT",
-        low=1.0,
         high=10000.0,
-        expert=True,
-    )
-    dip_limit_deg: float = setting(
-        0.45,
-        "Custom limit: dip off its reference by more makes an azimuth doubtful. Raising it accepts more interference.",
-        unit="deg",
-        low=0.01,
-        high=10.0,
         expert=True,
     )
     far_deg: float = setting(
@@ -84,6 +66,15 @@ class QualitySettings:
         expert=True,
     )
 
+    def __post_init__(self) -> None:
+        """Refuse limits in another order."""
+        gravity_mg, _, dip_deg = self.custom_limits
+        if gravity_mg > 100.0 or dip_deg > 10.0:
+            raise ValueError(
+                f"custom_limits: {gravity_mg:g} mG and {dip_deg:g} deg limit nothing; the order is gravity (mG), field "
+                "(nT), dip (deg)"
+            )
+
     @property
     def fixed(self) -> TotalLimits | None:
         """
@@ -97,7 +88,7 @@ class QualitySettings:
         if self.limits == TOOLCODE:
             return None
         if self.limits == CUSTOM:
-            return _limits(self.gravity_limit_mg, self.field_limit_nt, self.dip_limit_deg)
+            return _limits(*self.custom_limits)
         if self.limits not in LIMITS:
             raise ValueError(f"limits: {self.limits!r} is not one of {', '.join(LIMITS)}, {TOOLCODE}, {CUSTOM}")
         return LIMITS[self.limits]

@@ -163,7 +163,7 @@ def test_rotation_switches_the_sequence_with_a_new_sync():
     tool = dataclasses.replace(TOOL, header_bits=2, toolface_sequences=("aTFA:6:P", "LRMS:11:P RINC:11:P"))
     rows = np.concatenate([attitude(60.0), attitude(120.0, rotating=True)])
     rows["stamp_ns"] = START + np.arange(len(rows)) * (SECOND // 20)
-    settings = Transmit(rotation_switching=True, rotation_hold_s=2.0)
+    settings = Transmit(rotation_switching_s=2.0)
     _, sent = run(tool, settings, rows, flow(180.0, [(1.0, 180.0)]), [survey()])
     headers = [one.raw for one in sent if one.kind == Kind.HEADER]
     assert headers == [0, 1]
@@ -239,7 +239,7 @@ def test_rotation_switches_the_sequence_of_a_carrier_without_a_header():
     tool = dataclasses.replace(PSK, toolface_sequences=("aTFA:6", "LRMS:11"))
     rows = np.concatenate([attitude(60.0), attitude(60.0, rotating=True)])
     rows["stamp_ns"] = START + np.arange(len(rows)) * (SECOND // 20)
-    settings = Transmit(rotation_switching=True, rotation_hold_s=2.0)
+    settings = Transmit(rotation_switching_s=2.0)
     _, sent = run(tool, settings, rows, flow(120.0, [(1.0, 120.0)]), [survey()])
     late = [one for one in sent if one.kind == Kind.TOOLFACE and seconds(one) > 90.0]
     assert {(one.name, one.sequence) for one in late} == {("LRMS", 1)}

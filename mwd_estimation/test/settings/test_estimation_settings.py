@@ -17,7 +17,7 @@ from mwd_estimation.settings.former import CONSTANT
 from mwd_estimation.settings.place import Place, reference_of
 from mwd_estimation.settings.precision import PrecisionUnit
 from mwd_estimation.settings.tool import Tool
-from mwd_sensors.core import earth
+from mwd_sensors.core import earth, wire
 from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, changed, flat, from_mapping
 
@@ -148,6 +148,7 @@ def test_only_the_parameters_of_the_selected_gravity_method_are_there():
     assert chosen.gravity.expert.k_p == 0.2
     assert experts(chosen) == [f"gravity.expert.{name}" for name in ("k_p", "k_i", "k_p_least", "window")]
     assert experts(EstimatorSettings(gravity=Gravity("raw"))) == ["gravity.expert.memory"]
+    assert not experts(EstimatorSettings())
     with pytest.raises(SettingsError, match=r"gravity\.expert\.k_p: no such setting"):
         changed(EstimatorSettings(), {"gravity.expert.k_p": 0.2})
 
@@ -172,6 +173,14 @@ def test_only_the_parameters_of_the_selected_gravity_method_are_there():
         ("tool.calibrated_low_c", "tool.calibrated_c"),
         ("tool.possible_axial_nt", "derived: nine times tool.axial_interference_nt"),
         ("gravity.expert.max_bridged_gap_s", "a constant (10.0)"),
+        ("gravity.expert.axial_speed", "a constant (1.0)"),
+        ("place.model", "place.field"),
+        ("place.sigma_dip_deg", "place.source_sigmas"),
+        ("verdict.field_limit_nt", "verdict.custom_limits"),
+        ("tool.mount.frame", "a constant (sonde_link)"),
+        ("tool.precision.gyro.scale_ppm", "a constant (500.0)"),
+        ("transmit.rotation_switching", "transmit.rotation_switching_s"),
+        ("health.watch", "always on"),
     ],
 )
 def test_a_former_name_is_refused_and_the_new_one_named(old, new):
@@ -191,6 +200,11 @@ def test_a_former_name_is_refused_and_the_new_one_named(old, new):
         ({"transmit": {"continuous_s": 5.0}}, "continuous_s is now a constant"),
         ({"attitude": {"smoothing_s": 2.0}}, "smoothing_s is now a constant"),
         ({"gravity": {"expert": {"max_bridged_gap_s": 5.0}}}, "max_bridged_gap_s is now a constant"),
+        ({"place": {"model": "igrf"}}, "model is now place.field"),
+        ({"verdict": {"dip_limit_deg": 0.4}}, "dip_limit_deg is now verdict.custom_limits"),
+        ({"tool": {"mount": {"frame": "mwd"}}}, "frame is now a constant"),
+        ({"transmit": {"rotation_hold_s": 5.0}}, "rotation_hold_s is now rotation_switching_s"),
+        ({"health": {"watch": False}}, "health is now always on"),
     ],
 )
 def test_a_former_name_in_a_file_is_refused_and_what_took_its_place_named(table, now):
@@ -233,12 +247,17 @@ def test_constants_are_what_the_filters_have_and_no_parameters():
         "verdict.magnetised_string": station.priors.axial,
         "verdict.wrong_reference": station.priors.reference,
         "verdict.max_gyro_sigma_deg": seek.worst_sigma_deg,
+        "verdict.gravity_limit_mg": EstimatorSettings().verdict.custom_limits[0],
+        "verdict.field_limit_nt": EstimatorSettings().verdict.custom_limits[1],
+        "verdict.dip_limit_deg": EstimatorSettings().verdict.custom_limits[2],
+        "tool.precision.gyro.scale_ppm": seek.scale_x_ppm,
+        "tool.mount.frame": wire.SONDE_FRAME,
     }
 
 
 def test_a_user_has_few_parameters_to_read():
     rules = [rule for _, rule in flat(EstimatorSettings()).values()]
-    assert len(rules) <= 81
+    assert len(rules) <= 70
     assert sum(not rule.expert for rule in rules) <= 25
 
 
@@ -275,7 +294,7 @@ def test_every_parameter_says_what_raising_or_setting_it_does():
 
 
 _FIXED = {"place.field": "fixed", "place.total_nt": 50000.0}
-_CERTIFICATE = {"place.sigma_total_nt": 60.0, "place.sigma_dip_deg": 0.11, "place.sigma_declination_deg": 0.15}
+_CERTIFICATE = {"place.source_sigmas": [60.0, 0.11, 0.15]}
 
 
 def test_a_named_field_brings_its_own_sigmas_and_the_field_of_the_moment_only_where_it_is_an_ifr2():
@@ -295,11 +314,18 @@ def test_a_named_field_brings_its_own_sigmas_and_the_field_of_the_moment_only_wh
     assert math.sqrt(quiet.declination_variance(15e-6)) == pytest.approx(math.radians(math.hypot(0.15, 0.2)))
 
 
-@pytest.mark.parametrize("missing", [*_CERTIFICATE, "place.source", "place.total_nt"])
-def test_a_named_field_that_is_incomplete_is_refused(missing):
-    given = {**_FIXED, **_CERTIFICATE, "place.source": "IFR1"}
-    del given[missing]
-    with pytest.raises(SettingsError, match=missing):
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"place.source_sigmas": [60.0, 0.0, 0.15]}, "place.source_sigmas"),
+        ({"place.source_sigmas": [0.11, 60.0, 0.15]}, "the order is total"),
+        ({"place.source": ""}, "place.source"),
+        ({"place.total_nt": 0.0}, "place.total_nt"),
+    ],
+)
+def test_a_named_field_that_is_incomplete_is_refused(change, named):
+    given = {**_FIXED, **_CERTIFICATE, "place.source": "IFR1", **change}
+    with pytest.raises(SettingsError, match=named):
         reference_of(changed(EstimatorSettings(), given).place, 0)
 
 

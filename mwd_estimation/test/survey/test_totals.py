@@ -179,7 +179,9 @@ def test_unknown_limits_are_an_error_that_lists_the_known():
 
 
 def test_limits_of_one_s_own_are_in_force_by_name_only():
-    own = QualitySettings("custom", gravity_limit_mg=4.0, field_limit_nt=500.0, dip_limit_deg=0.6)
+    own = QualitySettings("custom", (4.0, 500.0, 0.6))
+    with pytest.raises(ValueError, match="the order is gravity"):
+        QualitySettings("custom", (500.0, 4.0, 0.6))
     assert bounds(apart(), own) == pytest.approx([4e-3 * STANDARD_GRAVITY, 500e-9, 0.6 * DEG])
     assert judge(apart(field=-480e-9), own).verdict == "accept"
     assert judge(apart(field=-480e-9), dataclasses.replace(own, limits="service")).verdict == "reject"

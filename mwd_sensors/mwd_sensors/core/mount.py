@@ -12,6 +12,7 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping
+from typing import ClassVar
 
 import numpy as np
 
@@ -76,11 +77,14 @@ def rotation(text: str) -> Array:
 class MountSettings:
     """How the units sit in the tool, in the words of its users."""
 
+    FORMER: ClassVar[Mapping[str, str]] = {"frame": f"a constant ({wire.SONDE_FRAME})"}
+
     imu: str = setting(
         "x-down",
         "Axes of the conventional unit: which one points down-hole (x-down, x-up, y-down, y-up, z-down, z-up), nine "
         "numbers (rows of the matrix from unit to tool axes), a quaternion x,y,z,w from unit to tool, or tf (static "
-        "transforms). Set it where the unit's x is not the tool's; the health of the sensors names a wrong one.",
+        f"transforms to the frame {wire.SONDE_FRAME}). Set it where the unit's x is not the tool's; the health of the "
+        "sensors names a wrong one.",
     )
     mag: str = setting(
         AS_IMU,
@@ -98,11 +102,6 @@ class MountSettings:
         "What the conventional unit's accelerometer reads at rest: up (specific force, as REP-145 has it) or down "
         "(gravity). Set it to down where the health of the sensors finds all its signs reversed.",
         choices=("up", "down"),
-    )
-    frame: str = setting(
-        wire.SONDE_FRAME,
-        "Frame of the tool axes in the static transforms, where a mount is tf.",
-        expert=True,
     )
 
     def __post_init__(self) -> None:
@@ -227,10 +226,10 @@ def resolve(
     for unit in ("imu", "mag", "precision"):
         text, frame, imu_frame = getattr(given, unit), names.get(unit, ""), names.get("imu", "")
         if text == TF:
-            known = transforms.between(frame, transforms.full_name(given.frame)) if frame else None
+            known = transforms.between(frame, transforms.full_name(wire.SONDE_FRAME)) if frame else None
             if known is None:
                 unusable[unit] = (
-                    f"no static transform leads from {frame or 'its frame'!r} to {given.frame!r}: publish one on "
+                    f"no static transform leads from {frame or 'its frame'!r} to {wire.SONDE_FRAME!r}: publish one on "
                     f"/tf_static, or set tool.mount.{unit} to a preset such as z-down"
                 )
             found[unit] = found.get("imu", np.eye(3)) if known is None else known

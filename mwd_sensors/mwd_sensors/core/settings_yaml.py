@@ -45,9 +45,13 @@ def _lines(settings: Any, indent: int) -> list[str]:
     lines = []
     for field in dataclasses.fields(settings):
         value, space = getattr(settings, field.name), " " * indent
+        block = dataclasses.is_dataclass(value) and not isinstance(value, type)
+        if block and not dataclasses.fields(value):
+            # A name without a value is no parameter.
+            continue
         comment = textwrap.wrap(_comment(field), _WIDTH - indent - 2)
         lines += [f"{space}# {line}" for line in comment]
-        if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        if block:
             lines += [f"{space}{field.name}:", *_lines(value, indent + 2)]
         else:
             # A parameter file has no empty list; one empty text stands for it.

@@ -245,7 +245,7 @@ def _settings_lines(estimator: EstimatorSettings, recorded: Recorded, summary: S
         changed = f"; changed: {', '.join(other[:6])}" + (" ..." if len(other) > 6 else "") if other else ""
         lines.append(("settings", f"{recorded.source}{changed}"))
     place, gyro = estimator.place, estimator.tool.precision.gyro
-    if place.field == "model":
+    if place.model:
         day = place.date or "the day of the recording"
         where = f"{place.lat_deg:.4f}, {place.lon_deg:.4f} deg, {place.height_m:.0f} m, {day}"
         lines.append(("place", where))

@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from mwd_estimation.survey.six_axis_table import TableStation
 
 # Settings of the place that a table does not use beside each source of the field.
+_BESIDE_A_MODEL = ("total_nt", "dip_deg", "declination_deg", "convergence_deg")
 _UNUSED = {
-    "fixed": ("model", "grid", "date"),
-    "model": ("total_nt", "dip_deg", "declination_deg", "convergence_deg"),
+    "fixed": ("grid", "date"),
+    "model": _BESIDE_A_MODEL,
+    "igrf": _BESIDE_A_MODEL,
 }
 # Settings that count beside a field of the table's own columns too.
 _ANY_FIELD = ("field", "observatory_file", "observatory_share")
@@ -85,7 +87,7 @@ def table_settings(
                 "none": "needs a place (--lat, --lon) or a field (--field)",
                 "fixed": "is not used for a table beside a field that is given",
                 "model": "is not used for a table beside a model; there are --declination, --convergence, --gravity",
-            }[place.field]
+            }["model" if place.model else place.field]
             raise ValueError(f"place.{name}: {why}")
     return settings
 
@@ -139,7 +141,7 @@ def table_reference(
         return (Reference(**figures, source="given") if figures else None), ()
     stamp_ns = 0
     remarks = []
-    if settings.place.field == "model" and not settings.place.date:
+    if settings.place.model and not settings.place.date:
         day = next(filter(None, map(_moment, times)), None)
         if day is None and otherwise:
             day = _moment(otherwise)

@@ -111,7 +111,7 @@ class BagEstimate:
         derivation.reference(estimator, bag.start_ns)
         mount = mount_of(bag, self.topics, estimator.tool.mount)
         self._pipeline = Pipeline(estimator, mount=mount)
-        frame = tool_frame(bag, self.topics, estimator.tool.mount, mount)
+        frame = tool_frame(bag, self.topics, mount)
         self._list = ListBuilder(bag, self.topics, estimator, given, recorded or Recorded(), frame)
         if merger is not None:
             merger.frame = frame

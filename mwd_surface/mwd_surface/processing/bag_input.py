@@ -237,10 +237,10 @@ def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
     return dataclasses.replace(mount, unusable=there)
 
 
-def tool_frame(bag: Bag, topics: Topics, settings: MountSettings, mount: Mount) -> str:
+def tool_frame(bag: Bag, topics: Topics, mount: Mount) -> str:
     """Frame of the tool's axes, as the estimator names it live: that of the samples, unless they are turned."""
     frame = frame_names(bag, [topics.imu]).get(topics.imu, wire.SONDE_FRAME)
-    return frame[: frame.rfind("/") + 1] + settings.frame if mount.turns else frame
+    return frame[: frame.rfind("/") + 1] + wire.SONDE_FRAME if mount.turns else frame
 
 
 def frame_names(bag: Bag, topics: list[str]) -> dict[str, str]:

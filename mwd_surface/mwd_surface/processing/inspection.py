@@ -296,7 +296,7 @@ def _missing(topics: Topics, reading: _Reading, mount: Mount) -> list[tuple[str,
         missing.append(("magnetic azimuth", f"the mount of the magnetometer: {mount.unusable['mag']}"))
     if place.field == "none":
         missing.append(("true north, checks of the field", "the place: --lat and --lon, or --field"))
-    elif place.field == "model":
+    elif place.model:
         first = reading.times[topics.imu].first_ns
         if not place.date and first < _CLOCK_SET_NS:
             missing.append(("the field of the model", "the day: --date YYYY-MM-DD, for the clock was not set"))
@@ -328,7 +328,7 @@ def _command(
     if mount.accelerometer != usual.accelerometer:
         words += ["--accelerometer", mount.accelerometer]
     place = reading.estimator.place
-    if place.field == "model":
+    if place.model:
         words += ["--lat", f"{place.lat_deg:g}", "--lon", f"{place.lon_deg:g}"]
         first = reading.times[topics.imu].first_ns
         if place.date or first >= _CLOCK_SET_NS:

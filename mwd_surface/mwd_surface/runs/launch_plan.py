@@ -73,8 +73,7 @@ def reference_parameters(scenario: Scenario) -> dict[str, Any]:
             "place.declination_deg": float(declination),
         }
     return {
-        "place.field": "model",
-        "place.model": scenario.model,
+        "place.field": "igrf" if scenario.model == "igrf" else "model",
         "place.lat_deg": place.latitude_deg,
         "place.lon_deg": place.longitude_deg,
         "place.height_m": place.height_m,

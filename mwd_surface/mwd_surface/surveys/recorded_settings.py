@@ -109,7 +109,9 @@ def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[Estimator
     try:
         reference_of(estimator.place, stamp_ns)
     except ValueError as error:
-        older = settings.changed(estimator, {"place.model": "igrf"})
+        if not estimator.place.model:
+            raise
+        older = settings.changed(estimator, {"place.field": "igrf"})
         if older == estimator:
             raise
         try:
