@@ -18,11 +18,6 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.frames import wrap_tau
 
 
-def total_field(b_t: ArrayLike) -> Array:
-    """Strength of the field, T. b_t, shape (..., 3), T, any axes. Returns shape (...)."""
-    return np.asarray(np.linalg.norm(np.asarray(b_t, dtype=float), axis=-1))
-
-
 def dip(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
     Angle of the field below the horizontal.

@@ -13,9 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from mwd_estimation.core import magnetic_geometry
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_tau
 
@@ -134,65 +132,6 @@ class Reference:
         if self.total is None or self.dip is None:
             raise ValueError("the reference has no field: give its strength and dip, or a place and date for a model")
         return self.total, self.dip
-
-
-def measured(
-    f_t: ArrayLike,
-    b_t: ArrayLike,
-    *,
-    declination: float | None = None,
-    convergence: float | None = None,
-    sigma_total: float = 40e-9,
-    sigma_dip: float = math.radians(0.1),
-) -> Reference:
-    """
-    Make the reference from a measurement with the tool itself, away from any steel (S0 section 4).
-
-    Parameters
-    ----------
-    f_t, b_t : array_like, shape (n, 3) or (3,)
-        Specific force, m/s^2, and field, T, in tool axes at one place in one or more attitudes: turning the tool
-        averages its own biases out.
-    declination, convergence : float, optional
-        rad; a measurement of field and gravity alone cannot know them.
-    sigma_total, sigma_dip : float
-        Floor of the sigmas, T and rad: what the sensors get wrong in every attitude alike. The scatter over the
-        attitudes is added in squares.
-
-    Returns
-    -------
-    Reference
-        Mean strength, dip and gravity.
-
-    Raises
-    ------
-    ValueError
-        Shapes that differ, a field that is not an Earth field, or readings that scatter by more than 2 % of the field
-        (the place is disturbed or the tool was moving).
-    """
-    f_t, b_t = np.atleast_2d(np.asarray(f_t, dtype=float)), np.atleast_2d(np.asarray(b_t, dtype=float))
-    if f_t.shape != b_t.shape or f_t.shape[-1] != 3 or not len(f_t):
-        raise ValueError(f"f_t and b_t: expected the same shape (n, 3), got {f_t.shape} and {b_t.shape}")
-    totals, dips = magnetic_geometry.total_field(b_t), magnetic_geometry.dip(f_t, b_t)
-    total, dip = float(totals.mean()), float(dips.mean())
-    scatter = np.array([totals.std(), dips.std() * total])
-    if not (scatter <= 0.02 * total).all():
-        raise ValueError(
-            f"b_t: readings scatter by {scatter.max() * 1e9:.0f} nT, over 2 % of {total * 1e9:.0f} nT: "
-            "measure the reference at rest and away from steel"
-        )
-    shots = math.sqrt(len(f_t))
-    return Reference(
-        total=total,
-        dip=dip,
-        declination=declination,
-        convergence=convergence,
-        gravity=float(np.linalg.norm(f_t, axis=1).mean()),
-        source=f"measured beforehand, {len(f_t)} attitudes",
-        sigma_total=math.hypot(sigma_total, scatter[0] / shots),
-        sigma_dip=math.hypot(sigma_dip, scatter[1] / total / shots),
-        sigma_gravity=2e-3,
-    )
 
 
 def best_north(reference: Reference | None) -> str:

@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from mwd_estimation.core.reference_field import Reference, best_north, measured, north_correction, to_north
-from mwd_sensors.core.frames import mat_nt
+from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
 
 DEG = math.pi / 180.0
 
@@ -47,29 +46,6 @@ def test_declination_is_less_certain_where_the_horizontal_field_is_weak():
     reference = Reference()
     assert math.sqrt(reference.declination_variance(15451e-9)) / DEG == pytest.approx(0.53, abs=0.005)
     assert reference.declination_variance(5e-6) > 4 * reference.declination_variance(2e-5)
-
-
-def test_a_reference_measured_beforehand_is_the_mean_over_attitudes():
-    rng = np.random.default_rng(2)
-    toolface = np.arange(8) * 45 * DEG
-    mat_tn = np.swapaxes(mat_nt(80 * DEG, 1.0, toolface), -1, -2)
-    f_t = mat_tn @ np.array([0, 0, -9.8]) + rng.normal(0, 1e-3, (8, 3))
-    b_t = mat_tn @ np.array([2e-5, 0, 4e-5]) + np.array([0, 100e-9, -60e-9])
-    reference = measured(f_t, b_t, declination=0.05)
-    assert reference.total == pytest.approx(math.hypot(2e-5, 4e-5), abs=20e-9)
-    assert reference.dip == pytest.approx(math.atan2(4, 2), abs=0.05 * DEG)
-    assert reference.gravity == pytest.approx(9.8, abs=2e-3)
-    assert reference.declination == 0.05
-    assert reference.source == "measured beforehand, 8 attitudes"
-    assert 40e-9 < reference.sigma_total < 100e-9
-
-
-def test_a_measured_reference_that_scatters_is_refused():
-    f_t = np.tile([0.0, 0.0, 9.8], (2, 1))
-    with pytest.raises(ValueError, match="away from steel"):
-        measured(f_t, [[2e-5, 0, -4e-5], [2e-5, 0, -4.6e-5]])
-    with pytest.raises(ValueError, match="same shape"):
-        measured(f_t, [[2e-5, 0, -4e-5]])
 
 
 @pytest.mark.fault_case(35)

@@ -2,21 +2,17 @@
 """
 Fits of a calibration from a tumble and temperature run.
 
-On a stand of known attitudes the model is linear in its figures. Without a stand, the strength of gravity and of the
-field, the dip between them, and the turns between rests are enough, up to one common rotation of the triads. Every
-figure comes with its 1 sigma, from the scatter of the residuals.
+The strength of gravity and of the field, the dip between them, and the turns between rests are enough, up to one common
+rotation of the triads. Every figure comes with its 1 sigma, from the scatter of the residuals.
 """
 
 from __future__ import annotations
-
-import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from mwd_sensors.calibration.fit_statistics import (
-    UNDETERMINED,
     RunTemperature,
     allow_for_drift,
     check_determined,
@@ -27,57 +23,6 @@ from mwd_sensors.calibration.rests import Rests, rests
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec, quat_multiply
-
-_NOTHING = np.zeros(3), np.zeros(3)
-
-
-def fit_stand(reading: ArrayLike, truth: ArrayLike, celsius: ArrayLike) -> TriadCalibration:
-    """
-    Calibrate on a stand that knows its attitude.
-
-    Parameters
-    ----------
-    reading, truth : array_like, shape (m, 3)
-        Mean readings and true vectors in tool axes, SI.
-    celsius : array_like, shape (m,)
-
-    Raises
-    ------
-    ValueError
-        The attitudes do not determine all nine figures.
-    """
-    y, x, t = (np.asarray(a, dtype=float) for a in (reading, truth, celsius))
-    strength = float(np.sqrt(np.mean(x**2)))
-    heat = RunTemperature.of(t)
-    solutions, sigmas = [], []
-    for axis in range(3):
-        columns = [x / strength, np.ones((len(x), 1))]
-        if heat.varied:
-            columns += [heat.warm[:, None], (heat.warm * x[:, axis] / strength)[:, None]]
-        design = np.concatenate(columns, axis=1)
-        if np.linalg.cond(design) > 1e4:
-            raise ValueError(f"truth: {UNDETERMINED}")
-        solution = np.linalg.lstsq(design, y[:, axis] / strength, rcond=None)[0]
-        solutions.append(solution)
-        sigmas.append(fit_sigmas(design, design @ solution - y[:, axis] / strength))
-    p, sigma = np.array(solutions), np.array(sigmas)
-    scale, gain = strength / heat.span, 1.0 / heat.span
-    per_c, gain_per_c = (p[:, 4] * scale, p[:, 5] / p[:, :3].diagonal() * gain) if heat.varied else _NOTHING
-    fitted = TriadCalibration(
-        matrix=np.linalg.inv(p[:, :3]),
-        bias=p[:, 3] * strength,
-        bias_per_c=per_c,
-        scale_per_c=gain_per_c,
-        sigma_matrix=sigma[:, :3],
-        sigma_bias=sigma[:, 3] * strength,
-        sigma_bias_per_c=sigma[:, 4] * scale if heat.varied else np.zeros(3),
-        sigma_scale_per_c=sigma[:, 5] * gain if heat.varied else np.zeros(3),
-        reference_c=heat.reference_c,
-        before=rms(y - x),
-        after=0.0,
-        poses=len(y),
-    )
-    return dataclasses.replace(fitted, after=rms(fitted(y, t) - x))
 
 
 def fit_strength(reading: ArrayLike, strength: float, celsius: ArrayLike) -> TriadCalibration:

@@ -13,7 +13,6 @@ from mwd_sensors.core.arrays import Samples
 # Bits of `status`: the reading of this axis was at the end of its range within the interval of the sample.
 CLIPPED_ACCEL, CLIPPED_GYRO, CLIPPED_MAG = (1, 2, 4), (8, 16, 32), (64, 128, 256)
 FAULT = 512  # the unit says of itself that it is not well
-CLIPPED = sum((*CLIPPED_ACCEL, *CLIPPED_GYRO, *CLIPPED_MAG))
 CLIP_WORDS = {
     bit: f"{sensor} {axis}"
     for sensor, bits in (("accelerometer", CLIPPED_ACCEL), ("gyro", CLIPPED_GYRO), ("magnetometer", CLIPPED_MAG))

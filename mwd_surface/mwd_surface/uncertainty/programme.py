@@ -9,7 +9,6 @@ to, and `tie_on` with the sigmas or the covariance of the first station. Depths 
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -189,8 +188,3 @@ def read_programme(path: Path) -> Programme:
     if matrix is not None and (matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T)):
         raise ProgrammeError(f"{path.name}: tie_on.covariance_m2 must be a symmetric table of 3 x 3")
     return programme
-
-
-def span(row: Interval) -> str:
-    """Depths of an interval in words."""
-    return f"{row.from_m:g} m to " + ("the end" if row.to_m is None or math.isinf(row.to_m) else f"{row.to_m:g} m")

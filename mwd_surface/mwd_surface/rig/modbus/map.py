@@ -9,7 +9,6 @@ rig: deg, m, nT, standard gravities, r/min, degC.
 from __future__ import annotations
 
 import dataclasses
-import math
 import struct
 from collections.abc import Sequence
 
@@ -31,8 +30,6 @@ WRITABLE, WRITABLE_COUNT = 100, 2
 WORD_ORDERS = ("ABCD", "CDAB")
 # An age that was never reached: there is no toolface yet.
 NEVER = 1e9  # s
-_DEG = 180.0 / math.pi
-_RPM = 30.0 / math.pi
 _LARGEST = 3.4e38
 _NAN: tuple[int, ...] = (0x7FC0, 0x0000)
 # Address of a float: the value it holds, factor to its unit, and where it turns over.
