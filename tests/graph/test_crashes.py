@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each node is killed in a running graph: the others go on, the page says what is missing, and all comes back."""
 
+import contextlib
 import json
 import os
 import signal
+import time
 import urllib.request
 from pathlib import Path
 
@@ -27,6 +29,7 @@ schedule:
 cycles: 200
 """
 PATIENCE_S = 180.0
+STANDSTILL_S = 1.0
 
 
 class Well:
@@ -65,6 +68,18 @@ class Well:
 
         return until(look, PATIENCE_S, what)
 
+    @contextlib.contextmanager
+    def standing_still(self, *nodes):
+        """Halt the processes of nodes for the length of the block."""
+        pids = [self.supervisor.pid(node) for node in nodes]
+        for pid in pids:
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            for pid in pids:
+                os.kill(pid, signal.SIGCONT)
+
     def kill(self, node):
         """Kill the process of a node as the system does when memory is short."""
         os.kill(self.supervisor.pid(node), signal.SIGKILL)
@@ -98,7 +113,10 @@ def seen(tmp_path_factory):
             facts["after estimator"] = well.shows(
                 lambda s: len(surveys(s)) > len(surveys(facts["without estimator"])), "a survey of the new estimator"
             )
-            well.kill("surface")
+            # The others stand still for a moment meanwhile, as on a busy machine.
+            with well.standing_still("sonde", "estimator"):
+                well.kill("surface")
+                time.sleep(STANDSTILL_S)
             until(lambda: well.sections() is None, PATIENCE_S, "no page")
             facts["after surface"] = well.shows(
                 lambda s: attitude(s) == "live" and s["recorder"]["state"] == "recording", "the surface is back"
