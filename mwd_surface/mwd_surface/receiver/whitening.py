@@ -10,6 +10,8 @@ identification, IEEE Trans. Autom. Control 19 (1974) 716 (order: each coefficien
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
@@ -17,6 +19,10 @@ from mwd_sensors.core.compiled import compiled
 
 _LOCAL = 12  # samples to either side over which the size of the noise is judged
 _ROUNDS = 3
+# Variances of disturbances: each 8 times the one before, up to that of pumps that start.
+_STATES, _LARGEST, _SQRT_8 = 6, 8.0**5, math.sqrt(8.0)
+# A disturbance begins every five minutes of pulses of 0.5 s. Whitened, it lasts for its flanks, a second or less.
+_BEGINS, _LASTS = 1.0 / 5000.0, 8.0
 
 
 @compiled
@@ -110,20 +116,89 @@ def steadiness(noise: Array, known: Array) -> Array:
     """
     Weight of each sample: less where the noise is larger than elsewhere, 0 where the sample is unknown.
 
-    Pressure has stalls, spikes and pumps that start beside its steady noise; a weight of 1 / variance is right for all.
+    Pressure has stalls, spikes and pumps that start beside its steady noise. Pulses that are still in it change these
+    weights little, where `precision` would take them for disturbances.
 
     Parameters
     ----------
     noise : ndarray, shape (n,)
-        Whitened, without pulses.
+        Whitened.
     known : ndarray, shape (n,)
         1 where a sample is known.
     """
-    square = noise**2
-    local = np.convolve(square, np.ones(2 * _LOCAL + 1) / (2 * _LOCAL + 1), mode="same")
-    usual = max(float(np.median(local[known > 0.0])) if np.any(known > 0.0) else 0.0, 1e-6 * float(local.mean()), 1e-12)
+    local, usual = _sizes(noise, known)
     # The mean of 25 squares exceeds twice its mean by chance once in thousands.
     return np.asarray(known * np.minimum(1.0, 2.0 * usual / np.maximum(local, 1e-12)))
+
+
+def precision(noise: Array, known: Array) -> Array:
+    """
+    Mean of 1 / variance of each sample, given all of them; 1 in steady noise, 0 where the sample is unknown.
+
+    The noise is Gaussian; its variance is the steady one or, in a disturbance, one of five larger ones, and changes
+    between them as a Markov chain does (L. R. Rabiner, Proc. IEEE 77 (1989) 257, section III).
+
+    Parameters
+    ----------
+    noise, known
+        As `steadiness`; noise without pulses.
+    """
+    out = np.empty(len(noise))
+    _mean_precision(noise**2 / _sizes(noise, known)[1], known, out)
+    return out
+
+
+def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
+    """Mean square about each sample, and its median."""
+    local = np.convolve(noise**2, np.ones(2 * _LOCAL + 1) / (2 * _LOCAL + 1), mode="same")
+    usual = float(np.median(local[known > 0.0])) if np.any(known > 0.0) else 0.0
+    return local, max(usual, 1e-6 * float(local.mean()), 1e-12)
+
+
+@compiled
+def _mean_precision(square: Array, known: Array, out: Array) -> None:
+    """Mean of 1 / variance of each sample, by a forward-backward pass; square: over that of steady noise. Fills out."""
+    n = len(square)
+    likelihood, chance = np.ones((n, _STATES)), np.empty((n, _STATES))
+    begun, ended, other = _BEGINS / (_STATES - 1), 0.5 / _LASTS, 0.5 / _LASTS / (_STATES - 1)
+    stays, steady = 1.0 - 1.0 / _LASTS, 1.0 - _BEGINS
+    now = np.full(_STATES, begun * _LASTS)
+    now[0] = 1.0
+    for i in range(n):
+        if known[i] > 0.0:
+            # Each variance is 8 times the one before: three squarings of its likelihood.
+            x, size = math.exp(-0.5 * min(square[i] / _LARGEST, 100.0)), 1.0
+            for k in range(_STATES - 1, -1, -1):
+                likelihood[i, k] = x * size
+                x, size = x * x, size * _SQRT_8
+                x *= x
+                x *= x
+        total = 0.0
+        for k in range(_STATES):
+            total += now[k]
+        mixed = other * (total - now[0]) + begun * now[0]
+        quiet = steady * now[0] + ended * (total - now[0])
+        for k in range(_STATES):
+            p = quiet if k == 0 else stays * now[k] + mixed
+            now[k] = max(p / total * likelihood[i, k], 1e-100)
+            chance[i, k] = now[k]
+    after = np.ones(_STATES)
+    for i in range(n - 1, -1, -1):
+        total = mean = whole = 0.0
+        inverse = 1.0
+        for k in range(_STATES):
+            p = chance[i, k] * after[k]
+            total += p
+            mean += p * inverse
+            inverse *= 0.125
+            after[k] *= likelihood[i, k]
+            whole += after[k]
+        out[i] = known[i] * mean / total
+        first, rest = after[0], whole - after[0]
+        mixed = ended * first + other * rest
+        for k in range(_STATES):
+            p = steady * first + begun * rest if k == 0 else stays * after[k] + mixed
+            after[k] = max(p / whole, 1e-100)
 
 
 def steady_filter(pressure: Array, known: Array, order: int, floor: float) -> Array | None:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
+from mwd_surface.receiver.whitening import filtered, precision, steadiness, steady_filter
 
 KNOWN = np.ones(4000)
 
@@ -44,6 +44,31 @@ def test_disturbed_samples_weigh_little_and_unknown_ones_nothing():
     assert weight[505:545].max() < 0.05
     assert not weight[1500:1600].any()
     assert np.mean(weight[600:1400]) > 0.99
+
+
+def test_the_precision_is_that_of_the_noise():
+    """Also of a single sample and of noise little larger than usual, which a mean over 25 samples hides or leaves."""
+    noise = np.random.default_rng(4).normal(size=2000)
+    assert 1.0 - precision(noise, np.ones(2000)).mean() < 1e-3
+    noise[500:550] *= 3.0
+    noise[1000] = 8.0
+    known = np.ones(2000)
+    known[1500:1600] = 0.0
+    weight = precision(noise, known)
+    assert weight[505:545].mean() == pytest.approx(1.0 / 9.0, rel=0.5)
+    assert weight[1000] < 0.05
+    assert weight[980:995].min() > 0.9
+    assert not weight[1500:1600].any()
+
+
+@pytest.mark.parametrize("size", [1e2, 1e8])
+def test_the_precision_is_known_in_any_disturbance(size):
+    noise = np.random.default_rng(5).normal(size=1000)
+    noise[400:440] *= size
+    weight = precision(noise, np.ones(1000))
+    assert np.all(np.isfinite(weight))
+    assert weight[400:440].max() < 1e-2
+    assert np.mean(weight[:390]) > 0.99
 
 
 def test_a_constant_has_no_noise_model():

@@ -11,7 +11,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry import combinatorial
 from mwd_sensors.telemetry.sequences import SequenceItem
-from mwd_surface.receiver.belief import TEMPERATURES, Candidate, Soft
+from mwd_surface.receiver.belief import Candidate, Soft
 from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.words import packet_rows
@@ -21,6 +21,13 @@ _STRETCH_BITS = 12
 # What is there, and which sequence it is, is decided by so many bits.
 LOOK_BITS = 30
 _BEAM = 16
+# Likelihoods to the power 1 / temperature (C. Guo et al., On Calibration of Modern Neural Networks, 2017), in steady
+# noise and in a disturbance, which is no noise of larger variance but has a shape, and may look like a pulse. With the
+# truth known, words are likeliest at 1 without disturbance, in white noise and in wells, and in stalls at 2 to 3,
+# however much of the word they take.
+_TEMPERATURES = (1.0, 2.5)
+# Least probability of a parity that float arithmetic tells from 0.
+_LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in _TEMPERATURES)
 
 
 @dataclasses.dataclass
@@ -143,7 +150,7 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
 
 
 def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
-    """Words with the probabilities of their codes at each temperature."""
+    """Words with the probabilities of their codes."""
     if rows[0, trellis.RISING]:
         return _soft_ranks(decision, rows, items, parity)
     count, values = len(rows), trellis.values_of(rows)
@@ -151,9 +158,9 @@ def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceI
     chance, even = np.empty((count, values)), np.empty(count)
     ends = np.flatnonzero(rows[:, 2])
     firsts = np.concatenate([[0], ends[:-1] + 1])
-    holds = np.empty((len(items), len(TEMPERATURES)))
+    holds = np.empty((len(items), len(_TEMPERATURES)))
     codes: list[dict[int, list[float]]] = [{} for _ in items]
-    for t, temperature in enumerate(TEMPERATURES):
+    for t, temperature in enumerate(_TEMPERATURES):
         given = (rows, decision.unary / temperature, decision.common / temperature, decision.level)
         trellis.forward_backward(*given, -1, forward, backward)
         trellis.marginals(rows, forward, backward, chance, even)
@@ -165,9 +172,10 @@ def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceI
             made = trellis.best_words(*given, forward, backward, int(firsts[k]), found)
             for code, log in found[:made]:
                 value = int(code) >> 1 if item.parity else int(code)
-                codes[k].setdefault(value, [0.0] * len(TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
+                codes[k].setdefault(value, [0.0] * len(_TEMPERATURES))[t] += math.exp(min(log - evidence, 0.0))
+    chances = [np.array(list(one.values())).T for one in codes]
     return [
-        Soft(tuple(Candidate(code, tuple(p)) for code, p in codes[k].items()), tuple(holds[k]) if item.parity else None)
+        _mixed(list(codes[k]), chances[k], holds[k] if item.parity else None, decision.disturbed)
         for k, item in enumerate(items)
     ]
 
@@ -177,9 +185,9 @@ def _soft_ranks(decision: segment.Decision, rows: Indices, items: tuple[Sequence
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     ends = np.flatnonzero(rows[:, trellis.ENDS])
-    holds = np.empty((len(items), len(TEMPERATURES)))
+    holds = np.empty((len(items), len(_TEMPERATURES)))
     chances: list[list[Array]] = [[] for _ in items]
-    for t, temperature in enumerate(TEMPERATURES):
+    for t, temperature in enumerate(_TEMPERATURES):
         unary, common = decision.unary / temperature, decision.common / temperature
         trellis.forward_backward(rows, unary, common, decision.level, -1, forward, backward)
         for k, (item, end) in enumerate(zip(items, ends, strict=True)):
@@ -192,13 +200,24 @@ def _soft_ranks(decision: segment.Decision, rows: Indices, items: tuple[Sequence
             holds[k, t] = chance[held].sum() / chance.sum()
             chance = np.where(held, chance, 0.0) if item.parity else chance
             chances[k].append(chance / max(chance.sum(), 1e-300))
-    return [
-        Soft(_candidates(item, np.array(chances[k])), tuple(holds[k]) if item.parity else None)
-        for k, item in enumerate(items)
-    ]
+    softs = []
+    for k, item in enumerate(items):
+        each = np.array(chances[k])
+        best = np.unique(np.argsort(-each, axis=1, kind="stable")[:, :_BEAM])
+        codes = [int(code) >> item.parity for code in best]
+        softs.append(_mixed(codes, each[:, best], holds[k] if item.parity else None, decision.disturbed))
+    return softs
 
 
-def _candidates(item: SequenceItem, chances: Array) -> tuple[Candidate, ...]:
-    """Most probable codes of a word at any temperature; chances, shape (temperatures, codes)."""
-    best = np.unique(np.argsort(-chances, axis=1, kind="stable")[:, :_BEAM])
-    return tuple(Candidate(int(code) >> item.parity, tuple(chances[:, code].tolist())) for code in best)
+def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float) -> Soft:
+    """
+    Word whose temperature is that of steady noise or, with the probability `disturbed`, that of a disturbance.
+
+    chances, shape (temperatures, codes); holds, shape (temperatures,): as `Soft`.
+    """
+    shares = np.array([1.0 - disturbed, disturbed])
+    # A parity that would rather fail speaks for a disturbance of its own word.
+    given = shares if holds is None else shares * np.maximum(holds, _LEAST)
+    found = given / given.sum() @ chances
+    candidates = tuple(Candidate(code, float(p)) for code, p in zip(codes, found, strict=True))
+    return Soft(candidates, None if holds is None else float(shares @ holds))

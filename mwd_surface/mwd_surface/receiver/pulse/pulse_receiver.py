@@ -10,7 +10,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
-from mwd_surface.receiver.belief import Temper
+from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.grid import REACH, STEPS_PER_TU
 from mwd_surface.receiver.pulse import segment, synchronisation
@@ -64,7 +64,7 @@ class PulseReceiver(SampledReceiver):
         self._flow, self._finds_flow = flow or FlowSpans(), flow is None
         self._surveys = SurveyMemory(tool, self._flow.rested)
         parity = any(item.parity for items in (*tool.surveys, *tool.toolfaces) for item in items)
-        self._temper = Temper(parity)
+        self._doubt = Doubt(parity)
         quiet_s = min(_NOISE_S, tool.transmit_delay_s - _SETTLED_S)
         self._noise_tu = min(max(_NOISE_TU, round(quiet_s / tool.tu_s)), _KEPT_TU - _HOP_TU)
         self._hop = 0
@@ -82,7 +82,7 @@ class PulseReceiver(SampledReceiver):
     def successor(self, tool: ToolConfiguration, flow: FlowSpans) -> PulseReceiver:
         """Return a receiver of the same tool, told to send otherwise: what parities taught of its words is kept."""
         after = PulseReceiver(tool, flow)
-        after._temper = self._temper.following()
+        after._doubt = self._doubt.following()
         return after
 
     def push(self, time_s: Array, value: Array) -> Reception:
@@ -191,8 +191,8 @@ class PulseReceiver(SampledReceiver):
 
     def _begun(self, found: synchronisation.SyncFound, position: float) -> Transmission:
         """Transmission that begins with a sync at a position of the grid."""
-        self._temper = self._temper.following()
-        return Transmission(self._tool, self._grid, found, position, self._frame, self._temper)
+        self._doubt = self._doubt.following()
+        return Transmission(self._tool, self._grid, found, position, self._frame, self._doubt)
 
     @property
     def _beyond(self) -> int:

@@ -28,7 +28,7 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     uncertainty,
 )
 from mwd_surface.receiver.pump_lines import SEARCH_SAMPLES, pump_noise
-from mwd_surface.receiver.whitening import filtered, prediction_error_filter, steadiness
+from mwd_surface.receiver.whitening import filtered, precision, prediction_error_filter
 
 ORDER = 40
 FLOOR = 1e-6
@@ -126,6 +126,8 @@ class Decision:
         Relative drift of the pulses against the clock of the samples, its variance, and the sample it turns about.
     evidence : float
         Log likelihood ratio of the pulses, wherever they are, to none.
+    disturbed : float
+        Probability that something other than steady noise disturbs the pressure of the packets.
     """
 
     unary: Array
@@ -136,6 +138,7 @@ class Decision:
     ebn0_db: float
     timing: tuple[float, float, float]
     evidence: float
+    disturbed: float
 
 
 def decode(stretch: Stretch, channel: Channel) -> Decision:
@@ -191,9 +194,11 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
             pumps = _new_noise(stretch, _train(stretch, probability), state, weight)
     g = _whitened(state.response, state.whitener)
     ways = trellis.log_ways(packets)
+    own = slice(max(stretch.start - BEFORE, 0), stretch.end)
+    disturbed = 1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own])))
     ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
     timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability, state, weight, pumps)
-    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways)
+    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways, disturbed)
 
 
 def _train(stretch: Stretch, probability: Array) -> Array:
@@ -274,7 +279,7 @@ def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array
     """Weight of each sample: less where the noise is larger than elsewhere, 0 where the sample is unknown."""
     explained = np.empty(len(train))
     reconstruct(train, g, explained)
-    return steadiness(whitened - explained, stretch.known)
+    return precision(whitened - explained, stretch.known)
 
 
 def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) -> Array:

@@ -13,7 +13,7 @@ from mwd_sensors.core.arrays import Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.receiver.belief import Temper
+from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.grid import REACH, Grid
 from mwd_surface.receiver.pulse import segment
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
@@ -51,12 +51,12 @@ class Transmission:
         Where the sync starts, steps of the grid.
     frame : int
         Number of its first pass.
-    temper : Temper
+    doubt : Doubt
         What the transmissions before teach of confidence.
     """
 
     def __init__(
-        self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, frame: int, temper: Temper
+        self, tool: ToolConfiguration, grid: Grid, found: SyncFound, position: float, frame: int, doubt: Doubt
     ) -> None:
         self._tool, self._grid = tool, grid
         self._clock = ToolClock(position)
@@ -72,7 +72,7 @@ class Transmission:
         self._channel = segment.Channel(
             response, found.scale, whitener, whitener, basis(len(response), tool.tu_s), memory
         )
-        self._at_once, self.temper = copy.deepcopy(temper), temper
+        self._at_once, self.doubt = copy.deepcopy(doubt), doubt
         self._presence = Presence(found.score)
         self._heard_at = 0
         self._held: list[ReceivedWord] = []
@@ -180,27 +180,27 @@ class Transmission:
             self._forget(now)
             return Reception()
         self._decode_again(now, heard)
-        self.temper.learn([part.soft for part in heard])
-        words = self._words(now, 0, self.temper, 1)
+        self.doubt.learn([part.soft for part in heard])
+        words = self._words(now, 0, self.doubt, 1)
         # What was shown and is no word is taken back.
         words = [
             word if part.pulses else dataclasses.replace(word, status=ERASED)
             for word, part in zip(words, now.parts, strict=True)
         ]
         ebn0 = float(np.mean([part.ebn0_db for part in heard or now.parts]))
-        reason = self.lost or (_PARITIES_FAIL if self.temper.failing > _DOUBTFUL else "")
+        reason = self.lost or (_PARITIES_FAIL if self.doubt.failing > _DOUBTFUL else "")
         reason = reason or (FADED if len(heard) < len(now.parts) else "")
         report = FrameReport(self.frame, now.kind, words[0].start_s, words[-1].end_s, ebn0, self._clock.error, reason)
         self.frame += 1
         self._forget(now)
         return Reception(words, [report])
 
-    def _words(self, now: Pass, first: int, temper: Temper, revision: int) -> list[ReceivedWord]:
+    def _words(self, now: Pass, first: int, doubt: Doubt, revision: int) -> list[ReceivedWord]:
         words = []
         for k, part in enumerate(now.parts[first:], first):
             span = (self._seconds(part.at), self._seconds(part.at + SAMPLES_PER_TU * part.length))
             place = WordPlace(self.frame, k, now.kind, revision)
-            words.append(received(self._tool, part.item, temper.judge(part.soft), span, place))
+            words.append(received(self._tool, part.item, doubt.judge(part.soft), span, place))
         return words
 
     def _decode_again(self, now: Pass, parts: list[Part]) -> None:
@@ -325,7 +325,7 @@ class Transmission:
         self._edges += edges
         self._chances += chances
         valid = [one for one in soft.candidates if one.code < most]
-        return max(valid, key=lambda one: one.probability[0]).code if valid else 0
+        return max(valid, key=lambda one: one.probability).code if valid else 0
 
     def _decode(self, rows: Indices, length: int, start: int) -> segment.Decision:
         decision = self._decode_once(rows, length, start)
