@@ -19,9 +19,8 @@ from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
-from mwd_estimation.gravity.bounded.log import Log
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, Record, State, forget, initial
+from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, Log, Record, State, forget, initial
 from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 

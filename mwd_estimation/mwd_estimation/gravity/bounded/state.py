@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State of the bounded filter: the record that its kernels change, and the places of the errors in its covariance."""
+"""
+State of the bounded filter: the record that its kernels change, and the places of the errors in its covariance.
+
+`Log` traces it for the smoother: a record for each update of the covariance.
+"""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mwd_estimation.core import track
 from mwd_estimation.gravity.bounded.params import Params
@@ -236,3 +241,39 @@ def initial(params: Params) -> State:
     s.C[:] = np.eye(3)
     forget(params, s)
     return State(np.zeros(1, track.CLOCK), np.zeros(1, track.MOTION), record)
+
+
+class Update:
+    """One update of the covariance."""
+
+    sample: int
+    """Sample of the block at which it was made."""
+    epoch: int
+    """Number of the start it belongs to; -1 while the x gyro clips."""
+    sums: Sums
+    correction: Annotated[Array, STEADY]
+    """Errors put into the nominal values."""
+    before: Annotated[Array, STEADY, STEADY]
+    """Covariance before the measurement."""
+    after: Annotated[Array, STEADY, STEADY]
+    """Covariance after it."""
+    factors: Annotated[Array, 2]
+    """Of the covariance, along the hole and across it."""
+    floors: Annotated[Array, 2]
+    """Variances to be added, rad^2."""
+
+
+UPDATE = dtype_of(Update)
+
+
+class Log(NamedTuple):
+    """Trace of a block."""
+
+    entries: NDArray[np.int64]  #: int64, shape (1,); updates written
+    updates: Any  #: structured ndarray of `Update`, shape (m,); room for them; none: no trace is kept
+    north_t: Array  #: shape (n, 3); first level axis in tool axes, sample by sample
+
+    @classmethod
+    def room(cls, samples: int) -> Log:
+        """Room for a block of so many samples, each of which may end in an update."""
+        return cls(np.zeros(1, dtype=np.int64), np.zeros(samples, dtype=UPDATE), np.zeros((samples, 3)))
