@@ -36,6 +36,7 @@ AT_RANGE = (
 
 FIRST, NEXT, AFTER_GAP, REJECTED = 0, 1, 2, 3
 
+_REJECTED, _GAP, _CLIPPED = int(Status.REJECTED), int(Status.GAP), int(Status.CLIPPED)
 _STILL, _SLIDING, _ROTATING = int(Status.STILL), int(Status.SLIDING), int(Status.ROTATING)
 _NEAR_VERTICAL = int(Status.NEAR_VERTICAL)
 
@@ -153,6 +154,34 @@ def admit(clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
         clock.last_ns = stamp
         return AFTER_GAP
     return REJECTED
+
+
+@compiled
+def take(
+    clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int, gyro_range: float, accel_range: float
+) -> tuple[int, float, int]:
+    """
+    Take one sample as every gravity method does.
+
+    Arguments as of `admit`; gyro_range, rad/s, accel_range, m/s^2 : where the sensors clip.
+
+    Returns
+    -------
+    verdict : int
+        As `admit`.
+    step : float
+        Time since the last sample admitted, s; 0 for the first, and for one that is rejected.
+    bits : int
+        REJECTED, GAP and CLIPPED of `Status`.
+    """
+    before = clock.last_ns
+    verdict = admit(clock, stamp, w, f, gap_ns)
+    if verdict == REJECTED:
+        return verdict, 0.0, _REJECTED
+    bits = _GAP if verdict == AFTER_GAP else 0
+    if clips(w, gyro_range) or clips(f, accel_range):
+        bits |= _CLIPPED
+    return verdict, 0.0 if verdict == FIRST else 1e-9 * (stamp - before), bits
 
 
 @compiled

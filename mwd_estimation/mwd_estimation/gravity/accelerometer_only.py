@@ -22,7 +22,6 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of
 
-_REJECTED, _GAP, _CLIPPED = int(Status.REJECTED), int(Status.GAP), int(Status.CLIPPED)
 _INITIALISING = int(Status.INITIALISING)
 
 State = NDArray[np.void]
@@ -74,19 +73,14 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
-        before = s.clock.last_ns
-        verdict = track.admit(s.clock, stamps[i], w, f, track.GAP_NS)
-        bits = 0
+        # The gyro is not used, and its clipping says nothing.
+        verdict, dt, bits = track.take(s.clock, stamps[i], w, f, track.GAP_NS, math.inf, p.accel_range)
         if verdict == track.REJECTED:
-            bits = _REJECTED
             if not math.isfinite(s.down[0]):
                 bits |= _INITIALISING
         else:
-            dt = 1e-9 * (stamps[i] - before) if verdict == track.NEXT else 0.0
-            if verdict == track.AFTER_GAP:
-                bits |= _GAP
-            if track.clips(f, p.accel_range):
-                bits |= _CLIPPED
+            if verdict != track.NEXT:
+                dt = 0.0
             norm = math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
             for c in range(3):
                 s.down[c] = -f[c] / norm

@@ -34,8 +34,7 @@ _ALIKE = 0.03
 # Least bandwidth at which the error that is left is seen, 1/s, and the share of it at which its square is averaged.
 _SLOWEST, _SQUARE_SHARE = 0.02, 0.3
 
-_REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
-_CLIPPED = int(Status.CLIPPED)
+_INITIALISING = int(Status.INITIALISING)
 
 State = NDArray[np.void]
 """One record of the fields of `Record`, shape (1,); a copy resumes."""
@@ -159,24 +158,15 @@ def fuzzy_step(non_gravity: float, rotary_rpm: float, rules: Array) -> float:
 def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
-        before = s.clock.last_ns
-        verdict = track.admit(s.clock, stamps[i], w, f, track.GAP_NS)
-        bits = 0
+        verdict, dt, bits = track.take(s.clock, stamps[i], w, f, track.GAP_NS, p.gyro_range, p.accel_range)
         if verdict == track.REJECTED:
-            bits = _REJECTED
             if s.age < p.start_s or not s.clock.started:
                 bits |= _INITIALISING
         else:
-            if track.clips(w, p.gyro_range) or track.clips(f, p.accel_range):
-                bits |= _CLIPPED
             u = (-f[0] / p.gravity, -f[1] / p.gravity, -f[2] / p.gravity)
-            dt = 0.0
-            if verdict == track.NEXT:
-                dt = 1e-9 * (stamps[i] - before)
-            else:
+            if verdict != track.NEXT:
+                dt = 0.0
                 _begin(p, s)
-                if verdict == track.AFTER_GAP:
-                    bits |= _GAP
             bx, by, bz = w[0] * dt, w[1] * dt, w[2] * dt
             turn = coning_rotation(s.last_angle[0], s.last_angle[1], s.last_angle[2], bx, by, bz, p.coning)
             s.last_angle[0], s.last_angle[1], s.last_angle[2] = bx, by, bz

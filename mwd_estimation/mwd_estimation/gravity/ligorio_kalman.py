@@ -25,8 +25,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
 from mwd_sensors.core.records import dtype_of
 
-_REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
-_CLIPPED = int(Status.CLIPPED)
+_INITIALISING = int(Status.INITIALISING)
 # Time over which the squared innovations are averaged, s, and the bounds of the scale that they give the covariance.
 _SQUARE_TIME, _SCALE_LEAST, _SCALE_MOST = 5.0, 0.1, 100.0
 
@@ -97,21 +96,11 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
-        before = s.clock.last_ns
-        verdict = track.admit(s.clock, stamps[i], w, f, track.GAP_NS)
-        bits = 0
-        if verdict == track.REJECTED:
-            bits = _REJECTED
-        else:
-            if track.clips(w, p.gyro_range) or track.clips(f, p.accel_range):
-                bits |= _CLIPPED
-            dt = 0.0
-            if verdict == track.NEXT:
-                dt = 1e-9 * (stamps[i] - before)
-            else:
+        verdict, dt, bits = track.take(s.clock, stamps[i], w, f, track.GAP_NS, p.gyro_range, p.accel_range)
+        if verdict != track.REJECTED:
+            if verdict != track.NEXT:
+                dt = 0.0
                 _begin(p, s, f)
-                if verdict == track.AFTER_GAP:
-                    bits |= _GAP
             non_gravity = _step(p, s, dt, w, f)
             bits |= track.follow_motion(s.motion, dt, w, non_gravity)
         if s.age < p.start_s or not math.isfinite(s.gravity[0]):

@@ -27,7 +27,7 @@ from mwd_sensors.core.compiled import compiled
 __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 
 TICK = 0.03  # s between updates of the covariance
-_REJECTED, _GAP, _INITIALISING = int(Status.REJECTED), int(Status.GAP), int(Status.INITIALISING)
+_GAP, _INITIALISING = int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
 _ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO, clip_flags.CROSS_GYRO
 _NEAR_VERTICAL_SINE2 = math.sin(track.NEAR_VERTICAL_BELOW) ** 2
@@ -99,24 +99,18 @@ def _run(
     stamps, gyro, accel, flags = samples
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
-        before = clock.last_ns
-        verdict = track.admit(clock, stamps[i], w, f, gaps.GAP_NS)
-        bits = _REJECTED
+        verdict, dt, bits = track.take(clock, stamps[i], w, f, gaps.GAP_NS, p.gyro_range, p.accel_range)
         if verdict != track.REJECTED:
-            dt = 1e-9 * (stamps[i] - before)
-            bits = 0
             if verdict == track.NEXT and gaps.stands_out(s, dt):
-                verdict = track.AFTER_GAP
+                verdict, bits = track.AFTER_GAP, bits | _GAP
             if verdict != track.NEXT:
-                if verdict == track.AFTER_GAP:
-                    bits = _GAP
                 _resume(p, s, verdict, dt, gyro[i], i, log)
                 dt = 0.0
             non_gravity = _take(p, s, dt, w, f, flags[i])
             if s.started and s.sums.time >= TICK - 1e-6:
                 _update(p, s, s.last_w, i, log)
             bits |= track.follow_motion(motion, dt, w, non_gravity)
-            if flags[i] != 0 or track.clips(f, p.accel_range) or track.clips(w, p.gyro_range):
+            if flags[i] != 0:
                 bits |= _CLIPPED
         out.status[i] = bits | _publish(s)
         for j in range(3):
