@@ -23,6 +23,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     PrecisionRates,
     State,
 )
+from mwd_estimation.core import ring
 from mwd_estimation.core.track import GAP_NS
 from mwd_sensors.core.compiled import compiled
 
@@ -94,39 +95,17 @@ def add_sample(p: Params, s: State, sample: GyroSample, earth_north: float) -> N
     kept = s.ring[s.ring_head]
     kept.stamp_ns, kept.gyro_turn, kept.spin_rate = stamp, s.gyro_turn, wx
     kept.down[0], kept.down[1], kept.down[2] = dx, dy, dz
-    s.ring_head = (s.ring_head + 1) & (RING - 1)
+    s.ring_head = ring.next_head(s.ring, s.ring_head)
     s.ring_length = min(s.ring_length + 1, RING)
     s.last_ns = stamp
 
 
 @compiled
-def place_in_ring(s: State, at: int) -> int:
-    """How far back from the newest the first sample at or after a time lies, 1 the newest; 0 where there is none."""
-    low, high = 0, s.ring_length
-    while low < high:
-        middle = (low + high + 1) // 2
-        if s.ring[(s.ring_head - middle) & (RING - 1)].stamp_ns >= at:
-            low = middle
-        else:
-            high = middle - 1
-    return low
-
-
-@compiled
 def gyro_turn_at(s: State, at: int) -> float:
     """Turn of the axis by the conventional gyros at a time, rad; beyond the ends of the ring that of the end."""
-    back = place_in_ring(s, at)
-    if back == 0:
-        newest: float = s.ring[(s.ring_head - 1) & (RING - 1)].gyro_turn
-        return newest
-    later = s.ring[(s.ring_head - back) & (RING - 1)]
-    if back == s.ring_length:
-        oldest: float = later.gyro_turn
-        return oldest
-    earlier = s.ring[(s.ring_head - back - 1) & (RING - 1)]
-    share = (at - earlier.stamp_ns) / (later.stamp_ns - earlier.stamp_ns)
-    between: float = (1.0 - share) * earlier.gyro_turn + share * later.gyro_turn
-    return between
+    earlier, later, share = ring.around(s.ring, s.ring_head, s.ring_length, at)
+    turn: float = (1.0 - share) * s.ring[earlier].gyro_turn + share * s.ring[later].gyro_turn
+    return turn
 
 
 @compiled
@@ -162,13 +141,13 @@ def precision_sums(p: Params, s: State, sums: BinSums, precision: PrecisionRates
             usable = False
             continue
         if back == 0:
-            back = place_in_ring(s, stamp)
-        while back > 1 and s.ring[(s.ring_head - back) & (RING - 1)].stamp_ns < stamp:
+            back = ring.first_from(s.ring, s.ring_head, s.ring_length, stamp)
+        while back > 1 and s.ring[ring.place(s.ring, s.ring_head, back)].stamp_ns < stamp:
             back -= 1
         if back == 0:
             usable = False
             break
-        near = s.ring[(s.ring_head - back) & (RING - 1)]
+        near = s.ring[ring.place(s.ring, s.ring_head, back)]
         dy, dz = near.down[1], near.down[2]
         across2 = dy * dy + dz * dz
         if across2 < p.vertical_sin2 or dt > _MAX_STEP * 1e-9 * p.bin_ns:

@@ -44,7 +44,7 @@ class ErrorOrder(NamedTuple):
 Error = ErrorOrder()
 STATES = 16
 BINS = 4  # bins whose sums are kept: the open one, those that wait for other streams, and one to spare
-RING = 8192  # samples kept for pairing with other streams: 1.5 s at 5 kHz; a power of two
+RING = 8192  # samples kept for pairing with other streams: 1.6 s at 5 kHz
 NO_BIN = np.iinfo(np.int64).min
 _HELD_S = 10.0  # correlation time of an error of the vertical in magnetic azimuths, s
 

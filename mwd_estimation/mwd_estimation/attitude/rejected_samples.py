@@ -17,6 +17,7 @@ from typing import Annotated
 
 import numpy as np
 
+from mwd_estimation.core import ring
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_sensors.core.arrays import Array, Samples, Stamps
@@ -99,7 +100,7 @@ def _keep(s: State, stamp: int, rate: Array, track: Track, i: int) -> None:
         kept.down[k], kept.rate[k] = track.g_t[i, k], rate[k]
     kept.unsafe = status & _UNSAFE != 0
     kept.stamp_ns = stamp
-    s.head = (s.head + 1) % _RING
+    s.head = ring.next_head(s.ring, s.head)
     s.length = min(s.length + 1, _RING)
 
 
@@ -112,10 +113,10 @@ def _changes(s: State, near: int) -> tuple[float, float]:
     """
     along, across, count = 0.0, 0.0, 0
     seen_along, seen_across = 0.0, 0.0
-    newest = (s.head - 1) % _RING
+    newest = ring.place(s.ring, s.head, 1)
     place = newest
     for _ in range(s.length - 1):
-        before = (place - 1) % _RING
+        before = ring.place(s.ring, place, 1)
         later, earlier = s.ring[place], s.ring[before]
         step = (later.stamp_ns - earlier.stamp_ns) * 1e-9
         inverse = 1.0 / step if step > 0.0 else math.nan
@@ -138,14 +139,11 @@ def _changes(s: State, near: int) -> tuple[float, float]:
 @compiled
 def _nearest(s: State, stamp: int) -> tuple[int, float]:
     """Ring place of the sample to propagate from: the last, or the next after the stamp; s to the one before it."""
-    place, before = (s.head - 1) % _RING, 0.0
-    for back in range(2, s.length + 1):
-        earlier = (s.head - back) % _RING
-        before = (s.ring[place].stamp_ns - s.ring[earlier].stamp_ns) * 1e-9
-        if s.ring[earlier].stamp_ns < stamp:
-            break
-        place, before = earlier, 0.0
-    return place, before
+    back = max(ring.first_from(s.ring, s.head, s.length, stamp), 1)
+    place = ring.place(s.ring, s.head, back)
+    if back == s.length:
+        return place, 0.0
+    return place, (s.ring[place].stamp_ns - s.ring[ring.place(s.ring, s.head, back + 1)].stamp_ns) * 1e-9
 
 
 @compiled
@@ -154,7 +152,7 @@ def _propagate(s: State, stamp: int, track: Track, i: int, row: PropagatedRow) -
     row.rate_x = math.nan
     if not math.isfinite(track.g_t[i, 0] + track.g_t[i, 1] + track.g_t[i, 2]):
         return
-    last = s.ring[(s.head - 1) % _RING]
+    last = s.ring[ring.place(s.ring, s.head, 1)]
     away = stamp - last.stamp_ns
     if s.length > 0 and away == 0:
         row.rate_x = last.rate[0]

@@ -28,6 +28,7 @@ from mwd_estimation.attitude.time_alignment_state import (
     Params,
     State,
 )
+from mwd_estimation.core import ring
 from mwd_estimation.core.magnetic_geometry import raw_azimuth_sample
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Samples
@@ -87,25 +88,9 @@ def _wrap(angle: float) -> float:
 
 
 @compiled
-def _find(s: State, at: int) -> tuple[int, int, float]:
-    """Ring places of the samples before and after a time, and the share of the later one; the ends hold."""
-    later = (s.ring_head - 1) % RING
-    if at >= s.ring[later].stamp_ns:
-        return later, later, 0.0
-    for k in range(2, s.ring_length + 1):
-        earlier = (s.ring_head - k) % RING
-        before = s.ring[earlier].stamp_ns
-        if before <= at:
-            span = s.ring[later].stamp_ns - before
-            return earlier, later, (at - before) / span if span > 0 else 0.0
-        later = earlier
-    return later, later, 0.0
-
-
-@compiled
 def _turn_at(s: State, at: int) -> float:
     """Turn about the axis at a time, rad."""
-    earlier, later, share = _find(s, at)
+    earlier, later, share = ring.around(s.ring, s.ring_head, s.ring_length, at)
     turn: float = (1.0 - share) * s.ring[earlier].turn + share * s.ring[later].turn
     return turn
 
@@ -113,7 +98,7 @@ def _turn_at(s: State, at: int) -> float:
 @compiled
 def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
     """Fill the vector down at a time, shape (3,), not of unit length; returns its length and the turn, rad."""
-    earlier, later, share = _find(s, at)
+    earlier, later, share = ring.around(s.ring, s.ring_head, s.ring_length, at)
     first, second = s.ring[earlier], s.ring[later]
     turn = (1.0 - share) * first.turn + share * second.turn
     # Both neighbours are turned to the time of the sample before they are mixed: the string may turn fast.
@@ -206,7 +191,7 @@ def _keep(s: State, sample: Gravity) -> None:
     kept = s.ring[s.ring_head]
     kept.stamp_ns, kept.turn = sample.stamp_ns, s.turn
     kept.down[0], kept.down[1], kept.down[2] = sample.x, sample.y, sample.z
-    s.ring_head = (s.ring_head + 1) % RING
+    s.ring_head = ring.next_head(s.ring, s.ring_head)
     s.ring_length = min(s.ring_length + 1, RING)
     s.last_ns = sample.stamp_ns
 
