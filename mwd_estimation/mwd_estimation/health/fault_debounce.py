@@ -29,15 +29,18 @@ CODES, PLACES = len(FaultCode), 9
 class Check:
     """One check: its state, observations in a row, the fault; and the observation that is not counted yet."""
 
-    state: int
+    state: int  #: UNKNOWN, OK or FAULT
+    #: `votes_for`, `votes_against`: observations in a row.
     votes_for: int
     votes_against: int
+    #: `since_ns`, `value`, `limit`, `which`: as of `SensorFault`.
     since_ns: int
     value: float
     limit: float
     which: Annotated[Indices, 3]
-    changed: int
-    seen: int
+    changed: int  #: 1: to be reported
+    seen: int  #: what was observed since `weigh` counted: NOTHING, AGAINST, FOR or STRONGLY
+    #: `seen_ns`, `seen_value`, `seen_limit`, `seen_which`: what the observation would make of the fault.
     seen_ns: int
     seen_value: float
     seen_limit: float

@@ -40,38 +40,44 @@ UPWARDS = 0.17
 
 
 class MotionStep:
-    """A tenth of a second of motion, or less: its turn, rad, and the sums of its samples, in the sensors' units."""
+    """A tenth of a second of motion, or less, and the sums of its samples, in the sensors' units."""
 
-    turn: Annotated[Array, 3]
+    turn: Annotated[Array, 3]  #: integral of the rates, rad
+    #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the vectors, how many, and of their squares.
     force: Annotated[Array, 3]
     field: Annotated[Array, 3]
     forces: int
     fields: int
     force2: float
     field2: float
-    part: int
+    part: int  #: half second of the window that it belongs to
 
 
 STEP = dtype_of(MotionStep)
 
 
 class Carried:
-    """The window as the gyros carry it: attitude, and sums of the carried vectors, in all and by half second."""
+    """The window as the gyros carry it: its vectors in the axes in which it began."""
 
-    mat: Annotated[Array, 3, 3]
+    mat: Annotated[Array, 3, 3]  #: from the axes of now to those
+    #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the carried vectors, how many, and of their
+    #: squares.
     force: Annotated[Array, 3]
     field: Annotated[Array, 3]
+    #: `part_force`, `part_forces`: sums of the carried forces, and how many, by half second.
     part_force: Annotated[Array, PARTS, 3]
     part_forces: Annotated[Indices, PARTS]
+    #: `product`, `products`: sum of force times mean field of the same step, and its number of forces.
     product: float
     products: int
     forces: int
     fields: int
     force2: float
     field2: float
-    path: float
-    turn: Annotated[Array, 3]
-    force_x: float
+    path: float  #: length of the turn, whatever its direction, rad
+    turn: Annotated[Array, 3]  #: sum of the turns in the tool's own axes, rad
+    force_x: float  #: sum of the forces along the tool's x
+    #: `steps`, `parts`: steps and half seconds so far.
     steps: int
     parts: int
 

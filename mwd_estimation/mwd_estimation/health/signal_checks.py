@@ -32,20 +32,26 @@ _BEYOND = 1.02
 class Channel:
     """One axis of one sensor: counts of the half second, and what is remembered of those before."""
 
+    #: `n`, `not_finite`, `repeats`, `at_limit`: samples that are numbers, those that are none, those that repeat the
+    #: one before, and those at the end of the range.
     n: int
     not_finite: int
     repeats: int
     at_limit: int
+    #: `first`, `last`: first number of the half second, and the last one of all.
     first: float
     last: float
+    #: `total`, `total2`, `steps2`: sums of the differences to the first, of their squares, and of the squared steps
+    #: from one to the next.
     total: float
     total2: float
     steps2: float
+    #: `mean`, `spread`: mean and standard deviation of the half second.
     mean: float
     spread: float
-    least_step: float
-    constant_bins: int
-    varied: int
+    least_step: float  #: smallest step ever seen: the resolution
+    constant_bins: int  #: half seconds in a row without a change
+    varied: int  #: half seconds at rest in which it varied, less three for each in which it did not, -30 to 30
 
 
 CHANNEL = dtype_of(Channel)

@@ -29,26 +29,29 @@ _LEARN, _LONG, _SHORT = 12, 1.4, 0.7
 class Stream:
     """Where the stream of samples stands: half second, window, pace, and what must not be used."""
 
-    stage: int
-    open: int
-    bin: int
+    stage: int  #: where a call of the kernel stopped, as `monitor` numbers it
+    open: int  #: 1 from the first sample on
+    bin: int  #: the half second that is open: its start over its length, both in ns
+    #: `first`, `stop`: of the samples that wait, the first of that half second and the first behind it.
     first: int
     stop: int
-    mag_first: int
-    last_ns: int
-    newest_ns: int
-    stamp_score: int
-    period: float
-    mag_came: int
-    doubt_left: Annotated[Indices, 3]
-    doubtful: int
-    window: Annotated[Indices, 3]
+    mag_first: int  #: of the magnetic samples that wait, the first that no half second has used
+    last_ns: int  #: stamp from which the next interval is counted
+    newest_ns: int  #: stamp of the last sample that came
+    stamp_score: int  #: two for each stamp that does not advance, less one for each that does
+    period: float  #: usual interval of the samples, s; 0: not learned yet
+    mag_came: int  #: 1 once a magnetic sample came
+    doubt_left: Annotated[Indices, 3]  #: half seconds for which each sensor stays in doubt
+    doubtful: int  #: bits of the sensors that something speaks against in the half second judged last
+    window: Annotated[Indices, 3]  #: of each sensor, the worst in the window: 0, CLIPPED or BROKEN of `window_checks`
+    #: `window_ns`, `judged_ns`: start of the window that is open, and end of the last whole one judged; 0: none.
     window_ns: int
     judged_ns: int
-    in_vain: int
-    broken: int
-    judge: int
-    end_ns: int
+    in_vain: int  #: whole windows with motion that were judged so far
+    broken: int  #: 1: the half second judged last was not followed by the next one
+    judge: int  #: 1: the window is to be judged now
+    end_ns: int  #: end of the half second judged last
+    #: `unusable`, `suspect`: bits of the sensors that must not be used, and of those in doubt.
     unusable: int
     suspect: int
 
