@@ -43,9 +43,7 @@ def names() -> tuple[str, ...]:
 
     Those ending in _Fl are for floating rigs.
     """
-    from welleng.error import get_error_models
-
-    return (*get_error_models(), *_set_b())
+    return (*_index(), *_set_b())
 
 
 def check(code: str) -> None:
@@ -71,12 +69,17 @@ def folder() -> Path:
     return Path(str(welleng.__file__)).parent / "errors" / "iscwsa_json"
 
 
+def _index() -> list[str]:
+    """Short names that welleng's index has; its `get_error_models` reads the file anew each time."""
+    from welleng.error import ERROR_MODELS
+
+    return list(ERROR_MODELS)
+
+
 @functools.cache
 def _set_b() -> dict[str, Any]:
     """Models that welleng has files for but no entry in its index: OWSG set B, by short name."""
-    from welleng.error import get_error_models
-
-    known = set(get_error_models())
+    known = set(_index())
     models = {}
     for file in sorted(folder().glob("*/*.json")):
         table = json.loads(file.read_text(encoding="utf-8"))
