@@ -10,15 +10,18 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import math
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 
 _MOST_NAMES = 12  # in a sentence
+# Type of each field of a class: annotations are text, and to evaluate them takes longer than to check the values.
+_types: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
 _SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
@@ -106,7 +109,7 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
     """
     if not isinstance(given, Mapping):
         raise SettingsError(f"{path or cls.__name__}: expected a table of settings, got {given!r}")
-    hints = typing.get_type_hints(cls)
+    hints = _types(cls)
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
     for key in given:
         if key not in fields:
