@@ -84,6 +84,7 @@ def assert_at_limit(error: np.ndarray, sigma: np.ndarray, limit: float) -> None:
     assert_consistent(error, sigma, confidence=0.99)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 0.0), (0.05, 44.0), (0.15, -60.0)])
 def test_a_still_tool_with_known_bias_reaches_the_noise_limit(noise: float, latitude_deg: float) -> None:
     params = dataclasses.replace(
@@ -97,6 +98,7 @@ def test_a_still_tool_with_known_bias_reaches_the_noise_limit(noise: float, lati
     assert_at_limit(error, sigma, found.limit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("noise", "latitude_deg"), [(0.003, 60.0), (0.05, 34.0), (0.15, 0.0)])
 def test_a_turning_tool_reaches_the_limit_without_knowing_its_biases(noise: float, latitude_deg: float) -> None:
     params = dataclasses.replace(settings("rotating", noise, latitude_deg), accel_bias_ug=20.0)
@@ -183,6 +185,7 @@ def test_g_sensitivity_is_admitted_and_then_calibrated_away() -> None:
     assert max(abs(e) for _, e in errors) < 3.0 * sigma
 
 
+@pytest.mark.slow
 def test_a_wobbling_axis_costs_little_and_sigma_knows() -> None:
     def inclination(t: np.ndarray) -> np.ndarray:
         return np.asarray(1.0 + 0.005 * np.cos(steady(60.0)(t)))
