@@ -3,8 +3,7 @@
 Monte Carlo of north seeking: its bounds, S1's cases, and the azimuth propagated by gyros while drilling, as Markdown.
 
 ``python bench.py --only north``; by itself ``bench_north.py [RUNS] [--full]`` takes four minutes on one core (30 runs,
-6 of each case from raw samples); more runs, in proportion longer. ``--full``: 200 runs of the cells and of six hours'
-turning, twenty minutes more.
+6 of each case from raw samples); more runs, in proportion longer. ``--full``: 200 runs of the cells.
 """
 
 from __future__ import annotations
@@ -18,7 +17,6 @@ import s1_runs
 from scipy.stats import chi2
 
 NOISES, LATITUDES = (0.003, 0.01, 0.05, 0.15), (0.0, 34.0, 44.0, 60.0)
-HOURS_HEAD = "| N deg/rt h | latitude | limit deg | error over it | sigma over it | NEES | sigma after 24 h over it |"
 FULL = 200
 
 
@@ -31,7 +29,6 @@ def main() -> None:
     runs = FULL if options.full else options.runs
     limits(runs)
     s1_filter(max(runs // 2, 2))
-    hours(max(runs, 2))
     head("S1, from raw samples to the fused azimuth", s1_runs.HEAD)
     show(*(s1_runs.case_row(case, max(options.runs // 20, 1)) for case in s1_runs.CASES))
     drilling(max(options.runs // 5, 2))
@@ -70,17 +67,6 @@ def s1_filter(runs: int) -> None:
     head("S1's own filter, still, bias known, the same", north_cells.HEAD)
     for number, noise in enumerate(NOISES):
         show(north_cells.table_row(north_cells.s1_filter(noise, 34.0, runs, 300 + number)))
-
-
-def hours(runs: int) -> None:
-    """Six hours of turning, and one run of a day."""
-    head(f"Turning for six hours, {runs} runs a row", HOURS_HEAD)
-    for number, (noise, lat) in enumerate(((0.05, 34.0), (0.05, 60.0), (0.01, 34.0))):
-        one = north_cells.turning_for_hours(noise, lat, runs, 6.0, 400 + number)
-        error, sigma, nees = one.shares
-        settled = north_cells.turning_for_hours(noise, lat, 1, 24.0, 410 + number).shares[1]
-        limit = math.degrees(one.limit)
-        show(f"| {noise:g} | {lat:g} | {limit:.3f} | {error:.2f} | {sigma:.2f} | {nees:.2f} | {settled:.2f} |")
 
 
 def drilling(runs: int) -> None:

@@ -3,9 +3,9 @@
 Errors and sigmas of north seeking against the bounds of the gyro noise: Monte Carlo cells of `bench_north`.
 
 Bounds: N / (We cos(latitude) sqrt(T)) for a still tool with known bias, the same over sqrt(1 - sin^2 I sin^2 azimuth)
-for one that rests in two positions or turns about its axis, N / sqrt(We cos(latitude)) for one that turns for hours. T
-counts from the end of levelling (3 s) and not while the tool is turned over. Every error that the parameters state is
-drawn: biases, leakage, lag, lead, scale. A run that is refused gives no azimuth and counts as refused only.
+for one that rests in two positions or turns about its axis. T counts from the end of levelling (3 s) and not while the
+tool is turned over. Every error that the parameters state is drawn: biases, leakage, lag, lead, scale. A run that is
+refused gives no azimuth and counts as refused only.
 """
 
 from __future__ import annotations
@@ -232,33 +232,6 @@ def s1_filter(noise: float, lat: float, runs: int, seed: int) -> list[Cell]:
         Cell("S1, 15 states", noise, lat, seconds, limits[j], error[:, j], sigma[:, j])
         for j, seconds in enumerate(TIMES)
     ]
-
-
-def turning_for_hours(noise: float, lat: float, runs: int, hours: float, seed: int) -> Cell:
-    """Cell of a tool that turns for hours, where the hole axis may turn and only velocity is a measurement."""
-    params = SeekParams(
-        mode="continuous",
-        latitude_deg=lat,
-        gyro_noise_deg_rth=noise,
-        gyro_walk_deg_h_rth=0.0,
-        accel_bias_ug=20.0,
-        axis_walk_deg_rth=0.5,
-        block_seconds=0.4,
-        lead_sigma_ms=0.05,
-        expected_azimuth_deg=math.degrees(AZIMUTH) + 10.0,
-    )
-    clean = motion(hours * 3600.0, math.radians(lat), INCLINATION, AZIMUTH, steady(12.0), 5.0)
-    rng = np.random.default_rng(seed)
-    error, sigma = np.empty(runs), np.empty(runs)
-    for r in range(runs):
-        bias, accel_bias = draw(params, rng)
-        gyro, accel = measured(clean, rng, noise, 0.42, params.accel_noise_ug_rthz, bias, accel_bias)
-        state = north_seek.initial()
-        north_seek.run(params, state, clean.stamp_ns, gyro, accel)
-        found = north_seek.solution(params, state)
-        error[r], sigma[r] = wrap_pi(found.azimuth - AZIMUTH), found.sigma
-    limit = noise * DEG_PER_ROOT_HOUR / math.sqrt(EARTH_RATE * math.cos(math.radians(lat)))
-    return Cell("continuous", noise, lat, hours * 3600.0, limit, error, sigma)
 
 
 def conclusion(cells: list[Cell], runs: int, low: float, high: float) -> str:

@@ -7,7 +7,8 @@ along the vertical and in the length of the horizontal Earth rate every station 
 other toolfaces other axes of the tool. So bias and ramp of the three axes are followed for several scales of the stated
 bias and of the stated drift (a scale mixture, as of Student's t; Gelman et al., Bayesian Data Analysis, section 17.2),
 which weigh themselves by their evidence: a Kalman filter each, with the azimuth marginalised on the circle of the
-latitude. Nothing of it is a rule: a better unit earns its smaller sigma, and a worse one than stated is found out.
+latitude. Biases that a shock has changed are a change point before any station (Adams and MacKay, Bayesian online
+changepoint detection, 2007), whose probability follows from the same evidence.
 """
 
 from __future__ import annotations
@@ -18,33 +19,42 @@ import math
 import numpy as np
 
 from mwd_estimation.gyrocompass.azimuth_posterior import Part, along, part
-from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_sensors.core.arrays import Array
+from mwd_estimation.gyrocompass.seek_params import LEAST_BIAS, SeekParams, kernel_params
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
+from mwd_sensors.core.frames import wrap_pi
 
-# Scales of the stated bias and of its stated drift, evenly in the logarithm: four units in five are as stated, the
-# fifth is anything from a 256th of it, which is noise, to eight times it, which hides every north.
-_BIAS_SCALES = 2.0 ** np.arange(-8, 4)
-_DRIFT_SCALES = 4.0 ** np.arange(-2, 2)
-_AS_STATED = 0.8
+# Scales of the stated bias, from a 256th, which is noise, and of its stated drift, evenly in the logarithm. How many
+# units are better than stated, as stated, and worse is a guess: few are better, because the checks of some units as
+# stated agree by chance, too, and would make a sigma that is too small.
+_BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
+_DRIFT_SCALES: Array = np.array([4.0**k for k in range(-2, 2)])
+_BETTER, _AS_STATED, _WORSE = 0.05, 0.8, 0.15
 # Time after which a ramp of the bias is another one, s: a collar takes up the temperature around it.
 _RAMP_S = 3600.0
-# Least stated bias, rad/s, and ramp, rad/s^2: zero has no scales.
-_LEAST, _LEAST_RAMP = 1e-6 * DEG_PER_HOUR, 1e-9 * DEG_PER_HOUR / 3600.0
 _BIAS, _RAMP = slice(0, 3), slice(3, 6)
-# Logarithm of the odds that no pair of scales falls below: the unit may change.
-_LEAST_ODDS = math.log(1e-6)
-# Probability beforehand that the biases are others than at the station before, as after a shock: a guess on the wide
-# side, for a step that nobody expects is answered with a sigma that it does not keep. From the second one on they are.
-_STEP, _STEPPED = 0.02, 0.5
+# Places in the Gaussian of a seek.
+_EARTH, _DRIFTING, _HEADING = slice(0, 2), slice(2, 8), 8
+# Kinds of unit whose biases have stepped in the run, and do so before this station.
+_EARLIER, _NOW = len(_BIAS_SCALES), len(_BIAS_SCALES) + 1
+# Middles of overlapping arcs of azimuths, rad, so short that the Earth rate of one is nearly a straight line, and the
+# least probability of one that has a Gaussian of its own.
+_ARCS, _WORTH_AN_ARC = np.arange(12) * math.tau / 12.0, 1e-4
+# Odds that no kind falls below, for the unit may change; and a probability that is none.
+_LEAST_ODDS, _NONE = 1e-6, 1e-300
+# Probability that the biases step between two stations, as by a shock: one shock in a run of fifty stations, a guess.
+_STEP = 0.02
 
 
 @dataclasses.dataclass(frozen=True)
 class GyroErrors:
-    """Bias and ramp of the gyros for each pair of scales, and, of a run, where the biases stepped, in a last row."""
+    """Bias and ramp of the gyros as k Gaussians, one or more of each kind of unit."""
 
     log_weight: Array  #: shape (k,)
-    drift: Array  #: shape (k,); scale of the drift
+    #: `bias_kind`, `drift_kind`: shape (k,); places in the scales of the stated bias, or `_EARLIER` or `_NOW`, and in
+    #: those of the stated drift.
+    bias_kind: Indices
+    drift_kind: Indices
     #: `mean`, `covariance`: shapes (k, 6) and (k, 6, 6); of biases x, y, z, rad/s, and their ramps, rad/s^2.
     mean: Array
     covariance: Array
@@ -61,18 +71,39 @@ class GyroErrors:
         return np.sqrt(np.exp(self.log_weight) @ (own + (self.mean[:, _BIAS] - self.bias) ** 2))
 
 
+@dataclasses.dataclass(frozen=True)
+class Sought:
+    """What a seek found: horizontal Earth rate 2, biases 3, their ramps 3, rad/s and rad/s^2, and heading, rad."""
+
+    #: `mean`, `covariance`: shapes (9,) and (9, 9), or with one more axis in front, of length k.
+    mean: Array
+    covariance: Array
+    prior: Array  #: shape (6, 6); of biases and ramps at its end, as the seek supposed it to be, about zero
+
+
 def stated(params: SeekParams) -> GyroErrors:
     """What the parameters say, before any station."""
+    bias, drift = (kinds.ravel() for kinds in np.indices((len(_BIAS_SCALES), len(_DRIFT_SCALES))))
+    of_drift = _beforehand(_DRIFT_SCALES)[drift]
+    # A unit whose bias is worse than stated as likely as not drifts more, too.
+    of_drift[(_BIAS_SCALES[bias] > 1.0) & (_DRIFT_SCALES[drift] >= 1.0)] = 0.5 * (_AS_STATED + _WORSE)
+    weight = _beforehand(_BIAS_SCALES)[bias] * of_drift
+    return _as_stated(params, weight, bias, drift, _BIAS_SCALES[bias])
+
+
+def _as_stated(params: SeekParams, weight: Array, bias_kind: Indices, drift_kind: Indices, scale: Array) -> GyroErrors:
+    """Biases of these scales of the stated one, shape (k,), and ramps of those of `drift_kind`."""
     one = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h]) * DEG_PER_HOUR
-    bias, drift = (values.ravel() for values in np.meshgrid(_BIAS_SCALES, _DRIFT_SCALES))
-    weight = np.ones(len(bias))
-    for scales in (bias, drift):
-        as_stated = scales == 1.0
-        weight *= np.where(as_stated, _AS_STATED, (1.0 - _AS_STATED) / (len(np.unique(scales)) - 1))
-    variances = np.zeros((len(bias), 6))
-    variances[:, _BIAS] = (bias[:, None] * np.maximum(one, _LEAST)) ** 2
-    variances[:, _RAMP] = (drift[:, None] * max(kernel_params(params).bias_ramp, _LEAST_RAMP)) ** 2
-    return GyroErrors(np.log(weight), drift, np.zeros((len(bias), 6)), variances[:, :, None] * np.eye(6))
+    variances = np.zeros((len(scale), 6))
+    variances[:, _BIAS] = (scale[:, None] * np.maximum(one, LEAST_BIAS * DEG_PER_HOUR)) ** 2
+    variances[:, _RAMP] = (_DRIFT_SCALES[drift_kind, None] * kernel_params(params).bias_ramp) ** 2
+    covariance = variances[:, :, None] * np.eye(6)
+    return GyroErrors(np.log(weight), bias_kind, drift_kind, np.zeros((len(scale), 6)), covariance)
+
+
+def _beforehand(scales: Array) -> Array:
+    better, worse = _BETTER / np.count_nonzero(scales < 1.0), _WORSE / np.count_nonzero(scales > 1.0)
+    return np.where(scales < 1.0, better, np.where(scales > 1.0, worse, _AS_STATED))
 
 
 def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
@@ -95,94 +126,112 @@ def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
     noise *= p.bias_ramp**2
     noise[0, 0] += p.bias_walk**2 * max(seconds, 0.0)
     phi = np.kron(np.array([[1.0, moved], [0.0, kept]]), np.eye(3))
-    added = errors.drift[:, None, None] ** 2 * np.kron(noise, np.eye(3))
+    added = _DRIFT_SCALES[errors.drift_kind, None, None] ** 2 * np.kron(noise, np.eye(3))
     return dataclasses.replace(errors, mean=errors.mean @ phi.T, covariance=phi @ errors.covariance @ phi.T + added)
 
 
-def maybe_stepped(errors: GyroErrors, params: SeekParams) -> GyroErrors:
-    """
-    The same before another station, with a last row for biases that stepped: as stated anew, whatever was before.
-
-    What the station before made likely of a step stays in that row, or becomes what all pairs of scales know.
-    """
-    begun = stated(params)
-    pairs, as_stated = len(begun.log_weight), int(np.argmax(begun.log_weight))
-    log_weight, mean, covariance = errors.log_weight[:pairs], errors.mean[:pairs], errors.covariance[:pairs]
-    if len(errors.log_weight) > pairs:
-        odds = math.exp(errors.log_weight[pairs])
-        if _STEP < odds <= _STEPPED:
-            return errors
-        if odds > _STEPPED:
-            mean, covariance = np.tile(errors.mean[pairs], (pairs, 1)), np.tile(errors.covariance[pairs], (pairs, 1, 1))
-    kept = log_weight - math.log(float(np.exp(log_weight).sum())) + math.log(1.0 - _STEP)
+def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
+    """The same before another station: the biases may have stepped since, to those of a unit as it is stated."""
+    drift = np.arange(len(_DRIFT_SCALES))
+    weight: Array = np.asarray(np.bincount(errors.drift_kind, np.exp(errors.log_weight), len(drift)), dtype=float)
+    steps = _as_stated(params, _STEP * weight, np.full(len(drift), _NOW), drift, np.ones(len(drift)))
     return GyroErrors(
-        np.append(kept, math.log(_STEP)),
-        np.append(begun.drift, begun.drift[as_stated]),
-        np.append(mean, begun.mean[[as_stated]], axis=0),
-        np.append(covariance, begun.covariance[[as_stated]], axis=0),
+        np.append(errors.log_weight + math.log(1.0 - _STEP), steps.log_weight),
+        np.append(np.where(errors.bias_kind == _NOW, _EARLIER, errors.bias_kind), steps.bias_kind),
+        np.append(errors.drift_kind, steps.drift_kind),
+        np.append(errors.mean, steps.mean, axis=0),
+        np.append(errors.covariance, steps.covariance, axis=0),
     )
 
 
-def parts(errors: GyroErrors, x: Array, P: Array, right: Array, earth: slice, bias: slice) -> list[Part]:
+def joined(errors: GyroErrors, sought: Sought) -> tuple[Array, Sought]:
     """
-    Gaussian of the horizontal Earth rate for each pair of scales, weighed by its evidence.
+    What a seek found, for each Gaussian of `errors`, of the time of its end: log evidence, shape (k,), and Gaussians.
 
-    Parameters
-    ----------
-    errors : GyroErrors
-        Of the time of the seek's end.
-    x, P : ndarray, shapes (n,) and (n, n)
-        What a seek found that knew nothing of the biases, and its covariance.
-    right : ndarray, shape (n,)
-        Row that makes the heading of the hole axis of the states.
-    earth, bias : slice
-        Places of the horizontal Earth rate and of the biases in x.
+    What the seek supposed of biases and ramps is divided out, so that they are known beforehand once in a run.
     """
-    return _parts(errors, _joined(errors, x, P, bias), x, P, right, earth, bias)
+    unit = np.sqrt(np.diagonal(sought.covariance))
+    unit = np.where(unit > 0.0, unit, 1.0)
+    of_drifting = unit[_DRIFTING, None] * unit[_DRIFTING]
+    information = np.linalg.inv(sought.covariance / np.outer(unit, unit))
+    seen = information @ (sought.mean / unit)
+    inverse = np.linalg.inv(errors.covariance / of_drifting)
+    known = np.einsum("kij,kj->ki", inverse, errors.mean / unit[_DRIFTING])
+    total = np.repeat(information[None], len(inverse), axis=0)
+    total[:, _DRIFTING, _DRIFTING] += inverse - np.linalg.inv(sought.prior / of_drifting)
+    towards = np.repeat(seen[None], len(inverse), axis=0)
+    towards[:, _DRIFTING] += known
+    S = np.linalg.inv(total)
+    S = 0.5 * (S + np.transpose(S, (0, 2, 1)))
+    mean = np.einsum("kij,kj->ki", S, towards)
+    log: Array = np.einsum("ki,ki->k", towards, mean) - np.einsum("ki,ki->k", known, errors.mean / unit[_DRIFTING])
+    log += np.linalg.slogdet(inverse)[1] - np.linalg.slogdet(total)[1]
+    return 0.5 * log, Sought(mean * unit, S * np.outer(unit, unit), sought.prior)
 
 
-def learnt(errors: GyroErrors, x: Array, P: Array, earth: slice, bias: slice, horizontal: float) -> GyroErrors:
+def parts(errors: GyroErrors, log_evidence: Array, found: Sought) -> list[Part]:
+    """Gaussians of the horizontal Earth rate, weighed by their evidence; the last two as of `joined`."""
+    heading = np.eye(9)[_HEADING]
+    return [
+        part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]))
+        for log, mean, S in zip(errors.log_weight + log_evidence, found.mean, found.covariance, strict=True)
+    ]
+
+
+def learnt(errors: GyroErrors, log_evidence: Array, found: Sought, horizontal: float) -> GyroErrors:
     """
-    What a station adds: as of `parts`, given the length of the horizontal Earth rate, rad/s.
+    What a station adds, as of `parts`, given the length of the horizontal Earth rate, rad/s.
 
-    The Gaussians of all azimuths are collapsed to their mean and covariance (Murphy, Machine Learning, 2012, 18.6).
+    Given the azimuth the biases are nearly known, so that for each kind of unit the Gaussians of all azimuths of an arc
+    are collapsed to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). One Gaussian for the whole circle
+    would be the disc inside it: the next station's circle would cut it as if it had learnt of the azimuth.
     """
-    joined = _joined(errors, x, P, bias)
-    found = _parts(errors, joined, x, P, np.zeros(len(x)), earth, bias)
-    angle, share, log_weight = along(found, horizontal)
+    angle, share, log_weight = along(parts(errors, log_evidence, found), horizontal)
     circle = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
-    means, covariances = [], []
-    each_pair = zip(found, share, errors.mean, errors.covariance, *joined[:2], strict=True)
-    for one, of_angles, m, C, gain, off in each_pair:
-        S = P - gain @ P[bias]
-        K = np.linalg.solve(S[earth, earth], S[earth, bias]).T
-        each = (x + gain @ off)[bias] + (circle - one.earth) @ K.T
-        now = of_angles @ each
-        spread = ((each - now).T * of_angles) @ (each - now) + S[bias, bias] - K @ S[earth, bias]
-        # What is known of the ramp by the bias.
-        G = np.linalg.solve(C[_BIAS, _BIAS], C[_BIAS]).T
-        means.append(m + G @ (now - m[_BIAS]))
-        change = C + G @ (spread - C[_BIAS, _BIAS]) @ G.T
-        covariances.append(0.5 * (change + change.T))
-    log_weight = np.maximum(log_weight - log_weight.max(), _LEAST_ODDS)
-    log_weight -= math.log(float(np.exp(log_weight).sum()))
-    return GyroErrors(log_weight, errors.drift, np.array(means), np.array(covariances))
+    # Arcs overlap as a partition of unity does: their Gaussians together have no ripples.
+    arcs = np.maximum(1.0 - np.abs(wrap_pi(angle - _ARCS[:, None])) / (_ARCS[1] - _ARCS[0]), 0.0)
+    of_arc = share[:, None, :] * arcs
+    mass = of_arc.sum(axis=2)
+    whole = np.maximum(mass, _NONE)
+    earth = of_arc @ circle / whole[:, :, None]
+    squares = (circle[:, :, None] * circle[:, None, :]).reshape(-1, 4)
+    spread = (of_arc @ squares / whole[:, :, None]).reshape(*mass.shape, 2, 2)
+    spread -= earth[:, :, :, None] * earth[:, :, None, :]
+    S, at = found.covariance, found.mean
+    K = np.transpose(np.linalg.solve(S[:, _EARTH, _EARTH], S[:, _EARTH, _DRIFTING]), (0, 2, 1))[:, None]
+    mean = at[:, None, _DRIFTING] + (K @ (earth - at[:, None, _EARTH])[..., None])[..., 0]
+    change = K @ (spread - S[:, None, _EARTH, _EARTH]) @ np.swapaxes(K, 2, 3)
+    weight = np.exp(log_weight - log_weight.max())[:, None] * mass
+    return _collapsed(errors, weight / weight.sum(), mean, S[:, None, _DRIFTING, _DRIFTING] + change)
 
 
-def _joined(errors: GyroErrors, x: Array, P: Array, bias: slice) -> tuple[Array, Array, Array]:
-    """Gain, shape (k, n, 3), innovation (k, 3) and log evidence (k,) where each pair of scales knows the biases."""
-    S, off = P[bias, bias] + errors.covariance[:, _BIAS, _BIAS], errors.mean[:, _BIAS] - x[bias]
-    gain: Array = np.asarray(np.linalg.solve(S, P[bias]).transpose(0, 2, 1), dtype=float)
-    distance: Array = np.einsum("ki,ki->k", off, np.linalg.solve(S, off[:, :, None])[:, :, 0])
-    return gain, off, np.asarray(-0.5 * (distance + np.linalg.slogdet(S)[1]), dtype=float)
+def _collapsed(errors: GyroErrors, weight: Array, mean: Array, covariance: Array) -> GyroErrors:
+    """
+    Gaussians of a station for each kind of unit and arc; improbable arcs of a kind are one.
 
-
-def _parts(
-    errors: GyroErrors, joined: tuple[Array, Array, Array], x: Array, P: Array, right: Array, earth: slice, bias: slice
-) -> list[Part]:
-    found = []
-    for log, gain, off, log_evidence in zip(errors.log_weight, *joined, strict=True):
-        moved = gain @ off
-        one = part(log + log_evidence, x[earth] + moved[earth], P - gain @ P[bias], right, earth, float(right @ moved))
-        found.append(one)
-    return found
+    weight, shape (k, a), mean and covariance, shapes (k, a, 6) and (k, a, 6, 6): of each former Gaussian and arc.
+    """
+    kind = errors.bias_kind * len(_DRIFT_SCALES) + errors.drift_kind
+    kinds, of_kind = np.unique(kind, return_inverse=True)
+    by_arc = np.zeros((len(kinds), weight.shape[1]))
+    np.add.at(by_arc, of_kind, weight)
+    arc = np.where(by_arc > _WORTH_AN_ARC, np.arange(weight.shape[1]), weight.shape[1])[of_kind]
+    cells, cell = np.unique(of_kind[:, None] * (weight.shape[1] + 1) + arc, return_inverse=True)
+    cell, share = cell.ravel(), weight.ravel()
+    total = np.bincount(cell, share, len(cells))
+    share = share / np.maximum(total, _NONE)[cell]
+    middle, square = np.zeros((len(cells), 6)), np.zeros((len(cells), 6, 6))
+    flat = mean.reshape(-1, 6)
+    np.add.at(middle, cell, share[:, None] * flat)
+    off = flat - middle[cell]
+    each = covariance.reshape(-1, 6, 6) + off[:, :, None] * off[:, None, :]
+    np.add.at(square, cell, share[:, None, None] * each)
+    log = np.log(np.maximum(total / total.max(), _LEAST_ODDS))
+    kinds = kinds[cells // (weight.shape[1] + 1)]
+    return GyroErrors(
+        log - math.log(float(np.exp(log).sum())),
+        kinds // len(_DRIFT_SCALES),
+        kinds % len(_DRIFT_SCALES),
+        middle,
+        0.5 * (square + np.transpose(square, (0, 2, 1))),
+    )

@@ -12,7 +12,6 @@ Derivation, what is observable when and limits: ``docs/methods/gyrocompass.md``.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import cast
 
@@ -30,13 +29,11 @@ from mwd_estimation.gyrocompass.seek_refusal import Fit, polar, refusal
 from mwd_estimation.gyrocompass.seek_state import STATE, WORK, Error, KernelParams, Phase, State, estimate
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_tau
 
-_EARTH, _BIAS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), slice(Error.GYRO_BIAS, Error.SCALE_X)
+_EARTH, _RAMPS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), range(Error.BIAS_RAMP, Error.SIZE)
 # A bias so many sigmas from zero is found; of an x gyro that turns steadily it may be its scale.
 _FOUND = 3.0
-_G_SENSITIVITY = slice(Error.G_SENSITIVITY, Error.LAG)
 
 
 def initial() -> State:
@@ -126,19 +123,17 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     if state.phase != Phase.SEEKING:
         return Solution(Reason(ReasonCode.SEEK_LEVELLING, float(state.level_time), params.shortest), params.mode)
     p = kernel_params(params)
-    method = _method(params, state)
+    method = _method(state)
     inclination, heading, right = _hole_axis(state, method)
-    x, now = estimate(state), _errors_now(params, state, errors)
-    parts = gyro_errors.parts(now, x, state.P, right, _EARTH, _BIAS)
-    expected = params.expected_azimuth_deg
-    circle = azimuth_posterior.posterior(
-        parts, p.horizontal, None if expected is None else math.radians(expected) - heading
-    )
+    now = _errors_now(params, state, errors)
+    joined = gyro_errors.joined(now, _sought(p, state, right))
+    parts = gyro_errors.parts(now, *joined)
+    circle = azimuth_posterior.posterior(parts, p.horizontal)
     azimuth = float(wrap_tau(circle.mean + heading))
     blind = math.sin(inclination) * math.sin(azimuth)
     seen = math.sqrt(max(1.0 - blind * blind, 1e-12)) if method != "still" else 1.0
     fitting = tuple(float(wrap_tau(angle + heading)) for angle in circle.several)
-    found = gyro_errors.learnt(now, x, state.P, _EARTH, _BIAS, p.horizontal)
+    found = gyro_errors.learnt(now, *joined, p.horizontal)
     known = np.where(np.abs(found.bias) > _FOUND * found.bias_sigma, found.bias, 0.0)
     fit = Fit(method, azimuth, circle.sigma, inclination, seen, circle.misfit, fitting, known)
     reason = refusal(params, state, fit)
@@ -156,7 +151,7 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
         inclination,
         float(wrap_tau(circle.mean + math.atan2(scribe[1], scribe[0]))),
         float(state.elapsed),
-        _limit(p, method, seen, float(state.elapsed)),
+        _limit(p, seen, float(state.elapsed)),
         choices,
     )
 
@@ -180,14 +175,10 @@ def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
     return math.atan2(across, hole[2]), math.atan2(hole[1], hole[0]), right
 
 
-def _limit(p: KernelParams, method: str, seen: float, elapsed: float) -> float:
+def _limit(p: KernelParams, seen: float, elapsed: float) -> float:
     """Sigma of an ideal estimator, rad: see `Solution.limit`; seen: share of the Earth rate that the method sees."""
     rate = p.horizontal * max(seen, 1e-3)
-    limit = p.gyro_noise / (rate * math.sqrt(max(elapsed, 1e-3)))
-    if method == "continuous":
-        # The noise that blurs north turns the integrated platform too: it settles, and gets no better.
-        limit = max(limit, p.gyro_noise / math.sqrt(rate))
-    return min(float(limit), math.pi)
+    return min(p.gyro_noise / (rate * math.sqrt(max(elapsed, 1e-3))), math.pi)
 
 
 def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -> GyroErrors:
@@ -199,7 +190,29 @@ def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -
     now = _errors_now(params, state, errors)
     if state.phase != Phase.SEEKING or polar(params.latitude_deg) is not None:
         return now
-    return gyro_errors.learnt(now, estimate(state), state.P, _EARTH, _BIAS, kernel_params(params).horizontal)
+    p = kernel_params(params)
+    joined = gyro_errors.joined(now, _sought(p, state, _hole_axis(state, _method(state))[2]))
+    return gyro_errors.learnt(now, *joined, p.horizontal)
+
+
+def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
+    """
+    Earth rate, biases, ramps and heading; right, shape (36,): row that makes the heading of the error state.
+
+    Beforehand the seek supposes a start sigma of the biases and the stated ramp, which drift while it lasts.
+    """
+    rows = np.vstack([np.eye(Error.SIZE)[[*range(Error.EARTH_RATE, Error.SCALE_X), *_RAMPS]], right])
+    mean = rows @ estimate(state)
+    # The heading of the states as they are is added to the azimuth apart.
+    mean[-1] = 0.0
+    t = float(state.elapsed)
+    drift = np.array([[1.0, t], [0.0, 1.0]])
+    prior = np.zeros((6, 6))
+    for i, start in enumerate(p.start_bias):
+        one = drift @ np.diag([start**2, p.bias_ramp**2]) @ drift.T
+        one[0, 0] += p.bias_walk**2 * t
+        prior[np.ix_([i, 3 + i], [i, 3 + i])] = one
+    return gyro_errors.Sought(mean, rows @ state.P @ rows.T, prior)
 
 
 def _errors_now(params: SeekParams, state: State, errors: GyroErrors | None) -> GyroErrors:
@@ -208,41 +221,7 @@ def _errors_now(params: SeekParams, state: State, errors: GyroErrors | None) -> 
     return gyro_errors.after(begun, params, float(state.level_time + state.elapsed))
 
 
-def calibrated(params: SeekParams, state: State, azimuth: float, sigma: float) -> SeekParams:
-    """
-    Calibrate the g-sensitivity by a run at a known azimuth: a surface check of the turning tool.
-
-    azimuth, sigma: of the hole axis from true north and its one sigma, rad.
-
-    Raises
-    ------
-    ValueError
-        The run has not got past levelling.
-    """
-    if state.phase != Phase.SEEKING:
-        raise ValueError("state: the calibration run is too short, it is still being levelled")
-    horizontal = kernel_params(params).horizontal
-    hx, hy, _, rx, ry = frame(state.axis_reference)
-    east = state.axis_reference[1] + state.axis[0] * hy + state.axis[1] * ry
-    north = state.axis_reference[0] + state.axis[0] * hx + state.axis[1] * rx
-    level = azimuth - math.atan2(east, north)
-    wanted = horizontal * np.array([math.cos(level), -math.sin(level)])
-    noise = np.eye(2) * (horizontal * max(sigma, 1e-6)) ** 2
-    P, at, g = state.P, _EARTH, _G_SENSITIVITY
-    gain = P[g, at] @ np.linalg.inv(P[at, at] + noise)
-    per_g = STANDARD_GRAVITY / DEG_PER_HOUR
-    values = (state.g_sensitivity + gain @ (wanted - state.earth_rate)) * per_g
-    rest = np.sqrt(np.maximum(np.diag(P[g, g] - gain @ P[at, g]), 0.0)) * per_g
-    return dataclasses.replace(
-        params,
-        g_calibration_deg_h_g=(float(values[0]), float(values[1]), float(values[2]), float(values[3])),
-        g_locked_deg_h_g=float(rest[:2].max()),
-    )
-
-
-def _method(params: SeekParams, state: State) -> str:
-    if params.mode == "continuous":
-        return "continuous"
+def _method(state: State) -> str:
     if state.turn_time > state.still_time:
         return "rotating"
     return "two_position" if state.positions > 1 and state.turn_time > 0.0 else "still"

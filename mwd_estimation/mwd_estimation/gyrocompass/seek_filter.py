@@ -33,9 +33,6 @@ _TILT, _VELOCITY, _DIRECTION, _WOBBLE_1, _WOBBLE_2, _HEADING_VARIANCE = 0.03, 0.
 # Start sigma of the horizontal Earth rate, in Earth rates: wide, and the same in every direction, so that on the circle
 # where azimuth is read it favours none.
 _EARTH_RATES = 3.0
-# Start sigma of the biases in stated ones: twice the largest that is credible, for what the run knows of them is
-# weighed in the end (`gyro_errors`). With a wider one bias and scale of the x gyro, alike in a steady turn, drift.
-UNKNOWN = 16.0
 
 
 @compiled
@@ -185,7 +182,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
         for i in range(3):
             mat[i, j] = level[i, 0] * u + level[i, 1] * v + level[i, 2] * w
     # The frame's x axis is the hole's heading: a linearisation point only, three Earth rates wide.
-    s.earth_rate[0], s.earth_rate[1] = p.expected[0], p.expected[1]
+    s.earth_rate[0] = s.earth_rate[1] = 0.0
     s.roll = 0.0
     P = s.P
     for i in range(Error.SIZE):
@@ -213,18 +210,17 @@ def _begin_instrument(p: KernelParams, s: State) -> None:
     for j in range(4):
         s.g_sensitivity[j] = p.g_calibration[j]
         at = Error.G_SENSITIVITY + j
-        P[at, at] = p.g_locked**2 if j < 2 else p.g_sensitivity**2
+        P[at, at] = p.g_sensitivity**2
     for j in range(2):
         s.leak[j] = 0.0
         P[Error.LEAK + j, Error.LEAK + j] = p.leak**2
-        P[Error.GYRO_BIAS + 1 + j, Error.GYRO_BIAS + 1 + j] = (UNKNOWN * p.gyro_bias) ** 2
-    P[Error.GYRO_BIAS, Error.GYRO_BIAS] = (UNKNOWN * p.gyro_x_bias) ** 2
     P[Error.SCALE_X, Error.SCALE_X] = p.scale_x**2
     P[Error.LAG, Error.LAG] = p.lag_sigma**2
     P[Error.LEAD, Error.LEAD] = p.lead_sigma**2
     for j in range(3):
         s.gyro_bias[j] = s.force_bias[j] = s.bias_ramp[j] = 0.0
         P[Error.FORCE_BIAS + j, Error.FORCE_BIAS + j] = p.accel_bias**2
+        P[Error.GYRO_BIAS + j, Error.GYRO_BIAS + j] = p.start_bias[j] ** 2
         P[Error.BIAS_RAMP + j, Error.BIAS_RAMP + j] = p.bias_ramp**2
 
 

@@ -26,6 +26,12 @@ _AVERAGED, _SHAKEN = 10, 1.5
 # Least noise of a direction, rad; share of its range from which a gyro counts as clipped; rate about the axis below
 # which the tool rests, rad/s.
 _DIRECTION_FLOOR, _CLIPS_FROM, _STILL_RATE = 1e-6, 0.98, 0.05
+# Least 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour: a Gaussian needs some. Time by which a bias that was
+# zeroed has drifted, h.
+LEAST_BIAS, _LEAST_RAMP, _DRIFTED_H = 1e-6, 1e-9, 1.0
+# Start sigma of the biases of a seek in stated ones: four times the largest that is credible, for what the run knows of
+# them takes its place (`gyro_errors`). With a wider one bias and scale of the x gyro, alike in a steady turn, drift.
+_UNKNOWN = 16.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,22 +62,27 @@ class SeekParams:
     g_sensitivity_deg_h_g: float = 0.0
     #: Calibrated g-sensitivity: along, across, stretch, shear, deg/h/g.
     g_calibration_deg_h_g: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    #: Sigma of along and across after calibration, where it is smaller than that of the elements, deg/h/g.
-    g_locked_deg_h_g: float | None = None
-    #: Azimuth that chooses between several that fit equally, deg; it does not move the result.
-    expected_azimuth_deg: float | None = None
     lag_ms: float = 0.0  #: delay of the y and z gyros behind the x gyro, ms
     lag_sigma_ms: float = 0.05  #: sigma of that delay, ms
     lead_ms: float = 0.0  #: time by which the accelerometer is ahead of the x gyro, ms
     lead_sigma_ms: float = 3.0  #: sigma of that time, ms; a spin-up shows it
     sigma_velocity: float = 0.005  #: sigma of the tool's velocity, m/s
-    #: Random walk of the direction of the hole axis, deg/sqrt(h). Large values make a filter that integrates for hours.
+    #: Random walk of the direction of the hole axis, deg/sqrt(h).
     axis_walk_deg_rth: float = 0.0005
     block_seconds: float = 0.1  #: time between two Kalman steps, s
     level_seconds: float = 2.0  #: duration of the mean force that starts the filter, s
     longest_turn_s: float = 30.0  #: a turn between two rests that takes longer ends the seek of a station, s
     gap: float = 1.0  #: a longer data gap begins the seek anew, s
     gyro_range_dps: float = 400.0  #: rate at which y and z clip, deg/s
+
+    @property
+    def bias_sigma_deg_h(self) -> tuple[float, float, float]:
+        """1 sigma of the biases of x, y, z as stated, deg/h, with what they drift by in an hour."""
+        drift = math.hypot(self.gyro_walk_deg_h_rth * math.sqrt(_DRIFTED_H), self.gyro_ramp_deg_h2 * _DRIFTED_H)
+        x, across = (
+            math.hypot(max(bias, LEAST_BIAS), drift) for bias in (self.gyro_x_bias_deg_h, self.gyro_bias_deg_h)
+        )
+        return x, across, across
 
 
 # A tactical MEMS unit as its data sheet describes it; its noise is measured.
@@ -119,13 +130,9 @@ def kernel_params(params: SeekParams) -> KernelParams:
     """Parameters in SI."""
     latitude = math.radians(params.latitude_deg)
     horizontal = EARTH_RATE * math.cos(latitude)
-    expected = (0.0, 0.0)
-    if params.expected_azimuth_deg is not None:
-        azimuth = math.radians(params.expected_azimuth_deg)
-        expected = horizontal * math.cos(azimuth), -horizontal * math.sin(azimuth)
     # Four elements of one sigma: along, across, stretch and shear are half sums of two.
     element = params.g_sensitivity_deg_h_g * math.sqrt(0.5)
-    locked = element if params.g_locked_deg_h_g is None else params.g_locked_deg_h_g
+    start_x, start_y, start_z = (_UNKNOWN * sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     along, across, stretch, shear = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
     return KernelParams(
         gap_ns=round(params.gap * 1e9),
@@ -139,14 +146,13 @@ def kernel_params(params: SeekParams) -> KernelParams:
         gyro_x_noise=params.gyro_x_noise_deg_rth * DEG_PER_ROOT_HOUR,
         accel_noise=params.accel_noise_ug_rthz * MICRO_G,
         gyro_bias=params.gyro_bias_deg_h * DEG_PER_HOUR,
-        gyro_x_bias=params.gyro_x_bias_deg_h * DEG_PER_HOUR,
+        start_bias=(start_x, start_y, start_z),
         accel_bias=params.accel_bias_ug * MICRO_G,
         bias_walk=params.gyro_walk_deg_h_rth * DEG_PER_HOUR / 60.0,
-        bias_ramp=params.gyro_ramp_deg_h2 * DEG_PER_HOUR / 3600.0,
+        bias_ramp=max(params.gyro_ramp_deg_h2, _LEAST_RAMP) * DEG_PER_HOUR / 3600.0,
         scale_x=params.scale_x_ppm * 1e-6,
         leak=params.leak_urad * 1e-6,
         g_sensitivity=element * DEG_PER_HOUR / STANDARD_GRAVITY,
-        g_locked=locked * DEG_PER_HOUR / STANDARD_GRAVITY,
         g_calibration=(float(along), float(across), float(stretch), float(shear)),
         lag=params.lag_ms * 1e-3,
         lag_sigma=params.lag_sigma_ms * 1e-3,
@@ -157,7 +163,6 @@ def kernel_params(params: SeekParams) -> KernelParams:
         direction_floor=_DIRECTION_FLOOR,
         gyro_range=_CLIPS_FROM * math.radians(params.gyro_range_dps),
         still_rate=_STILL_RATE,
-        expected=expected,
     )
 
 

@@ -30,7 +30,7 @@ _MISFIT, _EXCESSIVE = 4.0, 5.0
 class Fit:
     """The filter's estimate of north."""
 
-    method: str  #: what the tool did: still, two_position, rotating or continuous
+    method: str  #: what the tool did: still, two_position or rotating
     #: `azimuth`, `sigma`, `inclination`: of the hole axis, rad.
     azimuth: float
     sigma: float
@@ -92,7 +92,7 @@ def _motion(params: SeekParams, state: State, method: str) -> Reason | None:
         return Reason(Code.TURNED_TOO_LITTLE, turning, _TURNED_LEAST * elapsed, (elapsed,))
     if mode == "two_position" and state.positions < 2:
         return Reason(Code.NO_SECOND_POSITION, float(state.positions), 2.0)
-    if mode != "continuous" and state.moved > 0:
+    if state.moved > 0:
         return Reason(Code.HOLE_AXIS_MOVED, float(state.moved), 0.0)
     variation = math.sqrt(max(state.scatter[0], state.scatter[1], 0.0))
     if method in ("still", "two_position") and variation > _AXIS_VARIATION:
@@ -125,10 +125,11 @@ def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
 def _instrument(params: SeekParams, state: State, fit: Fit) -> Reason | None:
     """Refuse an error of the instrument found far from its stated range."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
+    x, y, z = (sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     stated = (
-        (bias, "x gyro bias", float(fit.bias[0]), params.gyro_x_bias_deg_h * DEG_PER_HOUR),
-        (bias, "y gyro bias", float(fit.bias[1]), params.gyro_bias_deg_h * DEG_PER_HOUR),
-        (bias, "z gyro bias", float(fit.bias[2]), params.gyro_bias_deg_h * DEG_PER_HOUR),
+        (bias, "x gyro bias", float(fit.bias[0]), x),
+        (bias, "y gyro bias", float(fit.bias[1]), y),
+        (bias, "z gyro bias", float(fit.bias[2]), z),
         (scale, "x gyro scale error", state.scale_x, params.scale_x_ppm * 1e-6),
         (leak, "x rate in the y gyro", state.leak[0], params.leak_urad * 1e-6),
         (leak, "x rate in the z gyro", state.leak[1], params.leak_urad * 1e-6),

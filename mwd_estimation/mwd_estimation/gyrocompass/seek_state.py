@@ -62,14 +62,13 @@ class KernelParams(NamedTuple):
     gyro_x_noise: float  # rad/s/sqrt(Hz)
     accel_noise: float  # m/s^2/sqrt(Hz)
     gyro_bias: float  # y and z, rad/s
-    gyro_x_bias: float  # rad/s
+    start_bias: tuple[float, float, float]  # of x, y, z where a seek begins, rad/s
     accel_bias: float  # m/s^2
     bias_walk: float  # rad/s/sqrt(s)
     bias_ramp: float  # rad/s^2
     scale_x: float
     leak: float  # rad/s of y and z per rad/s of x
-    g_sensitivity: float  # stretch and shear, rad/s per m/s^2
-    g_locked: float  # along and across, rad/s per m/s^2
+    g_sensitivity: float  # along, across, stretch and shear, rad/s per m/s^2
     g_calibration: tuple[float, float, float, float]  # along, across, stretch, shear; a value
     lag: float  # s, a value
     lag_sigma: float
@@ -80,7 +79,6 @@ class KernelParams(NamedTuple):
     direction_floor: float  # least noise of a direction, rad
     gyro_range: float  # rate from which a sample counts as clipped, rad/s
     still_rate: float  # rate about the axis below which the tool rests, rad/s
-    expected: tuple[float, float]  # horizontal Earth rate at the expected azimuth, north and east, rad/s; a value
 
 
 class Sums:

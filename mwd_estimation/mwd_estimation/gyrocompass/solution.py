@@ -14,7 +14,7 @@ class Solution:
     """A north seek so far."""
 
     reason: Reason | None  #: why it was refused; None on success
-    #: What the tool did: still, two_position, rotating or continuous; s1 of `static_ekf`; the mode asked for while that
+    #: What the tool did: still, two_position or rotating; s1 of `static_ekf`; the mode asked for while that
     #: is unknown.
     method: str
     #: `azimuth`, `sigma`: of the hole axis from true north and its one sigma, rad; given also when refused, NaN before

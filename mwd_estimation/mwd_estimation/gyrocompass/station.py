@@ -130,7 +130,7 @@ class GyroStation:
         if self._found is None or first_ns is None:
             return NorthSeek(self.params)
         state, errors, last_ns = self._found
-        found = gyro_errors.maybe_stepped(north_seek.learnt(self.params, state, errors), self.params)
+        found = gyro_errors.between_stations(north_seek.learnt(self.params, state, errors), self.params)
         return NorthSeek(self.params, gyro_errors.after(found, self.params, (first_ns - last_ns) * 1e-9))
 
     def _continues(self, seek: NorthSeek | StaticSeek, imu: Bin, bin_s: float, still: bool) -> bool:

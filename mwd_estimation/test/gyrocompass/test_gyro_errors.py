@@ -13,26 +13,43 @@ from scipy.stats import multivariate_normal
 
 from mwd_estimation.gyrocompass import gyro_errors
 from mwd_estimation.gyrocompass.azimuth_posterior import posterior
-from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.gyro_errors import GyroErrors, Sought
+from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import wrap_pi
 
 PARAMS = SeekParams(gyro_bias_deg_h=5.0, gyro_x_bias_deg_h=5.0, gyro_ramp_deg_h2=3.0, gyro_walk_deg_h_rth=0.3)
-EARTH, BIAS = slice(0, 2), slice(2, 5)
+P_SI = kernel_params(PARAMS)
 HORIZONTAL, DOWN = EARTH_RATE * math.cos(math.radians(34.0)), -EARTH_RATE * math.sin(math.radians(34.0))
 NOISE = 0.3 * DEG_PER_HOUR
+PRIOR = np.diag([*np.square(P_SI.start_bias), *[P_SI.bias_ramp**2] * 3])
+# What a seek supposes: any Earth rate, biases and ramps, and a heading that the gyros do not change.
+START = np.diag([*[(3.0 * HORIZONTAL) ** 2] * 2, *np.diag(PRIOR), 1e-12])
 
 
-def station(bias: Array, heading: float, rng: np.random.Generator) -> tuple[Array, Array]:
-    """What a still tool at any toolface finds of Earth rate and biases, rad/s, that knew nothing of either."""
-    mat = Rotation.random(random_state=rng).as_matrix()
-    earth = np.array([HORIZONTAL * math.cos(heading), -HORIZONTAL * math.sin(heading), 0.0])
-    reading = earth + mat @ bias + NOISE * rng.standard_normal(3)
-    H = np.hstack([np.eye(3)[:, :2], mat])
-    P = np.diag([(3.0 * HORIZONTAL) ** 2] * 2 + [(500.0 * DEG_PER_HOUR) ** 2] * 3)
-    gain = np.linalg.solve(H @ P @ H.T + NOISE**2 * np.eye(3), H @ P).T
-    return gain @ reading, P - gain @ H @ P
+def reading(bias: Array, heading: float, rng: np.random.Generator, mat: Array) -> tuple[Array, Array]:
+    """Rates of a still tool, less the vertical Earth rate, and their slopes by what a seek finds, shape (3, 9)."""
+    earth = np.array([HORIZONTAL * math.cos(heading), -HORIZONTAL * math.sin(heading)])
+    H = np.hstack([mat.T[:, :2], np.eye(3), np.zeros((3, 4))])
+    return mat.T[:, :2] @ earth + bias + NOISE * rng.standard_normal(3), H
+
+
+def sought(value: Array, H: Array) -> Sought:
+    gain = np.linalg.solve(H @ START @ H.T + NOISE**2 * np.eye(3), H @ START).T
+    return Sought(gain @ value, START - gain @ H @ START, PRIOR)
+
+
+def station(known: GyroErrors, found: Sought, heading: float) -> tuple[float, float, GyroErrors]:
+    """Error and sigma of the azimuth, rad, and what is known half an hour later."""
+    joined = gyro_errors.joined(known, found)
+    circle = posterior(gyro_errors.parts(known, *joined), HORIZONTAL, heading)
+    later = gyro_errors.between_stations(gyro_errors.learnt(known, *joined, HORIZONTAL), PARAMS)
+    return float(wrap_pi(circle.mean - heading)), circle.sigma, gyro_errors.after(later, PARAMS, 1800.0)
+
+
+def any_toolface(rng: np.random.Generator) -> Array:
+    return np.asarray(Rotation.random(random_state=rng).as_matrix())
 
 
 @pytest.mark.parametrize("seconds", [30.0, 1800.0, 40000.0])
@@ -45,20 +62,26 @@ def test_time_passes_in_any_steps(seconds):
     assert_allclose(steps.mean, whole.mean)
 
 
-def test_each_pair_of_scales_has_its_exact_posterior_and_evidence():
-    x, P = station(np.array([3.0, -4.0, 2.0]) * DEG_PER_HOUR, 0.7, np.random.default_rng(1))
+def test_each_kind_of_unit_has_its_exact_posterior_and_evidence_whatever_the_seek_supposed():
+    rng = np.random.default_rng(1)
+    value, H = reading(np.array([3.0, -4.0, 2.0]) * DEG_PER_HOUR, 0.7, rng, any_toolface(rng))
     errors = gyro_errors.stated(PARAMS)
-    parts = gyro_errors.parts(errors, x, P, np.array([0.0, 0.0, 0.1, 0.2, 0.3]), EARTH, BIAS)
-    for k in (0, 21, 47):
-        C = errors.covariance[k][:3, :3]
-        information = np.linalg.inv(P) + np.pad(np.linalg.inv(C), ((2, 0), (2, 0)))
-        S = np.linalg.inv(information)
-        assert_allclose(parts[k].S, S[EARTH, EARTH], rtol=1e-5, atol=1e-6 * S[0, 0])
-        assert_allclose(parts[k].earth, (S @ np.linalg.solve(P, x))[EARTH], rtol=1e-5)
-        evidence = multivariate_normal.logpdf(x[BIAS], np.zeros(3), P[BIAS, BIAS] + C) + 1.5 * math.log(math.tau)
-        assert parts[k].log_weight == pytest.approx(errors.log_weight[k] + evidence)
+    log, found = gyro_errors.joined(errors, sought(value, H))
+    evidence = []
+    for k, covariance in enumerate(errors.covariance):
+        start = START.copy()
+        start[2:8, 2:8] = covariance
+        S = H @ start @ H.T + NOISE**2 * np.eye(3)
+        gain = np.linalg.solve(S, H @ start).T
+        unit = np.sqrt(np.diag(start))
+        assert_allclose(found.mean[k] / unit, gain @ value / unit, atol=1e-4)
+        exact = start - gain @ H @ start
+        assert_allclose(found.covariance[k] / np.outer(unit, unit), exact / np.outer(unit, unit), atol=1e-4)
+        evidence.append(multivariate_normal.logpdf(value, np.zeros(3), S))
+    assert_allclose(log - log[0], np.array(evidence) - evidence[0], atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bias", "walk"), [(5.0, 0.3), (1.0, 0.0), (15.0, 0.0)], ids=["stated", "better", "worse"])
 def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias, walk):
     rng, errors, sigmas = np.random.default_rng(3), [], []
@@ -66,12 +89,10 @@ def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias
         true, known = bias * DEG_PER_HOUR * rng.standard_normal(3), gyro_errors.stated(PARAMS)
         for _ in range(6):
             heading = rng.uniform(0.0, math.tau)
-            x, P = station(true, heading, rng)
-            found = posterior(gyro_errors.parts(known, x, P, np.zeros(5), EARTH, BIAS), HORIZONTAL, heading)
-            known = gyro_errors.after(gyro_errors.learnt(known, x, P, EARTH, BIAS, HORIZONTAL), PARAMS, 1800.0)
+            off, sigma, known = station(known, sought(*reading(true, heading, rng, any_toolface(rng))), heading)
             true = true + walk * DEG_PER_HOUR * math.sqrt(0.5) * rng.standard_normal(3)
-        errors.append(float(wrap_pi(found.mean - heading)))
-        sigmas.append(found.sigma)
+        errors.append(off)
+        sigmas.append(sigma)
     off, sigma = np.array(errors), np.array(sigmas)
     assert np.mean(np.abs(off) > 3.0 * sigma) < 0.05
     assert np.mean((off / sigma) ** 2) < 1.6
@@ -79,6 +100,20 @@ def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias
     assert np.median(sigma) < math.radians(10.0)
 
 
+@pytest.mark.slow
+def test_stations_at_one_attitude_do_not_show_their_azimuth_by_being_many():
+    rng, errors, sigmas = np.random.default_rng(4), [], []
+    for _ in range(30):
+        true, known = 5.0 * DEG_PER_HOUR * rng.standard_normal(3), gyro_errors.stated(PARAMS)
+        mat, heading = any_toolface(rng), rng.uniform(0.0, math.tau)
+        for _ in range(6):
+            off, sigma, known = station(known, sought(*reading(true, heading, rng, mat)), heading)
+        errors.append(off)
+        sigmas.append(sigma)
+    assert np.mean((np.array(errors) / sigmas) ** 2) < 1.6
+
+
+@pytest.mark.slow
 def test_biases_that_step_after_they_are_known_are_found_again():
     rng, off, sigma = np.random.default_rng(5), [], []
     for _ in range(40):
@@ -87,12 +122,10 @@ def test_biases_that_step_after_they_are_known_are_found_again():
             if k == 6:
                 true = 5.0 * DEG_PER_HOUR * rng.standard_normal(3)
             heading = rng.uniform(0.0, math.tau)
-            x, P = station(true, heading, rng)
-            found = posterior(gyro_errors.parts(known, x, P, np.zeros(5), EARTH, BIAS), HORIZONTAL, heading)
-            known = gyro_errors.learnt(known, x, P, EARTH, BIAS, HORIZONTAL)
-            known = gyro_errors.after(gyro_errors.maybe_stepped(known, PARAMS), PARAMS, 1800.0)
+            error, one, known = station(known, sought(*reading(true, heading, rng, any_toolface(rng))), heading)
             if k >= 6:
-                off.append(float(wrap_pi(found.mean - heading)))
-                sigma.append(found.sigma)
-    beyond = np.mean(np.abs(off) > 3.0 * np.array(sigma))
-    assert beyond < 0.1
+                off.append(error)
+                sigma.append(one)
+    z = np.array(off) / sigma
+    assert np.mean(np.abs(z) > 3.0) < 0.05
+    assert np.mean(z**2) < 2.0
