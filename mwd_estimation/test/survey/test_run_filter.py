@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from consistency import consistency
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.posterior import circle, field_model
 from mwd_estimation.survey.posterior.field_model import FieldErrors, Shared
-from mwd_estimation.survey.posterior.hypotheses import Hypothesis, Priors
+from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, Hypothesis, Priors, external_weights
 from mwd_estimation.survey.posterior.run_filter import RunFilter
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -114,6 +115,40 @@ def test_a_gyro_far_from_a_field_in_order_leaves_both_azimuths_open():
     found = read(model.evidence(with_gyro(station(1.0, 2.0, 0.3), 2.3, 0.02)))
     azimuths = [found.mean, *(azimuth for azimuth, share in found.alternatives if share > 0.03)]
     assert sorted(azimuths) == pytest.approx([2.0, 2.3], abs=0.02)
+
+
+def drawn(model, horizontal, rng):
+    """A station of the model's own priors, its azimuth, where the field is so weak, uT."""
+    reference = dataclasses.replace(REFERENCE, dip=math.acos(horizontal * 1e-6 / REFERENCE.total))
+    mat_tn = mat_nt(rng.uniform(0.05, 1.9), azimuth := rng.uniform(0.0, math.tau), rng.uniform(0.0, math.tau)).T
+    field_n = np.array([reference.horizontal, 0.0, reference.vertical])
+    force, noise = mat_tn @ [0.0, 0.0, -9.81], np.diag([1e-6] * 3 + [1e-16] * 3)
+    one = field_model.geometry(force, mat_tn @ field_n, noise, reference, 0.0, ERRORS)[0]
+    kind = rng.choice(len(model.filters.weight), p=model.filters.weight)
+    shared = rng.normal(size=field_model.SIZE) * np.sqrt(model.filters.variance[kind])
+    shared[Shared.TOTAL : Shared.OUTSIDE] += SIGMAS.own * rng.normal(size=3)
+    residual, slopes, turns = np.zeros(3), np.zeros((3, field_model.SIZE)), np.zeros((3, 3))
+    field_model.predicted(azimuth, one, SIGMAS.shared, residual, slopes, turns)
+    weight = external_weights(model.priors)
+    outside = rng.choice(np.append(EXTERNAL_UT, 0.0), p=weight) * rng.normal(size=3)
+    own = rng.multivariate_normal(np.zeros(3), one["noise"])
+    one["field"] += slopes @ shared + turns @ rng.normal(0.0, 1e-3, 3) + own + outside
+    return one, azimuth
+
+
+@pytest.mark.slow
+def test_where_the_field_is_weak_stations_of_its_own_priors_lie_anywhere_in_the_posterior():
+    # Simulation-based calibration (Talts et al., 2018): the share of probability that is denser than the truth.
+    rng, shares = np.random.default_rng(9), []
+    for _ in range(300):
+        model = RunFilter(Priors(turned=0.0), SIGMAS)
+        one, azimuth = drawn(model, rng.uniform(9.0, 15.0), rng)
+        evidence = model.evidence(one)
+        mass = evidence.share.sum(axis=(1, 2, 3))
+        density = mass / circle.widths(evidence.angles)
+        shares.append(float(mass[density > density[np.argmin(np.abs(wrap_pi(evidence.angles - azimuth)))]].sum()))
+    assert kstest(shares, "uniform").pvalue > 0.01
+    assert np.mean(np.array(shares) > 0.99) < 0.03
 
 
 @pytest.mark.slow
