@@ -25,6 +25,8 @@ from mwd_sensors.core.arrays import Array, Stamps
 # Bins whose samples give the unit's white noise, and the rate below which a tool rests, rad/s.
 _NOISE_BINS = 8
 _AT_REST = 0.05
+# Time of settling after levelling, and of the bins that begin and end a seek, s.
+_SETTLING_S = 2.0
 MODES = ("still", "two_position", "rotating")
 
 
@@ -94,7 +96,8 @@ class NorthSession:
             raise ValueError(f"mode: must be {', '.join(MODES)}, or empty; got {mode!r}")
         if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= unit.shortest)):
             raise ValueError(f"duration: must be 0 or at least {unit.shortest:g} s, got {duration_s:g}")
-        self.duration = duration_s or params.duration_s
+        # Levelling and the first look at the scatter of the axis are no part of the shortest seek.
+        self.duration = max(duration_s or params.duration_s, unit.shortest + unit.level_seconds + _SETTLING_S)
         self.elapsed = 0.0
         self._conventional = params
         self._unit, self._latitude, self._gravity, self._mode = unit, latitude_deg, gravity, mode or "auto"

@@ -20,11 +20,12 @@ CONDITIONS = {UNKNOWN: "not yet known", fault_debounce.OK: "ok", fault_debounce.
 def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
     """Count the samples that were not used, by cause; unreadable: messages that could not be decoded."""
     counters = pipeline.counters
-    unused = counters.rejected + counters.late_mag + counters.spikes + unreadable
+    unused = counters.rejected + counters.late_mag + counters.spikes + pipeline.of_no_time + unreadable
     values = (
         ("rejected", str(counters.rejected)),
         ("late magnetic", str(counters.late_mag)),
         ("magnetic spikes", str(counters.spikes)),
+        ("of no time in use", str(pipeline.of_no_time)),
         ("unreadable", str(unreadable)),
         ("time went back", str(counters.set_back)),
     )
@@ -35,6 +36,7 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
         "gaps, repeated stamps, sensor faults: see the other entries of this node": counters.rejected,
         "magnetic samples come later than those of the IMU: raise tool.magnetometer.delay_s": counters.late_mag,
         "look for a pulsed current near the magnetometer, or a loose plug": counters.spikes,
+        "one sensor's time went back or ahead alone: stamp all sensors by one clock": pipeline.of_no_time,
         "is another type of message published?": unreadable,
     }
     remedy = "; ".join(words for words, count in remedies.items() if count)

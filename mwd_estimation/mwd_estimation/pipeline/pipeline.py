@@ -223,6 +223,11 @@ class Pipeline:
         return self._clocks.went_back
 
     @property
+    def of_no_time(self) -> int:
+        """Samples beside those of the IMU that were left out because their time is not the IMU's."""
+        return self._clocks.dropped
+
+    @property
     def innovations(self) -> list[Innovation]:
         """What each source of measurements was expected to give and what it gave, since the estimate began."""
         return self._estimate.innovations

@@ -58,6 +58,12 @@ CONSTANT: Mapping[str, float | str] = {
     "transmit.rotation_hold_s": 10.0,
 }
 
+# Of these, what is in proportion to a parameter now: the constant's value is that of the parameter's default.
+PROPORTIONAL: Mapping[str, str] = {
+    "tool.gyro.walk_deg_h_sqrt_h": "tool.gyro.bias_deg_h",
+    "tool.possible_axial_nt": "tool.axial_interference_nt",
+}
+
 # Other names, blocks of before among them, and what does their work now.
 FORMER: Mapping[str, str] = {
     "method": "gravity.method",
@@ -88,6 +94,7 @@ FORMER: Mapping[str, str] = {
     "tool.precision.accelerometer": "two constants (noise 30 ug/sqrt(Hz), bias 200 ug)",
     "tool.precision.gyro.bias_scale": "found by the stations of a run; the bias stated is that of its type of unit",
     "verdict.magnetised_string": "a constant (0.3); tool.axial_interference_nt tells of a magnetic string",
+    "tool.gyro.walk_deg_h_sqrt_h": "derived: in proportion to tool.gyro.bias_deg_h",
     "tool.possible_axial_nt": "derived: nine times tool.axial_interference_nt",
     "place.gravity_mps2": "derived: of place.lat_deg, or the standard value without it",
     **dict.fromkeys(("tool.calibrated_low_c", "tool.calibrated_high_c"), "tool.calibrated_c, lowest and highest"),

@@ -86,12 +86,22 @@ def test_a_flagged_x_rate_that_looks_small_is_that_of_the_conventional_unit():
 def test_without_a_precision_unit_there_is_a_reason_instead_of_an_azimuth():
     run = NorthSession(SessionParams(duration_s=20.0), UNIT, LATITUDE, None, 0.0, "still")
     nothing = np.zeros(0, dtype=np.int64)
-    for _ in range(40):
+    for _ in range(48):
+        assert not run.done
         run.add(0.5, UnitSamples(nothing, np.zeros((0, 6))), (nothing, np.zeros((0, 3))))
     assert run.done
     assert not run.solution().success
     assert run.solution().reason.code is ReasonCode.NO_PRECISION_UNIT
     assert "no samples of the precision unit" in run.progress().state
+
+
+def test_the_shortest_seek_that_may_be_asked_for_lasts_until_it_has_an_azimuth() -> None:
+    run = NorthSession(SessionParams(), UNIT, LATITUDE, None, UNIT.shortest, "")
+    for one in bins(40.0, 0.0):
+        if not run.done:
+            run.add(*one)
+    assert run.done
+    assert run.solution().success, run.solution().reason
 
 
 @pytest.mark.parametrize(

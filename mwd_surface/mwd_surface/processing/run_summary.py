@@ -139,7 +139,7 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
         warnings.append(
             f"{summary.disturbed} of {summary.rows} rows have no azimuth because the magnetic field is not the "
             f"reference's (up to {summary.total_off * 1e9:+,.0f} nT and {math.degrees(summary.dip_off):+.1f} deg of "
-            f"dip off): external interference, or a string magnetised beyond {1e9 * possible:,.0f} nT (nine times "
+            f"dip off): external interference, or a string magnetised beyond {1e9 * possible:,.0f} nT (by "
             "tool.axial_interference_nt), which the first survey that is accepted tells"
         )
     if pipeline.went_back:

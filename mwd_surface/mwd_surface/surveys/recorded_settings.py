@@ -160,6 +160,10 @@ def _settings(usual: S, table: Mapping[str, str] | None, remarks: list[str], *, 
     known = settings.flat(usual)
     # What is a constant now: the value that it has always had is none to speak of.
     constant, former = getattr(type(usual), "CONSTANT", {}), settings.former_names(type(usual))
+    # What is in proportion to a parameter now has that value with the parameter's default alone.
+    for name, of in getattr(type(usual), "PROPORTIONAL", {}).items():
+        if of in table and _value(table[of], known[of][0]) != known[of][0]:
+            constant = {one: value for one, value in constant.items() if one != name}
     changes: dict[str, Any] = {}
     unknown = []
     for name, text in table.items():

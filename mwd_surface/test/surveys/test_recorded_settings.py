@@ -4,6 +4,7 @@
 import plotted_bag
 import pytest
 
+from mwd_estimation.settings import former
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, recorded_settings
@@ -49,6 +50,7 @@ def test_settings_in_the_recording_count_before_a_fix(tmp_path):
 
 def test_a_parameter_of_before_is_named_where_its_value_was_not_todays_constant(tmp_path):
     before = {"tool.lever_m": "0.03", "survey.rotary_s": "60.0", "tool.misalignment_y_deg": "0.3"}
+    before |= {"tool.gyro.walk_deg_h_sqrt_h": "10.0", "tool.possible_axial_nt": "2000.0"}
     told = {ESTIMATOR: {**before, "tool.gyro.bias_deg_h": "100.0"}}
     with Bag(fixes(tmp_path / "bag", (0, 59.9, 10.7), tables=told)) as bag:
         got = recorded_settings(bag)
@@ -56,4 +58,7 @@ def test_a_parameter_of_before_is_named_where_its_value_was_not_todays_constant(
     assert got.remarks == (
         "survey.rotary_s = 60.0 of the recording is not used: it is now a constant (30.0)",
         "tool.misalignment_y_deg = 0.3 of the recording is not used: it is now tool.hole_axis_deg, about y and z",
+        # It follows from the bias, which is not the usual one here; the axial field is.
+        "tool.gyro.walk_deg_h_sqrt_h = 10.0 of the recording is not used: it is now "
+        + former.FORMER["tool.gyro.walk_deg_h_sqrt_h"],
     )
