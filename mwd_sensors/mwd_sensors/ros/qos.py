@@ -90,7 +90,7 @@ def offered(profile: QoSProfile) -> QoSProfile:
 
 
 def buffered(profile: QoSProfile) -> QoSProfile:
-    """Copy a profile with a long queue, for a subscription whose messages wait until they are taken."""
+    """Copy a profile with a long queue, where messages wait until they are taken or many are published at once."""
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=LONG_QUEUE,

@@ -99,7 +99,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self.add_subscription(msg.DownlinkState, "downlink/state", self._on_downlink, qos.EVENT)
         self._word = self.add_publisher(msg.LinkWord, "link/word", qos.EVENT)
         self._frame_publisher = self.add_publisher(msg.LinkFrame, "link/frame", qos.EVENT)
-        self._quality = self.add_publisher(msg.LinkQuality, "link/quality", qos.STATE)
+        # Pressure that has waited gives many states at once, and none may be lost: a missed survey is told by them.
+        self._quality = self.add_publisher(msg.LinkQuality, "link/quality", qos.buffered(qos.STATE))
         self._attitude = self.add_publisher(msg.Attitude, "link/attitude", qos.STATE)
         self._survey = self.add_publisher(msg.Survey, "link/survey", qos.EVENT)
         self.add_timer(_PERIOD_S, self._on_timer)
