@@ -45,7 +45,7 @@ class Average:
     count: int
 
 
-class Place:
+class ClosedAt:
     """Which bin, and where it closed."""
 
     #: `index`, `count`: as of `Bin`; index is _NONE where no bin is open.
@@ -54,7 +54,7 @@ class Place:
     place: int  #: in the block, of the sample that closed it
 
 
-_PLACE = dtype_of(Place)
+_CLOSED_AT = dtype_of(ClosedAt)
 
 
 class Sums(NamedTuple):
@@ -82,12 +82,12 @@ class Binner:
 
     def __init__(self, channels: int, length_ns: int) -> None:
         self.length_ns = length_ns
-        self._open = np.zeros(1, _PLACE)
+        self._open = np.zeros(1, _CLOSED_AT)
         self._open["index"] = _NONE
         first, total, low, high = np.zeros((4, channels))
         self._sums = Sums(first, total, low, high, np.zeros((channels, channels)))
         mean, lowest, highest = np.zeros((3, _ROOM, channels))
-        self._closed = Closed(np.zeros(_ROOM, _PLACE), mean, lowest, highest, np.zeros((_ROOM, channels, channels)))
+        self._closed = Closed(np.zeros(_ROOM, _CLOSED_AT), mean, lowest, highest, np.zeros((_ROOM, channels, channels)))
 
     def add(self, stamp_ns: Stamps, values: Array) -> list[Bin]:
         """
@@ -145,7 +145,7 @@ def average(bins: list[Bin]) -> Average:
 
 
 @compiled
-def _close(s: Place, sums: Sums, closed: Closed, row: int, place: int) -> None:
+def _close(s: ClosedAt, sums: Sums, closed: Closed, row: int, place: int) -> None:
     """Write the open bin into a row of `closed`, and open none."""
     channels, count = len(sums.first), s.count
     at = closed.places[row]

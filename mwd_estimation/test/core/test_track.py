@@ -23,6 +23,18 @@ def test_samples_are_first_then_next_then_after_a_gap():
     assert c.last_ns == 206
 
 
+def test_a_sample_is_taken_with_the_time_since_the_last_and_what_is_said_of_it():
+    c, fast = clock(), np.array([9.0, 0.0, 0.0])
+    assert track.take(c, 5, *GOOD, 100, 10.0, 160.0) == (track.FIRST, 0.0, 0)
+    assert track.take(c, 105, fast, GOOD[1], 100, 9.0, 160.0) == (track.NEXT, pytest.approx(1e-7), Status.CLIPPED)
+    assert track.take(c, 105, *GOOD, 100, 10.0, 160.0) == (track.REJECTED, 0.0, Status.REJECTED)
+    assert track.take(c, 305, *GOOD, 100, 10.0, 9.0) == (
+        track.AFTER_GAP,
+        pytest.approx(2e-7),
+        Status.GAP | Status.CLIPPED,
+    )
+
+
 @pytest.mark.parametrize("place", range(6))
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e9])
 def test_a_value_that_is_no_measurement_is_rejected_and_does_not_move_the_clock(place, bad):
