@@ -43,6 +43,7 @@ class FlowSpans:
         self._usual = 0.0
         self._known = False
         self.spans: list[Span] = []
+        self._gaps: list[Span] = []
 
     def push(self, time_s: Array, pressure_pa: Array) -> None:
         """Take samples, shape (n,): rising times, s, and Pa. One that is not finite is left out."""
@@ -57,6 +58,8 @@ class FlowSpans:
             if self._cell is not None and cell != self._cell and self._count:
                 self._judge(self._cell * self._block_s, self._sum / self._count)
                 self._sum = self._count = 0.0
+                unseen = Span((self._cell + 1.0) * self._block_s, cell * self._block_s)
+                self._gaps += [unseen] if unseen.end_s - unseen.start_s >= SURVEY_S else []
             self._cell = cell
             self._sum += float(pressure[inside].sum())
             self._count += float(len(inside))
@@ -78,15 +81,17 @@ class FlowSpans:
         return last is None or at_s >= last.end_s
 
     def rested(self, from_s: float, until_s: float) -> bool:
-        """Whether a rest long enough for a survey lies between two times, s."""
+        """Whether a rest long enough for a survey lies between two times, s, or a data gap that may hide one."""
         return any(
             from_s <= span.start_s and span.end_s <= until_s and span.end_s - span.start_s >= SURVEY_S
-            for span in self.spans
+            for span in (*self.spans, *self._gaps)
         )
 
     def before(self, time_s: float) -> Span | None:
-        """Last span without flow that ended before a time, s; None where there was none."""
-        return next((span for span in reversed(self.spans) if span.end_s <= time_s), None)
+        """Last span without flow that ended before a time, s; None where there was none, or a data gap may hide it."""
+        last = next((span for span in reversed(self.spans) if span.end_s <= time_s), None)
+        gap = next((gap for gap in reversed(self._gaps) if gap.end_s <= time_s), None)
+        return None if last is None or (gap is not None and gap.end_s > last.end_s) else last
 
     def _judge(self, at: float, mean: float) -> None:
         # Follows a higher pressure at once, a lower one over an hour: mud and depth change slowly.

@@ -69,3 +69,15 @@ def test_a_rest_is_known_however_many_came_after_it():
     spans.push(time, np.where(time % 40.0 < 20.0, 2.0e5, 2.0e7))
     assert spans.rested(-1.0, 30.0)
     assert [spans.flowing(at) for at in (10.0, 30.0)] == [False, True]
+
+
+def test_a_data_gap_may_hide_a_rest():
+    # A receiver that stood still while the pumps were off: its next survey is not that of the rest before.
+    time = np.arange(6000) / 10.0
+    heard = (time < 250.0) | (time > 400.0)
+    spans = FlowSpans()
+    spans.push(time[heard], drilled()[heard])
+    assert spans.before(240.0) is not None
+    assert spans.before(450.0) is None
+    assert spans.rested(100.0, 500.0)
+    assert not spans.rested(410.0, 500.0)
