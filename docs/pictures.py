@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Take the pictures of the live page anew: play the demonstration, wait for each scene, photograph it in a browser.
+Take the pictures of the live page: play the demonstration, wait for each scene, photograph it in a browser.
 
 `python docs/pictures.py` writes those that README and docs use into docs/images; `--all FOLDER` every scene in every
 size. It needs Chromium and chromedriver (apt install chromium chromium-driver) and the packages of the tests.
@@ -124,7 +124,7 @@ class Camera:
         width, height = size
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         self._driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-        # The attribute that the button and `?view=toolface` set; a new address would load the page anew.
+        # The attribute that the button and `?view=toolface` set; a new address would reload the page.
         self._driver.execute_script("document.body.dataset.view = arguments[0]", "toolface" if dial else "all")
         self._driver.execute_script("document.getElementById('select-surveys')?.click()")
         self._driver.execute_script("document.activeElement.blur(); window.scrollTo(0, 0)")

@@ -56,7 +56,7 @@ def compiled(function: F) -> F:
     Compile an explicit-loop kernel to machine code, or hand it back unchanged.
 
     The function must use scalars, numpy arrays and loops only (no Python objects, no ``@``: matrix products of
-    small arrays are slower than loops there). The machine code is cached beside the module, and made anew when the
+    small arrays are slower than loops there). The machine code is cached beside the module, and rebuilt when the
     module changes or one that its names come from. Floating point stays strict (no fast-math), so that a block of
     samples gives the same bits as the samples one by one. Other threads run meanwhile, so the arrays of one call belong
     to it until it returns.

@@ -125,7 +125,7 @@ class ProbeNode(GraphNode[LineSettings]):
     def _status_diagnostic(self, probe: SerialProbe) -> Diagnostic:
         clipped = [(f"clipped {axis}", str(count)) for axis, count in probe.clips.items()]
         values = (*clipped, ("faults", str(probe.faults)))
-        # Of the last second: an alarm goes when the unit is well again.
+        # Of the last second: an alarm goes when the unit has recovered.
         new, self._faults_before = probe.faults - self._faults_before, probe.faults
         if new:
             return Diagnostic("status", ERROR, "the unit says that it is not well", "change the probe", values)

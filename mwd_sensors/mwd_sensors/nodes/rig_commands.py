@@ -90,7 +90,7 @@ class RigCommands:
             message.returns,
         )
         if repeated and message.mode == steering.ORIENT and sonde.string is not None:
-            # A turn is made once; only its time begins anew.
+            # A turn is made once; only its time restarts.
             sonde.string.prolong(valid_for)
             return
         sonde.command(command)

@@ -19,7 +19,7 @@ class TruthFile:
     Parameters
     ----------
     path : Path
-        Written anew.
+        Where to write; a file there is replaced.
 
     Raises
     ------

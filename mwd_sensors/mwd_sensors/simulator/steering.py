@@ -222,7 +222,7 @@ class String:
         state.then = RELEASE if command.returns else HOLD
 
     def prolong(self, valid_for: float) -> None:
-        """Let the time of the turn in force, s, begin anew."""
+        """Let the time of the turn in force, s, restart."""
         if self._state[0].mode == ORIENT:
             self._state[0].left = valid_for
 

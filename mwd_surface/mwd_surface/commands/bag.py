@@ -30,7 +30,8 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap
         start = datetime.datetime.fromtimestamp(opened.start_ns * 1e-9, tz=datetime.UTC)
         size = sum(file.stat().st_size for file in ([path] if path.is_file() else path.iterdir()) if file.is_file())
         console.print(f"{path}: {opened.message_count} messages, {size / 1e6:.1f} MB", markup=False)
-        console.print(f"from {start:%Y-%m-%d %H:%M:%S} UTC, {opened.duration_s:.1f} s", markup=False)
+        about = f"from {start:%Y-%m-%d %H:%M:%S} UTC, {opened.duration_s:.1f} s; rates are means over this time"
+        console.print(about, markup=False)
         topics = sorted(opened.topics.values(), key=lambda one: one.name)
         longest = max(len(topic.name) for topic in topics)
         kinds = max(len(topic.type_name) for topic in topics)

@@ -119,7 +119,7 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
     if grade is None:
         return scenario
     known = getattr(scenario, unit) or Unit()
-    # Made anew, so that a grade that does not exist or does not fit is named.
+    # Rebuilt, so that a grade that does not exist or does not fit is named.
     changed: dict[str, Any] = {unit: dataclasses.replace(known, grade=grade)}
     return dataclasses.replace(scenario, **changed)
 

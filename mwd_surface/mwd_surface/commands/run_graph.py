@@ -126,13 +126,13 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
     """
     Until the page answers and says that the estimator is active; False when interrupted.
 
-    Slow is no error: what is waited for is said again and again. A node that fails ends the wait.
+    Slow is no error: what is waited for is printed every half minute. A node that fails ends the wait.
     """
     import time
 
     from mwd_surface.commands import terminal
 
-    began = said = time.monotonic()
+    began = printed = time.monotonic()
     with terminal.waiting("starting the nodes; the first time their filters are compiled"):
         while not interrupts.count:
             supervisor.watch()
@@ -143,8 +143,8 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
             if not missing:
                 return True
             now = time.monotonic()
-            if now - said > _SAY_EVERY:
-                said = now
+            if now - printed > _SAY_EVERY:
+                printed = now
                 terminal.remark(f"not ready after {now - began:.0f} s: {missing}")
             time.sleep(_POLL)
     return False

@@ -114,7 +114,7 @@ class RowReference:
         return self._observatory.at(coded, round(moment.timestamp() * 1e9)) or coded
 
     def noted(self, rows: Sequence[TableStation]) -> list[TableStation]:
-        """Add to the rows what is to be said of the external field."""
+        """Add to the rows the remarks on the external field."""
         return [dataclasses.replace(row, station=self._observatory.noted(row.station)) for row in rows]
 
 

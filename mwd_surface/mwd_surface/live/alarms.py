@@ -80,7 +80,7 @@ class AlarmBook:
         Say that a cause is there (again).
 
         Returns the alarm and whether that is news. One that came back after it had gone counts up and wants to be
-        acknowledged anew; so does one that got more severe.
+        acknowledged again; so does one that got more severe.
 
         Raises
         ------

@@ -15,7 +15,7 @@ from mwd_sensors.core.wire import NANOSECONDS, RIG_VALID
 _BIT_DEPTH = RIG_VALID["bit_depth"]
 _MOVES = RIG_VALID["block_position"] | RIG_VALID["in_slips"]
 _LONGEST = 5.0  # s between two readings; over a longer gap the slips may have been set and pulled
-# A block falls at 3 m/s at most; what leaps farther is an encoder that was set anew.
+# A block falls at 3 m/s at most; what leaps farther is an encoder that was reset.
 _FASTEST, _SLACK = 3.0, 0.5  # m/s, m
 
 

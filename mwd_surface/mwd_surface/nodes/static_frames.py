@@ -17,7 +17,7 @@ _NORTH_EAST_DOWN = [float(v) for v in frames.orientation_et(np.eye(3))]
 
 
 class StaticFrames:
-    """Publishes `/tf_static`, anew where the tool's frame or its distance to the bit is another one."""
+    """Publishes `/tf_static`, again where the tool's frame or its distance to the bit is another one."""
 
     def __init__(self, context: SurfaceContext) -> None:
         self._context = context

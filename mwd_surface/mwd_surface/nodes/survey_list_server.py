@@ -303,7 +303,7 @@ class SurveyListServer:
         try:
             self._store.save(surveys)
         except StoreError as error:
-            # Tried every second, and said once.
+            # Tried every second, and logged once.
             if str(error) != self._save_error:
                 remedy = "free the disk; it is tried every second"
                 self._alarm_log.raise_alarm("surveys.unsaved", Severity.CRITICAL, str(error), remedy)

@@ -79,7 +79,7 @@ class ListBuilder:
         self.sensor_to_bit = given.sensor_to_bit_m if given.sensor_to_bit_m >= 0.0 else known
         self._table = read_depths(Path(given.depths)) if given.depths else None
         self._live = recorded_list(bag, namespace) if recorded.surface is not None else RecordedList()
-        # The live depth of a survey holds where nothing else is said of depths.
+        # The live depth of a survey holds unless depths are given otherwise.
         self._live_depths = not given.depths and not given.rig_topic and self.sensor_to_bit == known
         self.depth = DepthTrack(self._surface.depth)
         self._given_depths = given.depths
@@ -143,7 +143,7 @@ class ListBuilder:
         return dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
 
     def replace(self, survey: Survey) -> None:
-        """Put a survey judged anew in the place of the same survey in the list."""
+        """Put a survey judged again in the place of the same survey in the list."""
         listed = self._listed(survey)
         old = next((record for record in self.surveys.records if record.survey.uuid == listed.uuid), None)
         if old is None:

@@ -215,7 +215,7 @@ class RigPort:
         try:
             interface.start()
         except MissingPackageError as error:
-            # Nothing changes until somebody installs it and starts anew.
+            # Nothing changes until somebody installs it and restarts.
             self._down[interface.name] = str(error)
         except InterfaceError as error:
             self._down[interface.name] = str(error)

@@ -66,7 +66,7 @@ class AcceptedSurvey:
 
     @property
     def key(self) -> tuple[str, int]:
-        """What makes it news: another survey, or the same one decided anew."""
+        """What makes it news: another survey, or the same one decided again."""
         return self.uuid, self.decided_ns
 
     @property

@@ -126,7 +126,7 @@ class Supervisor:
                     self._ended(child, status, now)
                 elif child.failure and now - child.born > _SETTLED:
                     child.failure = ""
-                    self._report(f"{child.order.name} is well again")
+                    self._report(f"{child.order.name} has recovered")
             elif child.due is not None and now >= child.due:
                 child.due = None
                 self._report(f"{child.order.name} is started again")
@@ -219,7 +219,7 @@ def die_with_supervisor(environment: Mapping[str, str]) -> None:
 
 
 def _bound(log: Path) -> None:
-    """Begin a log anew once it is full; what a process writes between copying and cutting is lost."""
+    """Restart a log once it is full; what a process writes between copying and cutting is lost."""
     # On a full disk the log stays as it is.
     with contextlib.suppress(OSError):
         if log.stat().st_size > _MOST_LOG:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The settings a recording was made with: what every command that reads one starts from where nothing else is said.
+The settings a recording was made with: what every command that reads one starts from unless told otherwise.
 
 The surface node writes the parameters of estimator and surface into every recording; later changes are messages of
 /parameter_events. Those of the surface count for the whole list; those of the estimator are named. A recording without

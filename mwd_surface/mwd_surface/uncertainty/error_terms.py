@@ -243,7 +243,7 @@ def _realisations(source: Any) -> list[Mask]:
     """
     Masks, shape (n,), of the stations that have one realisation of an error each.
 
-    A continuous gyro that starts anew carries another random error from each start (definition 5.13, section 7.3): the
+    A continuous gyro that restarts carries another random error from each start (definition 5.13, section 7.3): the
     library then keeps the covariance of the parts, here they are told apart.
     """
     n = len(source.e_NEV)

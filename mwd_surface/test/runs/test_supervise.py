@@ -155,7 +155,7 @@ def test_a_failing_process_that_stays_alive_is_well_again(make, tmp_path):
     clock.now += 21.0
     supervisor.watch()
     assert not supervisor.failing
-    assert sentences[-1] == "a is well again"
+    assert sentences[-1] == "a has recovered"
 
 
 def test_refused_settings_are_named(make, tmp_path):

@@ -45,7 +45,7 @@ def recover(path: Path | str, output: Path | str | None = None) -> list[Recovery
 
     A file is left as it is, and the sound copy written to `output` (by default ``<name>.recovered.mcap`` beside it).
     In a bag's folder the sound copy takes the file's name, the original is kept with `KEPT` added to its name, and
-    metadata.yaml is written anew.
+    metadata.yaml is rewritten.
 
     Raises
     ------

@@ -75,7 +75,7 @@ function recorderPill(recorder, now, silent) {
   return ["system", kind, `${word}${recorder.dropped ? `, ${recorder.dropped} dropped` : ""}`];
 }
 
-// What the tool and the rig do is said only while they tell it.
+// The states of tool and rig are shown only while they report them.
 export function showPills(sections, now, silent, select, replayed) {
   const { links, recorder, attitude, rig } = sections;
   const list = [];

@@ -78,13 +78,13 @@ const SHOW = {
 const connection = new Connection((names) => {
   showSections([...(names || Object.keys(connection.sections))]);
   showReplay(connection.server.replay);
-  const anew = () => {
+  const restart = () => {
     showSurveys();
     showAlarmsAndEvents();
     showControlAndAdvice();
     showDownlink(connection.sections.downlink, connection.server);
   };
-  if (names === null) showControls(connection.server, anew);
+  if (names === null) showControls(connection.server, restart);
   tick();
 });
 const charts = new ChartsTab(byId("tab-charts"), connection);

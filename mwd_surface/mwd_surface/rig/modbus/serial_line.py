@@ -92,7 +92,7 @@ class ModbusSerial(ModbusServer):
         return handler
 
     def _look_after(self) -> None:
-        """A line may be silent for ever; one that is gone is opened anew by whoever started this."""
+        """A line may be silent for ever; one that is gone is opened again by whoever started this."""
         if self._seen and not self._connections:
             raise InterfaceError(f"{self.line.device} is gone")
         self._seen = bool(self._connections)

@@ -82,7 +82,7 @@ async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identi
 
 
 async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, new: Any) -> None:
-    """Change the type of a node; a client that browses reads it from the parent's reference, which is made anew."""
+    """Change the type of a node; a client that browses reads it from the parent's reference, which is recreated."""
     await node.delete_reference(old, ua.ObjectIds.HasTypeDefinition)
     await node.add_reference(new, ua.ObjectIds.HasTypeDefinition, True, False)
     await parent.delete_reference(node, reference)
