@@ -306,7 +306,7 @@ def test_an_older_recording_takes_the_older_field_model(tmp_path):
     scenario = tmp_path / "old.yaml"
     scenario.write_text("name: old\ndate: 2012-05-01\nmodel: igrf\nschedule: [{kind: still, seconds: 2.0}]\n")
     assert mwd("simulate", scenario, "-o", tmp_path / "bag").returncode == 0
-    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", "--set", "place.field=igrf")
+    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out", "--set", "place.field=model")
     assert done.returncode == 0
     assert "IGRF" in done.stdout
     assert "outside wmm2025" in done.stderr
