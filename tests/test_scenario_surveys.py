@@ -26,15 +26,28 @@ SAME_HOLE = (
     "telemetry_two_links",
 )
 NAMES = sorted(path.stem for path in SCENARIOS.glob("*.yaml") if path.stem not in (*OTHERS, *SAME_HOLE))
-# A rig's hour and a quarter repeats one stand and one connection: twice says what five times do.
-CYCLES = {"connections": 2}
+# A rig's hour and a quarter repeats one stand and one connection: twice says what five times do, and a stand that is
+# drilled three times as fast leads to the same station.
+CYCLES, FASTER = 2, 3.0
 
 
-@pytest.mark.slow
+def played(name):
+    story = scenario.read(SCENARIOS / f"{name}.yaml")
+    if name != "connections":
+        return story
+    schedule = [
+        dataclasses.replace(part, seconds=part.seconds / FASTER, rop_m_h=part.rop_m_h * FASTER)
+        if part.kind == "drill"
+        else part
+        for part in story.schedule
+    ]
+    return dataclasses.replace(story, cycles=CYCLES, schedule=tuple(schedule))
+
+
+@pytest.mark.slow(10)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_bundled_scenario_without_a_fault_has_its_surveys_accepted_and_right(name):
-    story = scenario.read(SCENARIOS / f"{name}.yaml")
-    found = surveys(dataclasses.replace(story, cycles=CYCLES.get(name, story.cycles)))
+    found = surveys(played(name))
     assert found
     # Where the hole is vertical, or the field too steep, a survey is accepted with its azimuth not determined.
     if name not in DISTURBED:
