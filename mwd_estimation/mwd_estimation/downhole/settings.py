@@ -58,3 +58,11 @@ class Transmit:
         high=300.0,
         expert=True,
     )
+
+    def __post_init__(self) -> None:
+        """Refuse a time shorter than half a second, which a jerk of the string would exceed."""
+        if 0.0 < self.rotation_switching_s < 0.5:
+            raise ValueError(
+                f"rotation_switching_s: {self.rotation_switching_s:g} s is below the shortest time, 0.5 s; 0: no "
+                "switching"
+            )

@@ -2,8 +2,8 @@
 """
 Parameters of before: where they are now, or the value that each has kept as a constant.
 
-Recordings and files of earlier versions have them: a name here is refused with a sentence, and a recorded value that is
-the constant's needs no remark.
+A name here is refused with a sentence. A recorded one is read: `present` gives what has another name now, and a value
+that is the constant's needs no remark.
 """
 
 from __future__ import annotations
@@ -39,23 +39,11 @@ CONSTANT: Mapping[str, float | str] = {
     "place.gravity_mps2": 0.0,  # by the latitude
     "gravity.expert.max_bridged_gap_s": 10.0,  # (bounded.Params)
     "attitude.smoothing_s": 1.0,  # (time_alignment_state.Params)
-    "tool.calibrated_low_c": -40.0,  # two in one (tool.calibrated_c)
-    "tool.calibrated_high_c": 175.0,
-    "tool.misalignment_y_deg": 0.0,  # (tool.hole_axis_deg)
-    "tool.misalignment_z_deg": 0.0,
     "tool.precision.gyro.scale_ppm": 500.0,  # (seek_params.TACTICAL); from 17 r/min on its x gyro is not read
     "tool.mount.frame": "sonde_link",  # (wire.SONDE_FRAME)
     "place.model": "wmm2025",  # (place.field)
-    "place.sigma_total_nt": 0.0,  # three in one (place.source_sigmas)
-    "place.sigma_dip_deg": 0.0,
-    "place.sigma_declination_deg": 0.0,
-    "verdict.gravity_limit_mg": 2.5,  # three in one (verdict.custom_limits)
-    "verdict.field_limit_nt": 300.0,
-    "verdict.dip_limit_deg": 0.45,
     "gravity.expert.axial_speed": 1.0,  # a string is tripped at that speed (bounded.Params)
     "health.watch": True,
-    "transmit.rotation_switching": False,  # two in one (transmit.rotation_switching_s)
-    "transmit.rotation_hold_s": 10.0,
 }
 
 # Of these, what is in proportion to a parameter now: the constant's value is that of the parameter's default.
@@ -63,6 +51,23 @@ PROPORTIONAL: Mapping[str, str] = {
     "tool.gyro.walk_deg_h_sqrt_h": "tool.gyro.bias_deg_h",
     "tool.possible_axial_nt": "tool.axial_interference_nt",
 }
+
+# Parameters that are one list now: their former names, in its order, with the value that each had by default.
+MERGED: Mapping[str, Mapping[str, float]] = {
+    "tool.calibrated_c": {"tool.calibrated_low_c": -40.0, "tool.calibrated_high_c": 175.0},
+    "tool.hole_axis_deg": {"tool.misalignment_y_deg": 0.0, "tool.misalignment_z_deg": 0.0},
+    "place.source_sigmas": {
+        "place.sigma_total_nt": 0.0,
+        "place.sigma_dip_deg": 0.0,
+        "place.sigma_declination_deg": 0.0,
+    },
+    "verdict.custom_limits": {
+        "verdict.gravity_limit_mg": 2.5,
+        "verdict.field_limit_nt": 300.0,
+        "verdict.dip_limit_deg": 0.45,
+    },
+}
+_SWITCHING, _HOLD_S = "transmit.rotation_switching", "transmit.rotation_hold_s"
 
 # Other names, blocks of before among them, and what does their work now.
 FORMER: Mapping[str, str] = {
@@ -97,21 +102,21 @@ FORMER: Mapping[str, str] = {
     "tool.gyro.walk_deg_h_sqrt_h": "derived: in proportion to tool.gyro.bias_deg_h",
     "tool.possible_axial_nt": "derived: nine times tool.axial_interference_nt",
     "place.gravity_mps2": "derived: of place.lat_deg, or the standard value without it",
-    **dict.fromkeys(("tool.calibrated_low_c", "tool.calibrated_high_c"), "tool.calibrated_c, lowest and highest"),
-    **dict.fromkeys(("tool.misalignment_y_deg", "tool.misalignment_z_deg"), "tool.hole_axis_deg, about y and z"),
+    **dict.fromkeys(MERGED["tool.calibrated_c"], "tool.calibrated_c, lowest and highest"),
+    **dict.fromkeys(MERGED["tool.hole_axis_deg"], "tool.hole_axis_deg, about y and z"),
     "tool.mount.frame": "a constant (sonde_link): a static transform joins it to a frame of another name",
     "place.model": "place.field: model is the WMM2025, igrf the IGRF",
     **dict.fromkeys(
-        ("place.sigma_total_nt", "place.sigma_dip_deg", "place.sigma_declination_deg"),
+        MERGED["place.source_sigmas"],
         "place.source_sigmas, of total (nT), dip (deg) and declination (deg)",
     ),
     **dict.fromkeys(
-        ("verdict.gravity_limit_mg", "verdict.field_limit_nt", "verdict.dip_limit_deg"),
+        MERGED["verdict.custom_limits"],
         "verdict.custom_limits, of gravity (mG), field (nT) and dip (deg)",
     ),
     **dict.fromkeys(("health", "health.watch"), "always on: a faulty sensor is left out"),
     **dict.fromkeys(
-        ("transmit.rotation_switching", "transmit.rotation_hold_s"),
+        (_SWITCHING, _HOLD_S),
         "transmit.rotation_switching_s, the time for which the string has to turn or stand; 0: no switching",
     ),
     "tool.sag_deg": "derived: 0.2 deg, or 0.08 with tool.sag_correction_deg or tool.assembly_file",
@@ -121,3 +126,24 @@ FORMER: Mapping[str, str] = {
 def former(block: str) -> dict[str, str]:
     """What is said of the former names of a block, by their names in it."""
     return {name.removeprefix(f"{block}."): now for name, now in FORMER.items() if name.startswith(f"{block}.")}
+
+
+def present(recorded: Mapping[str, str]) -> dict[str, str]:
+    """
+    Recorded parameters, name -> value as text, by their names of today where their values can be kept.
+
+    A part of a list that is not recorded has its former default. All other names and values stay as they are.
+    """
+    found = dict(recorded)
+    for name, parts in MERGED.items():
+        if name not in recorded and parts.keys() & recorded.keys():
+            found[name] = f"[{', '.join(found.pop(part, str(usual)) for part, usual in parts.items())}]"
+    if "transmit.rotation_switching_s" not in recorded and {_SWITCHING, _HOLD_S} & recorded.keys():
+        switching, hold_s = found.pop(_SWITCHING, "False"), found.pop(_HOLD_S, "10.0")
+        found["transmit.rotation_switching_s"] = hold_s if switching == "True" else "0.0"
+    # The model counted beside a field of a model only.
+    if found.get("place.model") == "igrf":
+        del found["place.model"]
+        if found.get("place.field") == "model":
+            found["place.field"] = "igrf"
+    return found

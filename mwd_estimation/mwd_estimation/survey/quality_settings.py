@@ -67,13 +67,15 @@ class QualitySettings:
     )
 
     def __post_init__(self) -> None:
-        """Refuse limits in another order."""
-        gravity_mg, _, dip_deg = self.custom_limits
+        """Refuse limits in another order, and a field limit that no survey meets."""
+        gravity_mg, field_nt, dip_deg = self.custom_limits
         if gravity_mg > 100.0 or dip_deg > 10.0:
             raise ValueError(
                 f"custom_limits: {gravity_mg:g} mG and {dip_deg:g} deg limit nothing; the order is gravity (mG), field "
                 "(nT), dip (deg)"
             )
+        if field_nt < 1.0:
+            raise ValueError(f"custom_limits: {field_nt:g} nT is below the lowest limit on the field, 1 nT")
 
     @property
     def fixed(self) -> TotalLimits | None:

@@ -254,3 +254,9 @@ def test_what_the_tool_has_not_measured_has_the_reserved_code_where_there_is_one
         edges = tuple(round(edge / tool.tu_s) for edge in grav.edges_s)
         expected = 0b1111_1111_1111_0 if tool.missing_code else 0
         assert edges == tool.pulses(expected, 13).edges
+
+
+def test_a_switching_shorter_than_half_a_second_is_refused():
+    with pytest.raises(ValueError, match=r"rotation_switching_s: 0\.2 s is below the shortest time, 0\.5 s"):
+        Transmit(rotation_switching_s=0.2)
+    assert Transmit(rotation_switching_s=0.5).rotation_switching_s == 0.5

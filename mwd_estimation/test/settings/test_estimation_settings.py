@@ -13,7 +13,7 @@ from mwd_estimation.gravity import methods
 from mwd_estimation.gyrocompass.seek_params import TACTICAL
 from mwd_estimation.settings import derivation, tool_file
 from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
-from mwd_estimation.settings.former import CONSTANT
+from mwd_estimation.settings.former import CONSTANT, MERGED
 from mwd_estimation.settings.place import Place, reference_of
 from mwd_estimation.settings.precision import PrecisionUnit
 from mwd_estimation.settings.tool import Tool
@@ -237,22 +237,20 @@ def test_constants_are_what_the_filters_have_and_no_parameters():
         "tool.course_misalignment_deg": errors.course_misalignment_deg,
         "tool.sag_deg": errors.sag_deg,
         "tool.possible_axial_nt": round(1e9 * derivation.interference_params(EstimatorSettings()).axial, 6),
-        "tool.calibrated_low_c": station.calibrated.low_c,
-        "tool.calibrated_high_c": station.calibrated.high_c,
-        "tool.misalignment_y_deg": station.hole_axis_deg[0],
-        "tool.misalignment_z_deg": station.hole_axis_deg[1],
         "survey.max_rate": still.max_rate,
         "survey.max_rate_noise": still.max_rate_noise,
         "survey.max_force_noise": still.max_force_noise,
         "verdict.magnetised_string": station.priors.axial,
         "verdict.wrong_reference": station.priors.reference,
         "verdict.max_gyro_sigma_deg": seek.worst_sigma_deg,
-        "verdict.gravity_limit_mg": EstimatorSettings().verdict.custom_limits[0],
-        "verdict.field_limit_nt": EstimatorSettings().verdict.custom_limits[1],
-        "verdict.dip_limit_deg": EstimatorSettings().verdict.custom_limits[2],
         "tool.precision.gyro.scale_ppm": seek.scale_x_ppm,
         "tool.mount.frame": wire.SONDE_FRAME,
     }
+
+
+def test_parameters_that_are_one_list_now_had_its_defaults():
+    known = flat(EstimatorSettings())
+    assert {name: tuple(parts.values()) for name, parts in MERGED.items()} == {name: known[name][0] for name in MERGED}
 
 
 def test_a_user_has_few_parameters_to_read():

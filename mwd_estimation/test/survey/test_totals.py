@@ -182,6 +182,8 @@ def test_limits_of_one_s_own_are_in_force_by_name_only():
     own = QualitySettings("custom", (4.0, 500.0, 0.6))
     with pytest.raises(ValueError, match="the order is gravity"):
         QualitySettings("custom", (500.0, 4.0, 0.6))
+    with pytest.raises(ValueError, match=r"0\.5 nT is below the lowest limit on the field, 1 nT"):
+        QualitySettings("custom", (4.0, 0.5, 0.6))
     assert bounds(apart(), own) == pytest.approx([4e-3 * STANDARD_GRAVITY, 500e-9, 0.6 * DEG])
     assert judge(apart(field=-480e-9), own).verdict == "accept"
     assert judge(apart(field=-480e-9), dataclasses.replace(own, limits="service")).verdict == "reject"

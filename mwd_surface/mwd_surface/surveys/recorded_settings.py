@@ -14,6 +14,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
+from mwd_estimation.settings import former
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import reference_of
 from mwd_sensors.core import settings
@@ -79,7 +80,8 @@ def recorded_settings(bag: Bag) -> Recorded:
     """
     Return the settings of estimator and surface in a recording.
 
-    A parameter that this version does not have or does not allow is left at its default, and named.
+    A parameter of an earlier version counts under its name of today; one that this version does not have or does not
+    allow is left at its default, and named.
     """
     tables = bag.metadata()
     remarks: list[str] = []
@@ -92,7 +94,7 @@ def recorded_settings(bag: Bag) -> Recorded:
         remarks.append(
             f"{', '.join(changed)} changed during the recording: all of it is processed with the values of its begin"
         )
-    estimator = _settings(EstimatorSettings(), tables.get(ESTIMATOR), remarks)
+    estimator = _settings(EstimatorSettings(), former.present(before), remarks)
     surface = _settings(SurfacePart(), tables.get(SURFACE), remarks, sections=True)
     source = "those of the recording" if estimator is not None else ""
     if estimator is None:
@@ -159,7 +161,7 @@ def _settings(usual: S, table: Mapping[str, str] | None, remarks: list[str], *, 
         return None
     known = settings.flat(usual)
     # What is a constant now: the value that it has always had is none to speak of.
-    constant, former = getattr(type(usual), "CONSTANT", {}), settings.former_names(type(usual))
+    constant, renamed = getattr(type(usual), "CONSTANT", {}), settings.former_names(type(usual))
     # What is in proportion to a parameter now has that value with the parameter's default alone.
     for name, of in getattr(type(usual), "PROPORTIONAL", {}).items():
         if of in table and _value(table[of], known[of][0]) != known[of][0]:
@@ -180,7 +182,7 @@ def _settings(usual: S, table: Mapping[str, str] | None, remarks: list[str], *, 
             try:
                 made = settings.changed(made, {name: value})
             except settings.SettingsError:
-                why = f"it is now {former[name]}" if name in former else "this version does not have it"
+                why = f"it is now {renamed[name]}" if name in renamed else "this version does not have it"
                 remarks.append(f"{name} = {table[name]} of the recording is not used: {why}")
     return made
 
