@@ -22,7 +22,7 @@ MOST_AHEAD = 500_000
 """
 Samples kept of a stream that runs ahead of the leader; more means that the leader does not follow.
 
-A smoother holds 90 000 samples of the leader back, beside which a stream of five times its rate is kept whole.
+A smoother holds 60 000 samples of the leader back, beside which a stream of seven times its rate is kept whole.
 """
 _NONE = np.iinfo(np.int64).min
 

@@ -273,7 +273,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return bool(self._state_machine.current_state[1] == "finalized")
 
     def request_stop(self) -> None:
-        """End the process in order, as a signal would, once subscribers have received what was published last."""
+        """End the process in order once subscribers have what was published last; the caller publishes no more."""
         if self._stop_timer is None:
             self._stop_asked_at = time.monotonic()
             steady = Clock(clock_type=ClockType.STEADY_TIME)

@@ -37,6 +37,7 @@ _TIMER_PERIOD = 0.002  # s
 _MAX_PER_CALLBACK = 100
 _MAX_PER_STEP_CALLBACK = 50  # a step has no pace; subscribers must keep up with it
 _SAY_EVERY_S = 10.0  # between two words on how far the replay is
+_MOST_LATCHED = 1000  # messages of a latched topic; also for a recorded depth of 0, which is without limit
 _FOREVER_S = 9e9  # what recordings write for "no limit" is longer
 _NOT_STARTED = "the replay has not begun"
 
@@ -326,7 +327,8 @@ class ReplayNode(GraphNode[ReplaySettings]):
         """Progress, and topics that are not published."""
         values: tuple[tuple[str, str], ...] = (("messages", str(self._published)), ("round", str(self._rounds)))
         if self._pace is None:
-            return (Diagnostic("replay", OK, "waiting for a listener", values=values),)
+            message = "over; subscribers acknowledge the last messages" if self._over else "waiting for a listener"
+            return (Diagnostic("replay", OK, message, values=values),)
         now = time.monotonic()
         if self._bag is not None:
             values += (("position_s", f"{(self._pace.position_ns(now) - self._bag.start_ns) * 1e-9:.3f}"),)
@@ -353,13 +355,13 @@ def profile(recorded: str) -> QoSProfile:
     try:
         first = parse_qos(recorded)[0]
         deadline, lease = (_duration(first[name]) for name in ("deadline", "liveliness_lease_duration"))
-        depth = int(first["depth"])
+        depth = int(first["depth"]) or _MOST_LATCHED
     except (ValueError, IndexError, TypeError, KeyError):
         return buffered(STREAM)
     latched = first["durability"] == "transient_local"
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
-        depth=min(max(depth, 10), 1000) if latched else LONG_QUEUE,
+        depth=min(max(depth, 10), _MOST_LATCHED) if latched else LONG_QUEUE,
         reliability=QoSReliabilityPolicy.RELIABLE,
         durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
         deadline=deadline,

@@ -50,3 +50,29 @@ def test_a_reliable_publisher_knows_within_a_deadline_what_its_subscribers_lack(
         rclpy.shutdown(context=context)
     # The deadline is 1 s; without the profile it takes the middleware 3 s.
     assert float(done.stdout) < 1.0
+
+
+TRANSPORTS = """
+from pathlib import Path
+import rclpy
+from rclpy.qos import QoSProfile
+from std_msgs.msg import String
+rclpy.init()
+node = rclpy.create_node("node")
+node.create_subscription(String, "words", lambda _message: None, QoSProfile(depth=10))
+print("fastrtps_port" in Path("/proc/self/maps").read_text())
+"""
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("reach", ["LOCALHOST", "SUBNET"])
+def test_a_node_receives_nothing_by_shared_memory(reach):
+    with launch_plan.own_domain({}) as domain:
+        found = []
+        for profile in ({launch_plan.PROFILES: str(launch_plan.MIDDLEWARE)}, {}):
+            environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": reach} | profile
+            words = [sys.executable, "-P", "-c", TRANSPORTS]
+            done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=60, check=True)
+            found.append(done.stdout.split())
+    # Without the profile it does: the test can see it.
+    assert found == [["False"], ["True"]]
