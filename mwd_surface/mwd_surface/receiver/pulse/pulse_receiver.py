@@ -225,6 +225,8 @@ class PulseReceiver(SampledReceiver):
         active = self._active
         if active is not None and active.expects_sync(position):
             active.offer_sync()
+        elif active is not None and active.replaced_by(position, found.score):
+            self._active = self._begun(found, position)
         elif active is not None and (active.sound or found.score <= _SURER * active.score):
             # Data can look like a sync by chance: it counts once the transmission breaks off.
             if self._waiting is None or found.score > self._waiting[0].score:

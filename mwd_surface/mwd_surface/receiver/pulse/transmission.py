@@ -89,6 +89,10 @@ class Transmission:
         at = (position - self._clock.start) / self._clock.pace
         return self._pass is not None and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
 
+    def replaced_by(self, position: float, score: float) -> bool:
+        """Whether a sync found at a position of the grid, within the sync of this transmission, is the true one."""
+        return self._pass is None and position < self._clock.at(self._boundary) and score > self.score
+
     def offer_sync(self) -> None:
         """Take a sync into account where the next pass begins; the data decide which of the two it is."""
         self._offered = True

@@ -174,16 +174,6 @@ def test_a_new_flow_on_is_a_new_survey():
 
 
 @pytest.mark.slow
-def test_data_that_look_like_a_later_sync_do_not_hide_the_sync():
-    # With this noise the last pulses of the sync and the first ones of the data look more like a sync than the sync.
-    span = FAST.transmit_delay_s + FAST.head_s + FAST.seconds(FAST.surveys[0]) + 2.0
-    sent = transmit(FAST, ((0.0, span),), 90076)
-    got = decode(FAST, *white(FAST, sent, 6.0, seed=90076))
-    assert [word.name for word in got.words] == [word.name for word in sent.words]
-    assert got.words[0].start_s == pytest.approx(sent.words[0].start_s, abs=FAST.tu_s)
-
-
-@pytest.mark.slow
 def test_syncs_between_sequences_and_headers_are_followed():
     tool = dataclasses.replace(FAST, header_bits=2, toolface_sequences=("4{aTFA:6:P Gama:8:P}",))
     sent = transmit(tool, ((20.0, 400.0),), 3, resync=True)
