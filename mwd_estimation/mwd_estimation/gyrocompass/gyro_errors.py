@@ -201,20 +201,26 @@ def learnt(errors: GyroErrors, log_evidence: Array, found: Sought, horizontal: f
     K = np.transpose(np.linalg.solve(S[:, _EARTH, _EARTH], S[:, _EARTH, _DRIFTING]), (0, 2, 1))[:, None]
     mean = at[:, None, _DRIFTING] + (K @ (earth - at[:, None, _EARTH])[..., None])[..., 0]
     change = K @ (spread - S[:, None, _EARTH, _EARTH]) @ np.swapaxes(K, 2, 3)
-    weight = np.exp(log_weight - log_weight.max())[:, None] * mass
-    return _collapsed(errors, weight / weight.sum(), mean, S[:, None, _DRIFTING, _DRIFTING] + change)
+    return _collapsed(errors, log_weight, mass, mean, S[:, None, _DRIFTING, _DRIFTING] + change)
 
 
-def _collapsed(errors: GyroErrors, weight: Array, mean: Array, covariance: Array) -> GyroErrors:
+def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, covariance: Array) -> GyroErrors:
     """
     Gaussians of a station for each kind of unit and arc; improbable arcs of a kind are one.
 
-    weight, shape (k, a), mean and covariance, shapes (k, a, 6) and (k, a, 6, 6): of each former Gaussian and arc.
+    log_weight, shape (k,), of each former Gaussian; mass, shape (k, a), its share of each arc; mean and covariance,
+    shapes (k, a, 6) and (k, a, 6, 6).
     """
     kind = errors.bias_kind * len(_DRIFT_SCALES) + errors.drift_kind
     kinds, of_kind = np.unique(kind, return_inverse=True)
+    # Weights within a kind: of the whole mixture those of an improbable kind would be 0.
+    most = np.full(len(kinds), -math.inf)
+    np.maximum.at(most, of_kind, log_weight)
+    weight = np.exp(log_weight - most[of_kind])[:, None] * mass
+    of_all = np.exp(most - most.max())
     by_arc = np.zeros((len(kinds), weight.shape[1]))
     np.add.at(by_arc, of_kind, weight)
+    by_arc *= (of_all / (of_all @ by_arc.sum(axis=1)))[:, None]
     arc = np.where(by_arc > _WORTH_AN_ARC, np.arange(weight.shape[1]), weight.shape[1])[of_kind]
     cells, cell = np.unique(of_kind[:, None] * (weight.shape[1] + 1) + arc, return_inverse=True)
     cell, share = cell.ravel(), weight.ravel()
@@ -226,12 +232,15 @@ def _collapsed(errors: GyroErrors, weight: Array, mean: Array, covariance: Array
     off = flat - middle[cell]
     each = covariance.reshape(-1, 6, 6) + off[:, :, None] * off[:, None, :]
     np.add.at(square, cell, share[:, None, None] * each)
-    log = np.log(np.maximum(total / total.max(), _LEAST_ODDS))
-    kinds = kinds[cells // (weight.shape[1] + 1)]
+    of_cell = cells // (weight.shape[1] + 1)
+    held = total > _NONE
+    odds = total * of_all[of_cell]
+    log = np.log(np.maximum(odds / odds.max(), _LEAST_ODDS))[held]
+    kinds = kinds[of_cell[held]]
     return GyroErrors(
         log - math.log(float(np.exp(log).sum())),
         kinds // len(_DRIFT_SCALES),
         kinds % len(_DRIFT_SCALES),
-        middle,
-        0.5 * (square + np.transpose(square, (0, 2, 1))),
+        middle[held],
+        0.5 * (square + np.transpose(square, (0, 2, 1)))[held],
     )

@@ -25,15 +25,17 @@ from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.seek_filter import advance
 from mwd_estimation.gyrocompass.seek_measurement import frame
 from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_estimation.gyrocompass.seek_refusal import Fit, polar, refusal
+from mwd_estimation.gyrocompass.seek_refusal import Fit, motion, polar, refusal
 from mwd_estimation.gyrocompass.seek_state import STATE, WORK, Error, KernelParams, Phase, State, estimate
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.frames import wrap_tau
+from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 _EARTH, _RAMPS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), range(Error.BIAS_RAMP, Error.SIZE)
 # A bias so many sigmas from zero is found; of an x gyro that turns steadily it may be its scale.
 _FOUND = 3.0
+# Change of toolface or inclination, rad, from which a seek shows more than one before: half an arc of `gyro_errors`.
+_ANOTHER_ATTITUDE = math.radians(15.0)
 
 
 def initial() -> State:
@@ -125,7 +127,7 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     p = kernel_params(params)
     method = _method(state)
     inclination, heading, right = _hole_axis(state, method)
-    now = _errors_now(params, state, errors)
+    now = errors_now(params, state, errors)
     joined = gyro_errors.joined(now, _sought(p, state, right))
     parts = gyro_errors.parts(now, *joined)
     circle = azimuth_posterior.posterior(parts, p.horizontal)
@@ -185,14 +187,37 @@ def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -
     """
     What is known of the gyros at the end of a seek, from what was known when it began (None: what is stated).
 
-    A seek that has not got past levelling adds nothing, and none does near a pole.
+    A seek that has not got past levelling adds nothing, nor does one that is refused for its motion or near a pole.
     """
-    now = _errors_now(params, state, errors)
-    if state.phase != Phase.SEEKING or polar(params.latitude_deg) is not None:
+    now = errors_now(params, state, errors)
+    method = _method(state)
+    if state.phase != Phase.SEEKING or polar(params.latitude_deg) or motion(params, state, method):
         return now
     p = kernel_params(params)
-    joined = gyro_errors.joined(now, _sought(p, state, _hole_axis(state, _method(state))[2]))
+    joined = gyro_errors.joined(now, _sought(p, state, _hole_axis(state, method)[2]))
     return gyro_errors.learnt(now, *joined, p.horizontal)
+
+
+def shows_more(state: State, before: State | None) -> bool:
+    """
+    Whether a seek can show more of the gyros' biases than an earlier one; None: there was none.
+
+    At one inclination and toolface the same biases fit the same azimuths. The Gaussians of arcs of azimuths are not
+    exactly what a seek shows, and each station at that attitude would add what they miss.
+    """
+    if before is None or _method(state) != "still":
+        return True
+    turned = abs(float(wrap_pi(_toolface(state) - _toolface(before))))
+    tilted = abs(_inclination(state) - _inclination(before))
+    return max(turned, tilted) > _ANOTHER_ATTITUDE
+
+
+def _inclination(state: State) -> float:
+    return math.acos(min(max(float(state.mat[2, 0]), -1.0), 1.0))
+
+
+def _toolface(state: State) -> float:
+    return math.atan2(float(state.mat[2, 1]), float(state.mat[2, 2]))
 
 
 def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
@@ -215,7 +240,7 @@ def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
     return gyro_errors.Sought(mean, rows @ state.P @ rows.T, prior)
 
 
-def _errors_now(params: SeekParams, state: State, errors: GyroErrors | None) -> GyroErrors:
+def errors_now(params: SeekParams, state: State, errors: GyroErrors | None) -> GyroErrors:
     """What was known of the gyros before a seek, at its end."""
     begun = gyro_errors.stated(params) if errors is None else errors
     return gyro_errors.after(begun, params, float(state.level_time + state.elapsed))

@@ -44,7 +44,7 @@ class Fit:
 def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
     """Reason to refuse the azimuth: the motion first, then the hole's attitude, the instrument and the uncertainty."""
     return (
-        _motion(params, state, fit.method)
+        motion(params, state, fit.method)
         or _attitude(params, fit)
         or _latitude(params, fit)
         or _instrument(params, state, fit)
@@ -79,7 +79,8 @@ def vertical_hole(inclination: float) -> Reason | None:
     return Reason(Code.VERTICAL_HOLE, inclination, _LEAST_INCLINATION)
 
 
-def _motion(params: SeekParams, state: State, method: str) -> Reason | None:
+def motion(params: SeekParams, state: State, method: str) -> Reason | None:
+    """Refuse a seek that clipped, was too short, turned otherwise than it had to, or whose hole axis moved."""
     elapsed, turning, mode = float(state.elapsed), float(state.turn_time), params.mode
     clipped = gyro_clipped(params, state.clipped, state.samples)
     if clipped is not None:

@@ -10,6 +10,7 @@ Its solution states whether the azimuth found may be used.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -40,6 +41,16 @@ _PENDING_EVERY_S = 2.5
 _REST_BINS = 8
 
 
+@dataclasses.dataclass(frozen=True)
+class _Found:
+    """A seek as it was in the last still bin."""
+
+    state: State
+    errors: GyroErrors | None  #: known of the gyros when it began
+    taught: State | None  #: the seek of which they were learnt last
+    last_ns: int
+
+
 class GyroStation:
     """
     North seeks of one tool, station after station, from its bins in order.
@@ -63,8 +74,8 @@ class GyroStation:
         self._seek: NorthSeek | StaticSeek | None = None
         self._axis = math.nan
         self._turned_s = 0.0
-        # The seek as it was in the last still bin, what was known of the gyros before it, and its last sample.
-        self._found: tuple[State, GyroErrors | None, int] | None = None
+        self._found: _Found | None = None
+        self._taught: State | None = None
         self._last_ns: int | None = None
         self._rest: list[tuple[Stamps, Array]] = []
         # Time of the seek, s, at which `pending` was computed last, and its result.
@@ -111,14 +122,14 @@ class GyroStation:
             # The samples while the string settles show the unit's noise.
             self._rest = [*self._rest, (stamps, values)][-_REST_BINS:] if still else []
             if still and settled:
-                self._seek = self._begin(self.params, int(stamps[0]) if len(stamps) else None)
+                self._seek = self._begin(self.params, int(stamps[0]) if len(stamps) else self._last_ns or 0)
                 self._axis, self._turned_s = float(imu.mean[_ACCEL_X]), 0.0
         if self._seek is not None and len(stamps):
             self._seek.run(samples)
             if still and isinstance(self._seek, NorthSeek) and self._seek.elapsed >= self.params.shortest:
-                self._found = self._seek.state.copy(), self._seek.errors, int(stamps[-1])
+                self._found = _Found(self._seek.state.copy(), self._seek.errors, self._taught, int(stamps[-1]))
 
-    def _begin(self, params: SeekParams, first_ns: int | None) -> NorthSeek | StaticSeek:
+    def _begin(self, params: SeekParams, first_ns: int) -> NorthSeek | StaticSeek:
         self._waited = (-math.inf, None)
         noise = white_noise(
             np.concatenate([stamps for stamps, _ in self._rest]),
@@ -127,11 +138,18 @@ class GyroStation:
         self.params = at_place(self.unit, params.latitude_deg, self._gravity, noise)
         if self.unit.method == S1:
             return StaticSeek(self.params)
-        if self._found is None or first_ns is None:
+        found = self._found
+        if found is None:
+            self._taught = None
             return NorthSeek(self.params)
-        state, errors, last_ns = self._found
-        found = gyro_errors.between_stations(north_seek.learnt(self.params, state, errors), self.params)
-        return NorthSeek(self.params, gyro_errors.after(found, self.params, (first_ns - last_ns) * 1e-9))
+        if north_seek.shows_more(found.state, found.taught):
+            self._taught = found.state
+            learnt = north_seek.learnt(self.params, found.state, found.errors)
+            errors = gyro_errors.between_stations(learnt, self.params)
+        else:
+            self._taught = found.taught
+            errors = north_seek.errors_now(self.params, found.state, found.errors)
+        return NorthSeek(self.params, gyro_errors.after(errors, self.params, (first_ns - found.last_ns) * 1e-9))
 
     def _continues(self, seek: NorthSeek | StaticSeek, imu: Bin, bin_s: float, still: bool) -> bool:
         if still:

@@ -106,11 +106,25 @@ def test_stations_at_one_attitude_do_not_show_their_azimuth_by_being_many():
     for _ in range(30):
         true, known = 5.0 * DEG_PER_HOUR * rng.standard_normal(3), gyro_errors.stated(PARAMS)
         mat, heading = any_toolface(rng), rng.uniform(0.0, math.tau)
-        for _ in range(6):
-            off, sigma, known = station(known, sought(*reading(true, heading, rng, mat)), heading)
+        off, sigma, known = station(known, sought(*reading(true, heading, rng, mat)), heading)
+        # As `GyroStation` does: what the first has shown of the biases, the others only use.
+        for _ in range(19):
+            off, sigma, _learnt = station(known, sought(*reading(true, heading, rng, mat)), heading)
+            known = gyro_errors.after(known, PARAMS, 1800.0)
         errors.append(off)
         sigmas.append(sigma)
     assert np.mean((np.array(errors) / sigmas) ** 2) < 1.6
+
+
+def test_a_kind_of_unit_that_does_not_fit_keeps_its_own_biases():
+    known = gyro_errors.stated(PARAMS)
+    rng, mat = np.random.default_rng(6), np.eye(3)
+    value, H = reading(np.full(3, 10.0 * DEG_PER_HOUR), 1.0, rng, mat)
+    gain = np.linalg.solve(H @ START @ H.T + (0.01 * NOISE) ** 2 * np.eye(3), H @ START).T
+    found = Sought(gain @ value, START - gain @ H @ START, PRIOR)
+    later = gyro_errors.learnt(known, *gyro_errors.joined(known, found), HORIZONTAL)
+    assert set(later.bias_kind) == set(known.bias_kind)
+    assert np.diagonal(later.covariance, axis1=1, axis2=2).min() > 0.0
 
 
 @pytest.mark.slow

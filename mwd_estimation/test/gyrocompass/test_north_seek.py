@@ -18,6 +18,7 @@ from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.gyrocompass import gyro_errors, north_seek
 from mwd_estimation.gyrocompass.seek_params import SeekParams
+from mwd_estimation.gyrocompass.seek_state import State
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.constants import DEG_PER_HOUR, MICRO_G, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_pi
@@ -374,3 +375,24 @@ def test_a_gyro_as_bad_as_the_bound_of_its_bias_errs_by_its_sigma_in_one_positio
     error, sigma, last = monte_carlo(params, clean, runs=100)
     assert last.success
     assert_consistent(error, sigma)
+
+
+def test_a_seek_teaches_where_the_tool_lies_otherwise_and_has_not_moved() -> None:
+    params = settings("auto", 0.05, 34.0)
+
+    def sought(toolface: float, roll: Callable[[np.ndarray], np.ndarray] = still) -> State:
+        clean = motion(66.0, 34.0 * DEG, 1.0, 1.2, lambda t: roll(t) + toolface, RATE)
+        state = north_seek.initial()
+        north_seek.run(params, state, clean.stamp_ns, clean.gyro_t, clean.accel_t)
+        return state
+
+    first = sought(0.0)
+    assert north_seek.shows_more(first, None)
+    assert not north_seek.shows_more(sought(10.0 * DEG), first)
+    assert north_seek.shows_more(sought(20.0 * DEG), first)
+    assert north_seek.shows_more(sought(0.0, two_positions), first)
+    begun = north_seek.errors_now(params, first, None)
+    assert (north_seek.learnt(params, first).bias_sigma < begun.bias_sigma).any()
+    swayed = first.copy()
+    swayed.scatter[:] = (1.0 * DEG) ** 2
+    assert (north_seek.learnt(params, swayed).bias_sigma == begun.bias_sigma).all()
