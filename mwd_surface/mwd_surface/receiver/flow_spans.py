@@ -87,11 +87,15 @@ class FlowSpans:
             for span in (*self.spans, *self._gaps)
         )
 
+    def on_since(self, time_s: float) -> float:
+        """Since when there may be flow, before a time, s: the last rest or data gap ended; -inf: none was seen."""
+        return max((span.end_s for span in (*self.spans, *self._gaps) if span.end_s <= time_s), default=-math.inf)
+
     def before(self, time_s: float) -> Span | None:
         """Last span without flow that ended before a time, s; None where there was none, or a data gap may hide it."""
         last = next((span for span in reversed(self.spans) if span.end_s <= time_s), None)
         gap = next((gap for gap in reversed(self._gaps) if gap.end_s <= time_s), None)
-        return None if last is None or (gap is not None and gap.end_s > last.end_s) else last
+        return None if last is None or (gap is not None and gap.end_s > last.start_s) else last
 
     def _judge(self, at: float, mean: float) -> None:
         # Follows a higher pressure at once, a lower one over an hour: mud and depth change slowly.

@@ -81,3 +81,14 @@ def test_a_data_gap_may_hide_a_rest():
     assert spans.before(450.0) is None
     assert spans.rested(100.0, 500.0)
     assert not spans.rested(410.0, 500.0)
+
+
+def test_a_data_gap_that_begins_within_a_rest_may_hide_another():
+    time = np.arange(6000) / 10.0
+    heard = (time < 330.0) | (time > 420.0)
+    spans = FlowSpans()
+    spans.push(time[heard], drilled()[heard])
+    assert spans.before(450.0) is None
+    assert spans.on_since(450.0) == pytest.approx(420.0, abs=1.5)
+    assert spans.on_since(200.0) == pytest.approx(41.0, abs=1.5)
+    assert spans.on_since(20.0) == -math.inf

@@ -237,7 +237,7 @@ class Link:
         if not self._wired and self.flow.flowing(self.now_s) is False:
             return NO_FLOW, "the pumps are off: the tool is silent"
         frame, word, _ = self._heard()
-        on_since = self._on_since()
+        on_since = self.flow.on_since(self.now_s)
         longest = max(self._longest_s(), 1.0)
         if word is not None and self.now_s - word.end_s < 4.0 * longest:
             return self._locked()
@@ -251,14 +251,9 @@ class Link:
             return SEARCHING, frame.reason
         return SEARCHING, self._receiver.why_nothing().removeprefix("no words: ")
 
-    def _on_since(self) -> float:
-        """When the flow came on, s; -inf where that was not seen."""
-        span = self.flow.before(self.now_s)
-        return span.end_s if span is not None else -math.inf
-
     def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
         """Last pass, last word and the final words since the flow came on: those before say nothing of now."""
-        since = self._on_since()
+        since = self.flow.on_since(self.now_s)
         frame, word = self._last_frame, self._last_word
         return (
             frame if frame is not None and frame.end_s > since else None,
