@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -15,7 +16,7 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.grid import REACH, Grid
-from mwd_surface.receiver.pulse import segment
+from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
 from mwd_surface.receiver.pulse.passes import LOOK_BITS, Part, Pass, parts_of, soft_words, stretch_of
 from mwd_surface.receiver.pulse.presence import FADED, Evidence, Presence
@@ -33,8 +34,6 @@ _DOUBTFUL = 0.2
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width, two tools at once or no tool"
 # How much more evidence a TU a toolface behind a sync needs than a survey.
 _CLEARER = 1.2
-# Share above which a stretch is what it is taken for, although it may look like a sync.
-_CLEAR = 0.7
 
 
 class Transmission:
@@ -274,7 +273,7 @@ class Transmission:
         if self._pass is not None:
             following = self._following(self._pass)
             offered, self._offered = self._offered, False
-            if not offered or self._fits(following):
+            if not offered or self._goes_on(following):
                 self._pass = following
                 return
             self._edges += [float(following.start + SAMPLES_PER_TU * edge) for edge in self._tool.sync.edges_tu]
@@ -287,7 +286,8 @@ class Transmission:
         # Without a header nothing but flow-on makes a tool begin anew, and then it sends a survey.
         kind = "survey"
         if self._tool.header_bits:
-            survey, toolface = (self._density(one, number, start) for one in ("survey", "toolface"))
+            looks = (stretch_of(self._sequence(one, number), 0, LOOK_BITS) for one in ("survey", "toolface"))
+            survey, toolface = (self._density(*self._rows(items), start) for items in looks)
             # Packets of another sequence may fit the pulses of a survey nearly as well as its own.
             kind = "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
         self._pass = Pass(kind, self._sequence(kind, number), start, at=start)
@@ -296,9 +296,8 @@ class Transmission:
         sequences = self._sequences(kind)
         return sequences[min(number, len(sequences) - 1)]
 
-    def _density(self, kind: str, number: int, start: int) -> float:
-        """Evidence a TU that a sequence begins at a sample."""
-        rows, length = self._rows(stretch_of(self._sequence(kind, number), 0, LOOK_BITS))
+    def _density(self, rows: Indices, length: int, start: int) -> float:
+        """Evidence a TU that some packets begin at a sample."""
         return self._decode_once(rows, length, start).evidence / length
 
     def _following(self, last: Pass) -> Pass:
@@ -309,11 +308,32 @@ class Transmission:
         start = self._pass_end(last)
         return Pass("toolface", items, start, at=start)
 
-    def _fits(self, one: Pass) -> bool:
-        """Whether the data have the pulses of a pass as clearly as those of the stretches before."""
-        rows, length = self._rows(stretch_of(one.items, 0, LOOK_BITS))
-        evidence = self._decode_once(rows, length, one.at).evidence / len(rows)
-        return evidence > _CLEAR * self._presence.usual
+    def _goes_on(self, one: Pass) -> bool:
+        """
+        Whether a pass, and its like behind it, are in the data rather than a sync there and a sequence behind that.
+
+        Both are weighed on the same pressure: a disturbance that looks like a sync takes its share from either, and the
+        pulses behind it tell them apart.
+        """
+        kinds = ("survey", "toolface") if self._tool.header_bits else ("survey",)
+        looks = [stretch_of(items, 0, LOOK_BITS) for kind in kinds for items in self._sequences(kind)]
+        anew = [self._rows_anew(items) for items in looks]
+        longest = max(length for _, length in anew)
+        words: tuple[SequenceItem, ...] = ()
+        for item in itertools.cycle(one.items):
+            if self._tool.length_tu((*words, item)) > longest:
+                break
+            words += (item,)
+        return self._density(*self._rows(words), one.at) > max(self._density(*rows, one.at) for rows in anew)
+
+    def _rows_anew(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
+        """Packets of a sync, of its header and of some words behind it, and their time on air, TU."""
+        sync, bits = self._tool.sync, self._tool.header_bits
+        rows, length = self._rows((SequenceItem("header", bits, False), *items) if bits else items)
+        rows[:, trellis.START] += sync.length_tu
+        # Packets of one value: their places are known.
+        fixed = [(edge, 0, 1, 0, 1, rows[0, trellis.RISING]) for edge in sync.edges_tu]
+        return np.concatenate([np.array(fixed), rows]), sync.length_tu + length
 
     def _header(self, start: int) -> int:
         items = (SequenceItem("header", self._tool.header_bits, False),)

@@ -9,7 +9,7 @@ from link_runs import TOOLS, pairs, reception, simulated, white
 from scipy import stats
 
 import telemetry_limits as limits
-from mwd_sensors.simulator.mud_channel import MudChannel
+from mwd_sensors.simulator.mud_channel import MudChannel, Noise
 from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.pulse_tool import Transmission, link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import encode
@@ -178,6 +178,18 @@ def test_syncs_between_sequences_and_headers_are_followed():
     tool = dataclasses.replace(FAST, header_bits=2, toolface_sequences=("4{aTFA:6:P Gama:8:P}",))
     sent = transmit(tool, ((20.0, 400.0),), 3, resync=True)
     run = link_run(MudChannel(flow_off_s=((-100.0, 20.0),)), sent, 400.0, 3)
+    got = decode(tool, run.time_s, run.pressure_pa)
+    both = pairs(run, got.words, tool, 3000.0)
+    assert len(both) == len(sent.words)
+    assert np.mean([s.raw == w.raw and w.status == BELIEVED for s, w in both]) > 0.9
+
+
+@pytest.mark.slow
+def test_a_stall_that_looks_like_a_sync_at_the_end_of_a_pass_is_none():
+    tool = dataclasses.replace(FAST, toolface_sequences=("3{2{aTFA:6:P} Gama:8:P} Inc:12:P Azm:12:P",))
+    channel = MudChannel(noise=Noise(stalls_per_hour=60.0), flow_off_s=((-100.0, 20.0),))
+    sent = transmit(tool, ((20.0, 470.0),), 14, -5e-4)
+    run = link_run(channel, sent, 470.0, 1014)
     got = decode(tool, run.time_s, run.pressure_pa)
     both = pairs(run, got.words, tool, 3000.0)
     assert len(both) == len(sent.words)
