@@ -14,16 +14,21 @@ _LEAST_EVIDENCE = 18.0
 # Packets by which it is judged whether there are pulses: those of some 30 bits. Behind a clear sync the first may be
 # disturbed, and a tool that faded sends on: it is given up once so many packets had none, or a new sync was found.
 _JUDGED_PACKETS, _DISTURBED_PACKETS, _FADED_PACKETS = 10, 25, 60
-# Share of the usual evidence for pulses below which stretches hold none, or those of a transmission that began anew.
+# Share of the evidence that pulses would have below which stretches hold none, or those of a tool that began anew.
 _FAINT = 0.3
 NO_WORDS = "no words behind the sync: it was noise, or the sequence is another one"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
 
 
 class Evidence(NamedTuple):
-    """Log likelihood ratio of the pulses of a stretch to none; its packets and words."""
+    """
+    Log likelihood ratio of the pulses of a stretch to none; its packets and words.
+
+    expected: what the ratio is in the mean, if there are pulses as before, in the noise that is there now.
+    """
 
     evidence: float
+    expected: float
     packets: int
     words: int
 
@@ -80,7 +85,10 @@ class Presence:
         if not self.confirmed:
             return self._first(whole)
         faded = not self.faint
-        self.faint = evidence <= _FAINT * self.usual * packets
+        # Noise that grows, as behind stalls, leaves less to expect; what noise alone may have is no pulse even so.
+        noise = _LEAST_EVIDENCE * packets / _JUDGED_PACKETS
+        expected = max(_FAINT * sum(one.expected for one in last), noise)
+        self.faint = evidence <= min(_FAINT * self.usual * packets, expected)
         if not self.faint:
             self._accept(evidence / packets)
             return ""
@@ -89,7 +97,7 @@ class Presence:
         return FADED if ended else ""
 
     def _first(self, whole: bool) -> str:
-        evidence, packets = (sum(one[k] for one in self._recent) for k in range(2))
+        evidence, packets = (sum(one[k] for one in self._recent) for k in (0, 2))
         # A pass of one or two words has fewer packets than are judged together, and their share of the evidence.
         least = _LEAST_EVIDENCE * min(packets / _JUDGED_PACKETS, 1.0)
         if min(self._score, evidence) + evidence >= least:

@@ -126,6 +126,8 @@ class Decision:
         Relative drift of the pulses against the clock of the samples, its variance, and the sample it turns about.
     evidence : float
         Log likelihood ratio of the pulses, wherever they are, to none.
+    expected : float
+        Its mean, in this noise, if the pulses are as the others were.
     disturbed : float
         Probability that something other than steady noise disturbs the pressure of the packets.
     """
@@ -138,6 +140,7 @@ class Decision:
     ebn0_db: float
     timing: tuple[float, float, float]
     evidence: float
+    expected: float
     disturbed: float
 
 
@@ -197,8 +200,10 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     own = slice(max(stretch.start - BEFORE, 0), stretch.end)
     disturbed = 1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own])))
     ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
+    # A pulse at its place has the metric of half its energy, as far as samples and response are sure.
+    expected = 0.5 * float(g @ g * level.sum()) - ways
     timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability, state, weight, pumps)
-    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways, disturbed)
+    return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways, expected, disturbed)
 
 
 def _train(stretch: Stretch, probability: Array) -> Array:

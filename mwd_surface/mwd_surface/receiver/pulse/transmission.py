@@ -140,7 +140,9 @@ class Transmission:
         clock, presence = self._clock, self._presence
         decision = self._decode(rows, length, now.at)
         whole = now.done + len(items) == len(now.items)
-        self.lost = presence.judge(Evidence(decision.evidence, len(rows), len(items)), whole, waiting)
+        self.lost = presence.judge(
+            Evidence(decision.evidence, decision.expected, len(rows), len(items)), whole, waiting
+        )
         if self.lost or presence.faint:
             self._heard_at = min(self._heard_at, now.take_back(presence.faint_words))
         if self.lost:
