@@ -373,6 +373,34 @@ def test_processing_the_recording_without_options_gives_the_survey_list_that_was
     assert f"{len(live.records)} of {len(live.records)} surveys equal" in done.stdout
 
 
+def replayed_once(bag, folder):
+    """Attitude of an estimator that hears a replay, and how many IMU samples were recorded beside it."""
+    folder.mkdir()
+    with running_graph.graph(folder) as graph:
+        settings = {"folder": folder / "data", "serve_page": False, "record__name": "again"}
+        surface = graph.start("surface", "w1", **settings)
+        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+        for name in (surface, estimator):
+            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
+        topics = ["/w1/imu/data_raw", "/w1/imu/mag", "/w1/gyro/data_raw", "/w1/imu/temperature", "/w1/rig/state"]
+        chosen = [word for topic in topics for word in ("--topic", topic)]
+        mwd = [sys.executable, "-P", "-m", "mwd_surface.cli"]
+        done = subprocess.run(
+            [*mwd, "replay", str(bag), "--rate", "3", "--wait", "30", *chosen],
+            env=graph.environment,
+            capture_output=True,
+            text=True,
+            timeout=480,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        until(lambda: "survey 2" in graph.log(estimator), 30, "second survey")
+        assert graph.end(estimator)[0] == 0
+        assert graph.end(surface)[0] == 0
+    again = folder / "data" / "w1" / "bags" / "again"
+    return samples_of(again, "/w1/attitude"), len(samples_of(again, "/w1/imu/data_raw"))
+
+
 def test_replaying_the_recording_gives_the_same_bits_as_processing_it(played, tmp_path):
     out = tmp_path / "processed"
     mwd = [sys.executable, "-P", "-m", "mwd_surface.cli"]
@@ -393,27 +421,12 @@ def test_replaying_the_recording_gives_the_same_bits_as_processing_it(played, tm
         check=True,
         capture_output=True,
     )
-    with running_graph.graph(tmp_path) as graph:
-        settings = {"folder": tmp_path / "data", "serve_page": False, "record__name": "again"}
-        surface = graph.start("surface", "w1", **settings)
-        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
-        for name in (surface, estimator):
-            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
-        topics = ["/w1/imu/data_raw", "/w1/imu/mag", "/w1/gyro/data_raw", "/w1/imu/temperature", "/w1/rig/state"]
-        chosen = [word for topic in topics for word in ("--topic", topic)]
-        done = subprocess.run(
-            [*mwd, "replay", str(played["bag"]), "--rate", "3", "--wait", "30", *chosen],
-            env=graph.environment,
-            capture_output=True,
-            text=True,
-            timeout=480,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        until(lambda: "survey 2" in graph.log(estimator), 30, "second survey")
-        assert graph.end(estimator)[0] == 0
-        assert graph.end(surface)[0] == 0
-    replayed = samples_of(tmp_path / "data" / "w1" / "bags" / "again", "/w1/attitude")
+    recorded = len(samples_of(played["bag"], "/w1/imu/data_raw"))
+    for attempt in range(3):
+        replayed, heard = replayed_once(played["bag"], tmp_path / str(attempt))
+        # Samples are best effort: what a busy machine loses is no matter of this test.
+        if heard == recorded:
+            break
     with (out / "attitude.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(replayed) == len(rows)
