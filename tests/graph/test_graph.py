@@ -217,8 +217,13 @@ def test_a_taken_port_is_an_alarm_and_the_page_comes_once_it_is_free(tmp_path):
         assert "no live page" in graph.log(surface)
         other.close()
         until(lambda: f"page: http://127.0.0.1:{port}/" in graph.log(surface), 15, "the page")
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/state.json", timeout=5) as answer:
-            alarms = json.loads(answer.read())["sections"]["alarms"]["rows"]
+
+        def sections():
+            with urllib.request.urlopen(f"http://127.0.0.1:{port}/state.json", timeout=5) as answer:
+                return json.loads(answer.read())["sections"]
+
+        # The page answers before the well's state is first known.
+        alarms = until(sections, 15, "the well's state")["alarms"]["rows"]
         assert [a["active"] for a in alarms if a["id"] == "page.port"] in ([], [False])
         assert graph.end(surface)[0] == 0
 
