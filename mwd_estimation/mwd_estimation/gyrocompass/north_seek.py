@@ -185,27 +185,27 @@ def _limit(p: KernelParams, seen: float, elapsed: float) -> float:
 
 def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -> GyroErrors:
     """
-    What is known of the gyros at the end of a seek, from what was known when it began (None: what is stated).
+    What is known of the gyros at the end of a seek that `teaches`, from what was known when it began.
 
-    A seek that has not got past levelling adds nothing, nor does one that is refused for its motion or near a pole.
+    errors: None: what the parameters state.
     """
-    now = errors_now(params, state, errors)
-    method = _method(state)
-    if state.phase != Phase.SEEKING or polar(params.latitude_deg) or motion(params, state, method):
-        return now
-    p = kernel_params(params)
-    joined = gyro_errors.joined(now, _sought(p, state, _hole_axis(state, method)[2]))
+    now, p = errors_now(params, state, errors), kernel_params(params)
+    joined = gyro_errors.joined(now, _sought(p, state, _hole_axis(state, _method(state))[2]))
     return gyro_errors.learnt(now, *joined, p.horizontal)
 
 
-def shows_more(state: State, before: State | None) -> bool:
+def teaches(params: SeekParams, state: State, before: State | None) -> bool:
     """
-    Whether a seek can show more of the gyros' biases than an earlier one; None: there was none.
+    Whether a seek shows anything of the gyros' biases that an earlier one has not; before: that one, None without.
 
-    At one inclination and toolface the same biases fit the same azimuths. The Gaussians of arcs of azimuths are not
-    exactly what a seek shows, and each station at that attitude would add what they miss.
+    One that has not got past levelling does not, nor one that is refused for its motion or near a pole. At one
+    inclination and toolface the same biases fit the same azimuths. The Gaussians of arcs of azimuths are not exactly
+    what a seek shows, and each station at that attitude would add what they miss.
     """
-    if before is None or _method(state) != "still":
+    method = _method(state)
+    if state.phase != Phase.SEEKING or polar(params.latitude_deg) or motion(params, state, method):
+        return False
+    if before is None or method != "still":
         return True
     turned = abs(float(wrap_pi(_toolface(state) - _toolface(before))))
     tilted = abs(_inclination(state) - _inclination(before))

@@ -142,7 +142,7 @@ class GyroStation:
         if found is None:
             self._taught = None
             return NorthSeek(self.params)
-        if north_seek.shows_more(found.state, found.taught):
+        if north_seek.teaches(self.params, found.state, found.taught):
             self._taught = found.state
             learnt = north_seek.learnt(self.params, found.state, found.errors)
             errors = gyro_errors.between_stations(learnt, self.params)
