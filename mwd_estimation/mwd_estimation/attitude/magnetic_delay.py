@@ -6,6 +6,7 @@ Gravity and field across the tool turn together: seen from the tool, their direc
 attitude of the hole sets. A field that is stamped late by L is that of an earlier toolface, and the angle is off by the
 rotary speed times L. A filter of two states, angle and delay, follows the mean of each half second: at one speed both
 look alike, from two speeds on they separate. An error of the field that turns with the tool averages out over turns.
+The speed is the gyro's: the toolface also moves while a filter settles or an accelerometer fails, at one speed.
 """
 
 from __future__ import annotations
@@ -66,10 +67,14 @@ class MagneticDelay:
         """1 sigma of the delay, s."""
         return math.sqrt(self._P[1, 1])
 
-    def take(self, stamps: Stamps, g_t: Array) -> None:
-        """Take gravity in tool axes, nan while unknown, shape (n, 3); each stamp is later than all before."""
+    def take(self, stamps: Stamps, g_t: Array, rate_x: Array) -> None:
+        """
+        Take gravity in tool axes, shape (n, 3), and the rate about x, rad/s, shape (n,); nan while unknown.
+
+        Each stamp is later than all before.
+        """
         if len(stamps):
-            self._imu.append((stamps, g_t[:, 1:]))
+            self._imu.append((stamps, np.column_stack([g_t[:, 1:], rate_x])))
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Take samples of the field, T, shape (n, 3)."""
@@ -96,6 +101,7 @@ class MagneticDelay:
 
     def _follow(self, until_ns: int) -> None:
         """Take in the bins that end before a stamp."""
+        # Gravity across the tool (2), and the rate about x.
         stamps, g = (np.concatenate(parts) for parts in zip(*self._imu, strict=True))
         at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
         last = until_ns // _BIN_NS
@@ -106,15 +112,19 @@ class MagneticDelay:
             seen &= _beside(stamps[known], at)
             turned, when = np.unwrap(np.arctan2(g[known, 0], g[known, 1])), stamps[known]
             down = np.interp(at[seen], when, turned)
-            rate = np.interp(at[seen], when, np.gradient(turned, 1e-9 * (when - when[0])))
+            rate = np.interp(at[seen], when, g[known, 2])
+            spun = np.cumsum(g[known, 2] * np.diff(when, prepend=when[0]) * 1e-9)
+            now = np.interp(at[seen], when, spun)
             begun = self._angle, self._begun, self._P.copy(), self.delay_s
             for _ in range(_PASSES):
                 self._angle, self._begun, self._P, self.delay_s = *begun[:2], begun[2].copy(), begun[3]
                 self._take_bins(at[seen] // _BIN_NS, np.arctan2(b[seen, 0], b[seen, 1]) - down, rate)
                 if abs(self.delay_s) < _LEAST_S:
                     break
-                earlier = np.interp(at[seen] - round(self.delay_s * 1e9), when, turned)
-                rate = (down - earlier) / self.delay_s
+                earlier = at[seen] - round(self.delay_s * 1e9)
+                # Where the turn over the delay is not known, before the first sample or across a gap, the rate stays.
+                over = (now - np.interp(earlier, when, spun)) / self.delay_s
+                rate = np.where(_beside(when, earlier), over, rate)
         self._bin = last - 1
         keep = stamps // _BIN_NS >= last - 2
         self._imu = [(stamps[keep], g[keep])]

@@ -258,8 +258,8 @@ class Estimate:
         # Bins, and surveys begun in them.
         bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
         # Attitude.
-        self._delay.take(stamps[later], track.g_t[later])
         gyro = without_faulty(unusable, stretch.gyro)
+        self._delay.take(stamps[later], track.g_t[later], gyro[later, 0])
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         block = Block(stamps, gyro, accel, track, stretch.suspect, unusable, stretch.contaminated)
         rates = PrecisionRates(*self.bin_stage.precision.rates)

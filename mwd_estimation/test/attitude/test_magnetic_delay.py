@@ -84,6 +84,25 @@ def test_one_speed_shows_no_delay():
     assert pipeline.mag_late_ns == 0
 
 
+@pytest.mark.parametrize("first_off", [-0.3, 0.25, 0.6])
+@pytest.mark.parametrize("begins_s", [0.0, 0.07, 0.33])
+def test_a_toolface_that_settles_at_one_speed_shows_no_delay(first_off, begins_s):
+    # As a filter that begins in a turning string, or whose accelerometer's axes are mixed up from two seconds on.
+    seconds = begins_s + np.arange(500) * 0.01
+    stamps = START + np.round(seconds * 1e9).astype(np.int64)
+    since = np.where(seconds < begins_s + 2.0, seconds - begins_s, seconds - begins_s - 2.0)
+    truth, off = 12.57 * seconds, first_off * np.exp(-since / 0.4)
+    delay = MagneticDelay()
+    delay.take(stamps, np.column_stack([0.8 + 0.0 * truth, _across(truth + off)]), np.full(500, 12.57))
+    delay.take_mag(stamps, 3e-5 * np.column_stack([0.0 * truth, _across(truth + 0.9)]))
+    assert delay.judge(START + SPAN_NS) == 0
+    assert delay.sigma_s > 0.05
+
+
+def _across(angle):
+    return 0.6 * np.column_stack([np.sin(angle), np.cos(angle)])
+
+
 def test_the_correction_is_the_same_bits_however_the_streams_are_cut():
     imu, mag = drilled(0.1)
     whole, rows, _ = estimated(imu, mag)
@@ -97,7 +116,7 @@ def test_what_waits_stays_bounded_without_a_magnetometer():
     delay = MagneticDelay()
     for k in range(100):
         stamps = START + k * SPAN_NS + np.arange(500) * 10_000_000
-        delay.take(stamps, np.tile([0.5, 0.0, 0.8], (500, 1)))
+        delay.take(stamps, np.tile([0.5, 0.0, 0.8], (500, 1)), np.zeros(500))
         assert delay.judge(int(stamps[-1])) == 0
         assert sum(len(part) for part, _ in delay._imu) <= 500
 
