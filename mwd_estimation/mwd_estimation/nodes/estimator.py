@@ -63,9 +63,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def configure(self) -> None:
         """Compile the kernels and open the topics."""
-        self.get_logger().info("preparing the filters; the first time after a change they are compiled")
-        warm_up(self.settings)
-        self.get_logger().info("the filters are ready")
+        self.prepare(lambda: warm_up(self.settings))
         self._inputs = InputTopics(self)
         self._mount_key = self._inputs.mount_key
         self._noises = 0

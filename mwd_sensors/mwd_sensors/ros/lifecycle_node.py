@@ -148,6 +148,12 @@ class GraphNode(LifecycleNode, Generic[T]):
         """State of the active node, once a second."""
         return ()
 
+    def prepare(self, warm_up: Callable[[], None]) -> None:
+        """Compile the kernels; `mwd run` reads in the log that the node is at it."""
+        self.get_logger().info("preparing the filters; the first time after a change they are compiled")
+        warm_up()
+        self.get_logger().info("the filters are ready")
+
     # Entities.
 
     def add_publisher(self, msg_type: Any, topic: str, qos: QoSProfile) -> Any:

@@ -162,7 +162,7 @@ def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
         if found:
             raise StartError(f"{node} cannot start: {reason.splitlines()[0]}")
     if any("preparing the filters" in words and "the filters are ready" not in words for words in logs.values()):
-        return "the estimator compiles its filters"
+        return "a node compiles its filters"
     if not state:
         return "the surface node is starting, its page does not answer"
     rows = state.get("findings", {}).get("rows", [])

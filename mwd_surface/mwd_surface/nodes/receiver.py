@@ -29,6 +29,7 @@ from mwd_sensors.telemetry.downlink import COMMANDS, Frame
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_surface.nodes.receiver_settings import ReceiverSettings
+from mwd_surface.nodes.receiver_warm_up import warm_up
 from mwd_surface.receiver.link import link_attitude
 from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, LinkOutput, Quality
 from mwd_surface.receiver.link.link_feed import LinkFeed
@@ -76,7 +77,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._line: SerialBytes | None = None
 
     def configure(self) -> None:
-        """Read the tool configurations and open the topics."""
+        """Read the tool configurations, compile the kernels and open the topics."""
         settings = self.settings
         if not settings.tool_file:
             raise RuntimeError("tool_file: a receiver needs the tool configuration; `mwd tool new` writes one")
@@ -86,6 +87,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             self._errors = sensor_errors(settings.tool_code) if settings.tool_code else None
         except (ValueError, OSError) as error:
             raise RuntimeError(str(error)) from error
+        self.prepare(lambda: warm_up(self._tools))
         self._line = self._serial_line()
         self._inputs: list[_Input] = []
         buffers = [self._buffer(tool.link) for tool in self._tools]
