@@ -5,7 +5,7 @@ What each term of the bounded filter is worth: errors and honesty without it, as
     nice -n 10 python tests/benchmarks/bench.py --only ablation
 
 Each variant runs in a process of its own with its constants changed before the kernels are compiled. The scenarios are
-other than those of the benchmark and of its held-out set; they are simulated once. Errors above 1.1 times those of all
+other than those of the benchmark and of its drawn set; they are simulated once. Errors above 1.1 times those of all
 terms are bold.
 """
 
