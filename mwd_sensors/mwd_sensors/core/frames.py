@@ -15,10 +15,13 @@ high side to the scribe line (gravity) or from north to it (magnetic). All angle
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
 
 TAU = 2.0 * np.pi
 # Rows: east, north, up of a vector given as north, east, down; its own inverse.
@@ -146,21 +149,33 @@ def quat_from_mat(mat: ArrayLike) -> Array:
 
     The largest of the four components is taken from the trace first (Shepperd), so that no angle loses digits.
     """
-    mat = np.asarray(mat, dtype=float)
-    d = np.stack([mat[..., 0, 0], mat[..., 1, 1], mat[..., 2, 2]], axis=-1)
-    trace = d.sum(axis=-1)
+    mat = np.ascontiguousarray(mat, dtype=float)
+    q = np.empty((*mat.shape[:-2], 4))
+    _quaternions(mat.reshape(-1, 3, 3), q.reshape(-1, 4))
+    return q
+
+
+@compiled
+def _quaternions(mats: Array, out: Array) -> None:
+    """Fill out, shape (n, 4), with the quaternions of rotation matrices, shape (n, 3, 3)."""
     # Four times the products of the components: row k is q_k * q.
-    products = np.empty((*trace.shape, 4, 4))
-    for k in range(3):
-        products[..., k, k] = 1.0 + 2.0 * d[..., k] - trace
-    products[..., 3, 3] = 1.0 + trace
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        products[..., i, j] = products[..., j, i] = mat[..., i, j] + mat[..., j, i]
-        products[..., k, 3] = products[..., 3, k] = mat[..., j, i] - mat[..., i, j]
-    best = np.argmax(np.diagonal(products, axis1=-2, axis2=-1), axis=-1)
-    row = np.take_along_axis(products, best[..., None, None], axis=-2)[..., 0, :]
-    q = row / np.linalg.norm(row, axis=-1, keepdims=True)
-    return np.asarray(np.where(q[..., 3:] < 0.0, -q, q))
+    products = np.empty((4, 4))
+    for n in range(len(mats)):
+        mat, q = mats[n], out[n]
+        trace = mat[0, 0] + mat[1, 1] + mat[2, 2]
+        products[3, 3] = 1.0 + trace
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            products[i, i] = 1.0 + 2.0 * mat[i, i] - trace
+            products[i, j] = products[j, i] = mat[i, j] + mat[j, i]
+            products[k, 3] = products[3, k] = mat[j, i] - mat[i, j]
+        best = 0
+        for k in range(1, 4):
+            if products[k, k] > products[best, best]:
+                best = k
+        q[:] = products[best]
+        norm = math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        q /= -norm if q[3] < 0.0 else norm
 
 
 def orientation_et(mat_nt: ArrayLike) -> Array:

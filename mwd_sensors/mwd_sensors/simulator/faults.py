@@ -149,6 +149,8 @@ def spoil(
     """
     count = state.seen.get(topic, 0)
     state.seen[topic] = count + len(samples)
+    if not state.faults:
+        return samples, t
     keep = np.ones(len(samples), dtype=bool)
     index = count + np.arange(len(samples))
     copied = False

@@ -185,7 +185,7 @@ def joint_field(joints: ToolJoints, md: Array) -> Array:
 
 def to_tool(mat_nt: Array, vector_n: Array) -> Array:
     """Vectors (n, 3) or (3,) from NED into tool axes by mat_nt (n, 3, 3); plain sums, the same bits everywhere."""
-    v = np.broadcast_to(vector_n, (len(mat_nt), 3))
+    v = vector_n.reshape(-1, 3)
     return np.asarray(mat_nt[:, 0, :] * v[:, 0:1] + mat_nt[:, 1, :] * v[:, 1:2] + mat_nt[:, 2, :] * v[:, 2:3])
 
 

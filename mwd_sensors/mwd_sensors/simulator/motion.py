@@ -8,6 +8,7 @@ The position is the arc of the hole plus a bounded displacement; `kinematics` pu
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -101,9 +102,8 @@ class Motion:
         shake = np.zeros((CHANNELS, 3, count))
         if len(self.lines.channel):
             add_lines(self.lines, envelopes, start, dt, shake)
-        per_turn = self._per_turn()
-        if len(per_turn.channel):
-            add_per_turn(per_turn, angle, shake)
+        if len(self._per_turn.channel):
+            add_per_turn(self._per_turn, angle, shake)
         for sweep in self.vibrations.sweeps:
             add_sweep(_sweep_lines(sweep), start, dt, shake)
         if len(self.hits.time):
@@ -120,6 +120,7 @@ class Motion:
         assemble(self.path, bit[1], bit[2], angle, shake, out)
         return out
 
+    @functools.cached_property
     def _per_turn(self) -> PerTurnLines:
         channel, per_turn, phase, amplitude = [], [], [], []
         for item in self.vibrations.per_turn:
