@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -122,59 +123,75 @@ def _beside(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
     return np.ascontiguousarray(np.where(known[:, None], found, np.nan))
 
 
+@compiled
 def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
     """Which axis of the conventional unit axis k of sensor s is; without its mean where `centred`."""
     n = max(one.n, 1.0)
     off = one.total / n if centred else 0.0
     own = max(one.square - off * one.total, 0.0)
-    scale = np.array([1.0, _UNITS[s]])[:, None]
-    mean = one.other / n if centred else np.zeros((2, 3))
-    other = scale**2 * np.maximum(one.other2 - mean * one.other, 0.0)
-    product = scale * (one.product - off * one.other)
-    size = np.sqrt(other / n)
-    # Shape (2 units, 3 axes, 2 signs).
-    misfit = (own + other)[:, :, None] - 2.0 * product[:, :, None] * np.array([1.0, -1.0])
-    misfit /= np.maximum(own + other, 1e-300)[:, :, None]
-    itself = misfit[0, k, 0] if size[0, k] >= least else 2.0
-    if max(math.sqrt(own / n), size[0, k]) < least:
-        return SILENT_AXIS
+    itself, smallest, best = 2.0, math.inf, 0
+    for unit in range(2):
+        scale = _UNITS[s] if unit == 1 else 1.0
+        for c in range(3):
+            mean = one.other[unit, c] / n if centred else 0.0
+            other = scale * scale * max(one.other2[unit, c] - mean * one.other[unit, c], 0.0)
+            product = scale * (one.product[unit, c] - off * one.other[unit, c])
+            size = math.sqrt(other / n)
+            allowed = size >= least
+            if unit == 0 and c == k and max(math.sqrt(own / n), size) < least:
+                return SILENT_AXIS
+            if s == 0 and unit == 1:
+                # The other's bias, cut to one value, is as good as what it reads of a slow turn; so is a constant.
+                constant = one.other[1, c] ** 2 > _CONSTANT * n * one.other2[1, c]
+                allowed = allowed and not constant and one.at_most < 0.5 * n
+            for reversed_ in range(2):
+                misfit = 2.0
+                if allowed:
+                    misfit = own + other - 2.0 * product * (1.0 - 2.0 * reversed_)
+                    misfit /= max(own + other, 1e-300)
+                if unit == 0 and c == k and reversed_ == 0:
+                    itself = misfit
+                if misfit < smallest:
+                    smallest, best = misfit, 6 * unit + 2 * c + reversed_
     if itself < _SAME:
         return 2 * k
-    allowed = size >= least
-    if s == 0:
-        # The other's bias, cut to one value, is as good as what it reads of a slow turn; so is a constant reading.
-        allowed[1] &= one.other[1] ** 2 <= _CONSTANT * n * one.other2[1]
-        allowed[1] &= bool(one.at_most < 0.5 * n)
-    misfit = np.where(allowed[:, :, None], misfit, 2.0)
-    found = int(np.argmin(misfit))
-    if misfit.flat[found] < _SAME:
-        return found
+    if smallest < _SAME:
+        return best
     return NO_AXIS if itself > _OTHERWISE else UNCLEAR
 
 
-def read_axes(sums: Any, s: int) -> tuple[list[int], bool]:
+@compiled
+def read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
     """Find what the axes of sensor s are, and whether one of them is none of the other unit's while all else fits."""
-    rows = sums[3 * s : 3 * s + 3]
-    found, shaken = [SILENT_AXIS] * 3, 0.0
-    n = np.maximum(rows["n"], 1.0)
+    found, shaken = np.full(3, SILENT_AXIS), 0.0
     # A gyro's cross axes move little beside what leaks of a steady spin into them: the second look is without means.
     for centred in range(2 - s):
-        mean = rows["other"][:, 0] / n[:, None] if centred else 0.0
-        greatest = math.sqrt(max(float(((rows["other2"][:, 0] - mean * rows["other"][:, 0]) / n[:, None]).max()), 0.0))
-        shaken = max(shaken, greatest, float(np.sqrt(rows["square"] / n).max()))
+        greatest2, own2 = 0.0, 0.0
+        for k in range(3):
+            one = sums[3 * s + k]
+            n = max(one.n, 1.0)
+            own2 = max(own2, one.square / n)
+            for c in range(3):
+                mean = one.other[0, c] / n if centred else 0.0
+                greatest2 = max(greatest2, (one.other2[0, c] - mean * one.other[0, c]) / n)
+        greatest = math.sqrt(greatest2)
+        shaken = max(shaken, greatest, math.sqrt(own2))
         least = max(_LEAST[s], _LEAK[s] * greatest)
         for k in range(3):
-            one = rows[k]
+            one = sums[3 * s + k]
             if found[k] != SILENT_AXIS or one.n < _FEW:
                 continue
-            most = max(float(one.other2[0].max()), 0.0)
+            most = max(one.other2[0, 0], one.other2[0, 1], one.other2[0, 2], 0.0)
             full = one.at_most > 0.9 * one.n and one.square > max(4.0 * most, one.n * least**2)
-            found[k] = AT_ONE_END if s == 0 and not centred and full else _best(one, k, bool(centred), least, s)
-    plain = all(one in (2 * k, SILENT_AXIS, NO_AXIS, UNCLEAR) for k, one in enumerate(found))
-    return found, NO_AXIS in found and plain and (s == 0 or shaken < _SHAKEN)
+            found[k] = AT_ONE_END if s == 0 and not centred and full else _best(one, k, centred == 1, least, s)
+    plain, strange = True, False
+    for k in range(3):
+        plain = plain and (found[k] == 2 * k or found[k] in (SILENT_AXIS, NO_AXIS, UNCLEAR))
+        strange = strange or found[k] == NO_AXIS
+    return found[0], found[1], found[2], strange and plain and (s == 0 or shaken < _SHAKEN)
 
 
-def _mapping(found: list[int]) -> int:
+def _mapping(found: Sequence[int]) -> int:
     """Find the mapping of these axes, those that show nothing taken as they should be; 0 where that cannot be."""
     left = {0, 1, 2} - {one % 6 // 2 for one in found if one >= 0}
     matrix = np.zeros((3, 3), dtype=np.int64)
@@ -290,8 +307,8 @@ class PrecisionHealth:
         whole = np.zeros(6, dtype=SUMS)
         for name in SUMS.names or ():
             whole[name] = sum(one[name] for one in self._sums)
-        read, strange = read_axes(whole.view(SUMS), s)
-        latest, _ = read_axes(self._sums[-1], s)
+        *read, strange = read_axes(whole, s)
+        *latest, _ = read_axes(self._sums[-1], s)
         # Where the last half second differs from those before, it has just changed.
         found = read if read == latest else [SILENT_AXIS] * 3
         scaled = max(read) >= 6 and max(latest) >= 6
