@@ -38,6 +38,8 @@ class Check:
     value: float
     limit: float
     which: Annotated[Indices, 3]
+    #: AXES, FRAME: by sensor the mappings that explain all windows since the one that may hold the begin of the fault.
+    possible: Annotated[Indices, 3]
     changed: int  #: 1: to be reported
     seen: int  #: what was observed since `weigh` counted: NOTHING, AGAINST, FOR or STRONGLY
     #: `seen_ns`, `seen_value`, `seen_limit`, `seen_which`: what the observation would make of the fault.

@@ -275,32 +275,33 @@ class WindowJudge:
         dips = np.where(np.abs(sine) < 1.1, np.arcsin(np.clip(sine, -1.0, 1.0)), math.nan)
         return dips[:-1], float(dips[-1])
 
-    @staticmethod
-    def _least_contrived(possible: Flags) -> list[int]:
-        """Give the least contrived of these mistakes, as bits of their mappings by sensor."""
-        masks = [0, 0, 0]
-        if possible.any():
-            for m in np.flatnonzero(possible & (WEIGHTS[possible].min() == WEIGHTS)):
-                masks[int(_SENSOR[m])] |= 1 << int(_MAPPING[m])
-        return masks
+    def _least_contrived(self, check: Any, explaining: Flags) -> list[int]:
+        """
+        Give the least contrived mistakes that explain this window and those before, as bits of mappings by sensor.
+
+        The first window that speaks for a fault may hold its begin, and rules out none for the later ones. Where no
+        mistake explains them all, the latest window counts.
+        """
+        before = (check.possible[_SENSOR] >> _MAPPING & 1).astype(np.bool_)
+        if check.votes_for and bool((explaining & before).any()):
+            explaining = explaining & before
+        if self._window.seconds > _WHOLE_S:
+            check.possible = _bits(explaining) if check.votes_for else -1
+        return _bits(explaining & (WEIGHTS[explaining].min() == WEIGHTS))
 
     def _judge_axes(self) -> int:
         """Note the least contrived mistakes that explain the motion, and the dip where that is known."""
-        masks, seen = [0, 0, 0], NOTHING
+        masks, seen, check = [0, 0, 0], NOTHING, self._checks[FaultCode.AXES, 0]
         if self._force.bad or (self._field.bad and self._field.judged):
             explaining = self._explaining()
             if self._right_strength() and self._window.fields:
                 with_dip = explaining & (np.abs(self._dips()[0] - self._expected.dip) < self._limits.dip)
-                masks = self._least_contrived(with_dip if with_dip.any() else explaining)
-            else:
-                masks = self._least_contrived(explaining)
-            seen = FOR if any(masks) else NOTHING
+                explaining = with_dip if with_dip.any() else explaining
+            if explaining.any():
+                masks, seen = self._least_contrived(check, explaining), FOR
         elif self._force.confirms or self._field.confirms:
             seen = AGAINST
-        check = self._note(FaultCode.AXES, 0, seen)
-        common = [a & int(b) for a, b in zip(masks, check.which, strict=True)]
-        # What two windows leave possible together.
-        check.seen_which = common if seen == FOR and check.votes_for and any(common) else masks
+        self._note(FaultCode.AXES, 0, seen).seen_which = masks
         return seen
 
     def _judge_mount(self) -> bool:
@@ -343,17 +344,25 @@ class WindowJudge:
         wrong = off > p.dip_frame + sure and not flipped
         seen = FOR if wrong else (AGAINST if off < 0.2 else NOTHING)
         check = self._note(FaultCode.FRAME, 3, seen, dip, expected)
-        masks = self._frames(dips, up) if seen == FOR else [0, 0, 0]
-        before = [int(v) for v in check.which]
-        if check.votes_for and (before[1] or before[2]):
-            # What several windows leave possible together; where nothing is left, what was possible before.
-            common = [0, masks[1] & before[1], masks[2] & before[2]]
-            masks = common if any(common) else before
-        check.seen_which = masks
+        if seen == FOR:
+            explaining = self._frames(dips, up)
+            if explaining.any():
+                check.seen_which = self._least_contrived(check, explaining)
+            elif check.votes_for:
+                check.seen_which = check.which
 
-    def _frames(self, dips: Array, up: float) -> list[int]:
-        """Give the least contrived mistakes that leave the hole pointing down and explain motion and dip."""
+    def _frames(self, dips: Array, up: float) -> Flags:
+        """Find the simple mistakes that leave the hole pointing down and explain motion and dip."""
         matrices = _MATRICES[_MAPPING]
         rise = np.where(_SENSOR == ACCEL, matrices[:, :, 0] @ self._window.mean_force / self._length, up)
         near = np.abs(dips - self._expected.dip) < 0.1
-        return self._least_contrived(self._explaining() & near & (rise < 0.34) & (_SENSOR > 0) & (WEIGHTS <= 3))
+        found: Flags = self._explaining() & near & (rise < 0.34) & (_SENSOR > 0) & (WEIGHTS <= 3)
+        return found
+
+
+def _bits(mistakes: Flags) -> list[int]:
+    """Mappings of these mistakes, as bits by sensor."""
+    masks = [0, 0, 0]
+    for m in np.flatnonzero(mistakes):
+        masks[int(_SENSOR[m])] |= 1 << int(_MAPPING[m])
+    return masks

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core import sensor_fault as evidence
+from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health import monitor as health
@@ -192,6 +193,17 @@ def test_a_fault_while_drilling_is_named_within_ten_seconds_and_nothing_else_is(
     assert last.remedy
     assert 0.3 < last.confidence <= 1.0
     assert abs((changes[-1].since_ns - run.stamps[0]) * 1e-9 - START_S) <= 3.5
+
+
+@pytest.mark.parametrize("sensor", [ACCEL, MAG])
+@pytest.mark.parametrize("way", [11, 30, 37])
+def test_what_a_window_has_ruled_out_is_not_named_again(sensor, way):
+    # In stick-slip every other window leaves a simpler mistake possible.
+    run = spoilt(sent("bench/stickslip", 30.0), sensor, mapped(MAPPINGS[way]), 2.3)
+    state, _, changes = judged(run)
+    place = (GYRO, ACCEL, MAG).index(sensor)
+    assert {one.mappings[place] for one in changes} == {1 << way}
+    assert [one.mappings[place] for one in health.faults(state)] == [1 << way]
 
 
 UNSEEN = ("stuck", "constant", "saturated", "at zero")
