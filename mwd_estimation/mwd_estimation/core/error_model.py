@@ -32,6 +32,9 @@ class SensorErrors:
     misalignment_deg: float = 0.1  #: tool axis against hole axis, each way, the same all along (XYM1, XYM2), deg
     #: Hole axis at the station against the mean hole, other at each station (XYM3E, XYM4E), deg.
     course_misalignment_deg: float = 0.3
+    #: Turn of the accelerometers against the magnetometers about each axis: not in the code; what a calibration of both
+    #: in one fixture leaves, deg.
+    mount_deg: float = 0.02
     sag_deg: float = 0.2  #: sag of the assembly in a horizontal hole, uncorrected (SAGE), deg
 
     def covariance(self, f_t: ArrayLike, b_t: ArrayLike) -> Array:

@@ -274,14 +274,18 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
     """
     Errors of a station's readings: by the tool code, where one is named, else by the figures of the tool.
 
+    How the accelerometers are turned in their mount stands in no code: what the tool states of their direction is added
+    to what a calibration of both triads leaves.
+
     Raises
     ------
     ValueError
         No tool code of that name, or one that is not of a magnetic survey.
     """
     tool, described = settings.tool, assembly(settings.tool)
+    mount_deg = math.hypot(SensorErrors.mount_deg, math.degrees(1e-3 * tool.accelerometer.misalignment_mrad))
     if settings.survey.tool_code:
-        errors = tool_code.sensor_errors(settings.survey.tool_code)
+        errors = dataclasses.replace(tool_code.sensor_errors(settings.survey.tool_code), mount_deg=mount_deg)
         return errors if described is None else dataclasses.replace(errors, sag_deg=described.sigma_sag_deg)
     return SensorErrors(
         accelerometer_bias_mps2=tool.accelerometer.bias_ug / 1e6 * STANDARD_GRAVITY,
@@ -289,6 +293,7 @@ def sensor_errors(settings: EstimatorSettings) -> SensorErrors:
         magnetometer_bias_nt=tool.magnetometer.bias_nt,
         magnetometer_scale=tool.magnetometer.scale_ppm / 1e6,
         axial_interference_nt=tool.axial_interference_nt,
+        mount_deg=mount_deg,
         sag_deg=_sag_deg(tool, described),
     )
 

@@ -112,7 +112,9 @@ class Accelerometer:
         0.0,
         "Direction error of each axis that calibration leaves, 1 sigma, from the residual of a tumble calibration. "
         "With it, bias and scale error make the sigma of inclination and toolface of every sample, and raising one of "
-        "them widens it; 0 stands for not known: a calibrated tool, 0.15 mrad in all.",
+        "them widens it; 0 stands for not known: a calibrated tool, 0.15 mrad in all. In surveys it is how the "
+        "accelerometers may be turned in their mount: it widens the sigmas of inclination and azimuth, and from some "
+        "5 mrad on first stations are doubtful until a string that turns, or other toolfaces, show the mount.",
         unit="mrad",
         low=0.0,
         high=500.0,

@@ -349,6 +349,14 @@ def test_an_assembly_gives_the_sag_correction_and_its_sigma(tmp_path):
         derivation.station_params(changed(settings, {"tool.assembly_file": str(tmp_path / "none.yaml")}))
 
 
+@pytest.mark.parametrize("code", ["", "MWD+SRGM"])
+def test_what_a_tool_states_of_its_accelerometers_directions_is_in_its_surveys(code):
+    settings = changed(EstimatorSettings(), {"survey.tool_code": code})
+    stated = changed(settings, {"tool.accelerometer.misalignment_mrad": 5.0})
+    assert derivation.sensor_errors(settings).mount_deg == SensorErrors().mount_deg
+    assert math.radians(derivation.sensor_errors(stated).mount_deg) == pytest.approx(5e-3, rel=0.01)
+
+
 def test_a_tool_code_gives_the_errors_and_the_sigmas_of_the_field():
     settings = changed(EstimatorSettings(), {"survey.tool_code": "MWD+IFR1", **_FIXED})
     plain = changed(settings, {"survey.tool_code": ""})

@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stations of a run after a string that turned: what its means show is known before the first station."""
 
+import dataclasses
 import math
 
 import numpy as np
+import pytest
 
+from consistency import assert_consistent
+from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.measurement import measured
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
@@ -21,9 +25,9 @@ INCLINATION, AZIMUTH = 0.6, 1.2
 TURN = np.radians([0.0, 1.5, -1.3])
 
 
-def readings(toolface, turn, across):
+def readings(toolface, turn, across, azimuth=AZIMUTH):
     """Force, m/s^2, and field, T, of a tool whose accelerometers are turned and which has a field across its axis."""
-    mat = mat_nt(INCLINATION, AZIMUTH, toolface)
+    mat = mat_nt(INCLINATION, azimuth, toolface)
     force = mat.T @ [0.0, 0.0, -GRAVITY]
     field = mat.T @ (TOTAL * np.array([math.cos(DIP), 0.0, math.sin(DIP)])) + [0.0, *across]
     return force + np.cross(turn, force), field
@@ -79,3 +83,19 @@ def test_what_was_told_already_counts_once():
         # No filter falls below its floor, which is all that a second telling changes.
         at = slice(12, 15) if now.ndim == 1 else (slice(12, 15), slice(12, 15))
         np.testing.assert_allclose(now[at], then[at], rtol=5e-3, atol=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mount_deg", [0.25, 1.0])
+def test_single_stations_of_a_tool_err_by_their_sigma_where_it_states_how_its_mount_may_be_turned(mount_deg):
+    rng, found = np.random.default_rng(8), []
+    settings = dataclasses.replace(SETTINGS, errors=dataclasses.replace(BENCH, mount_deg=mount_deg))
+    for _ in range(60):
+        turn, azimuth = np.radians(mount_deg) * rng.standard_normal(3), rng.uniform(0.0, math.tau)
+        one = measured(*readings(rng.uniform(0.0, math.tau), turn, np.zeros(2), azimuth), REFERENCE, settings)
+        station = judged(one, RunModel(settings).take(one), settings)
+        found.append((station, station.inclination - INCLINATION, wrap_pi(station.azimuth - azimuth)))
+    assert_consistent([off for _, off, _ in found], [station.sigma_inclination for station, _, _ in found])
+    assert all(abs(off) < 3.0 * station.sigma_azimuth for station, _, off in found)
+    accepted = [station.verdicts.inclination == "accept" for station, _, _ in found]
+    assert any(accepted) == (mount_deg < 0.3)

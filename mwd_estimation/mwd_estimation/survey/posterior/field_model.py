@@ -58,9 +58,6 @@ _UPRIGHT = 1e-3
 class FieldErrors:
     """Nominal sigmas that are not those of the tool code or the reference."""
 
-    mount_deg: float = setting(
-        0.02, "Turn of the accelerometers against the magnetometers that calibration leaves", unit="deg", low=0.0
-    )
     quiet_nt: float = setting(25.0, "Field from outside on a quiet day, each component", unit="nT", low=0.0)
     # What of the reference's sigmas changes from station to station: MFIR, MDIR, DECR and DBHR of OWSG A003Mc rev 5.1.
     total_nt: float = setting(60.0, "Change of the total field from station to station", unit="nT", low=0.0)
@@ -164,7 +161,7 @@ def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, errors: F
     sigma[_SCALE : _SCALE + 3] = sensors.magnetometer_scale
     sigma[_FORCE : _FORCE + 3] = sensors.accelerometer_bias_mps2
     sigma[_STRETCH : _STRETCH + 3] = sensors.accelerometer_scale
-    sigma[_MOUNT : _MOUNT + 3] = math.radians(errors.mount_deg)
+    sigma[_MOUNT : _MOUNT + 3] = math.radians(sensors.mount_deg)
     if reference is not None:
         field = math.radians(errors.declination_degnt * 1e-3) / (reference.horizontal / UT)
         declination = math.hypot(math.radians(errors.declination_deg), field)
