@@ -12,6 +12,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import dataclasses
+import functools
 import re
 import ssl
 import time
@@ -190,6 +191,13 @@ class WitsmlStore(LoopInterface):
         self._last = f"{order} {result}"
         return result, answer.get("SuppMsgOut", "").strip()
 
+    @functools.cached_property
+    def _opener(self) -> urllib.request.OpenerDirector:
+        # The certificates of the system are read once: that takes longer than a call.
+        return urllib.request.build_opener(
+            urllib.request.HTTPSHandler(context=ssl.create_default_context()), _NoRedirect()
+        )
+
     def _ask(self, order: str, arguments: dict[str, str]) -> dict[str, str]:
         """One SOAP call; the texts of the elements of its answer."""
         inside = "".join(f"<{name}>{escape(text)}</{name}>" for name, text in arguments.items())
@@ -202,11 +210,8 @@ class WitsmlStore(LoopInterface):
         if self._authorization:
             headers["Authorization"] = self._authorization
         request = urllib.request.Request(self.settings.url, body.encode(), headers)  # noqa: S310 (checked in start)
-        opener = urllib.request.build_opener(
-            urllib.request.HTTPSHandler(context=ssl.create_default_context()), _NoRedirect()
-        )
         try:
-            with opener.open(request, timeout=self.settings.timeout) as response:
+            with self._opener.open(request, timeout=self.settings.timeout) as response:
                 answer = response.read(_LARGEST_ANSWER + 1)
         except urllib.error.HTTPError as error:
             with error:
