@@ -18,7 +18,12 @@ from mwd_sensors.core.records import dtype_of
 
 
 class ErrorOrder(NamedTuple):
-    """Order of the error state, truth minus estimate: the first place of each quantity of `State`, and their number."""
+    """
+    Order of the error state, truth minus estimate: the first place of each quantity of `State`, and their number.
+
+    ATTITUDE is about the axes of the level frame, rad; the others are as many as `State` has of each, in its units:
+    VELOCITY and EARTH_RATE along the two horizontal axes of that frame, LEAK of the y and z gyros.
+    """
 
     ATTITUDE: int = 0
     VELOCITY: int = 3
@@ -51,34 +56,34 @@ class Phase(enum.IntEnum):
 class KernelParams(NamedTuple):
     """`mwd_estimation.gyrocompass.seek_params.SeekParams` in SI; sigmas unless stated otherwise."""
 
-    gap_ns: int
-    horizontal: float  # horizontal Earth rate, rad/s
-    down: float  # vertical Earth rate, rad/s
-    gravity: float  # m/s^2, a value
-    coarse_seconds: float  # duration of the mean that starts S1's filter, s
-    level_seconds: float
-    block_seconds: float
-    gyro_noise: float  # y and z, rad/s/sqrt(Hz)
-    gyro_x_noise: float  # rad/s/sqrt(Hz)
-    accel_noise: float  # m/s^2/sqrt(Hz)
-    gyro_bias: float  # y and z, rad/s
-    start_bias: tuple[float, float, float]  # of x, y, z where a seek begins, rad/s
-    accel_bias: float  # m/s^2
-    bias_walk: float  # rad/s/sqrt(s)
-    bias_ramp: float  # rad/s^2
-    scale_x: float
-    leak: float  # rad/s of y and z per rad/s of x
-    g_sensitivity: float  # along, across, stretch and shear, rad/s per m/s^2
-    g_calibration: tuple[float, float, float, float]  # along, across, stretch, shear; a value
-    lag: float  # s, a value
-    lag_sigma: float
-    lead: float  # s, a value
-    lead_sigma: float
-    velocity: float  # m/s
-    axis_walk: float  # rad/sqrt(s)
-    direction_floor: float  # least noise of a direction, rad
-    gyro_range: float  # rate from which a sample counts as clipped, rad/s
-    still_rate: float  # rate about the axis below which the tool rests, rad/s
+    gap_ns: int  #: a longer data gap begins the seek anew, ns
+    horizontal: float  #: horizontal Earth rate, rad/s
+    down: float  #: vertical Earth rate, rad/s
+    gravity: float  #: local gravity, m/s^2, a value
+    coarse_seconds: float  #: duration of the mean that starts S1's filter, s
+    level_seconds: float  #: duration of the mean force that starts the filter, s
+    block_seconds: float  #: time between two Kalman steps, s
+    gyro_noise: float  #: white noise of the y and z gyros, rad/s/sqrt(Hz)
+    gyro_x_noise: float  #: white noise of the x gyro, rad/s/sqrt(Hz)
+    accel_noise: float  #: white noise of the accelerometers, m/s^2/sqrt(Hz)
+    gyro_bias: float  #: bias of the y and z gyros, rad/s
+    start_bias: tuple[float, float, float]  #: bias of x, y, z where a seek begins, rad/s
+    accel_bias: float  #: bias of the accelerometers, m/s^2
+    bias_walk: float  #: random walk of the gyro biases, rad/s/sqrt(s)
+    bias_ramp: float  #: steady drift of the gyro biases, rad/s^2
+    scale_x: float  #: scale error of the x gyro, as a share
+    leak: float  #: rate about x that y and z read, rad/s per rad/s
+    g_sensitivity: float  #: what calibration leaves along, across, of stretch and shear, rad/s per m/s^2
+    g_calibration: tuple[float, float, float, float]  #: calibrated g-sensitivity in that order and unit, a value
+    lag: float  #: delay of the y and z gyros behind the x gyro, s, a value
+    lag_sigma: float  #: of that delay, s
+    lead: float  #: time by which the accelerometer is ahead of the x gyro, s, a value
+    lead_sigma: float  #: of that time, s
+    velocity: float  #: velocity of the tool, m/s
+    axis_walk: float  #: random walk of the direction of the hole axis, rad/sqrt(s)
+    direction_floor: float  #: least noise of a direction, rad
+    gyro_range: float  #: rate from which a sample counts as clipped, rad/s
+    still_rate: float  #: rate about the axis below which the tool rests, rad/s
 
 
 class Sums:

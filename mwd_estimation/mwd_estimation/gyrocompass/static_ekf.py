@@ -42,7 +42,11 @@ MOVED_RATIO = 5.0
 
 
 class ErrorOrder(NamedTuple):
-    """Order of the error state (S1), truth minus estimate: the first of three axes of each, and their number."""
+    """
+    Order of the error state (S1), truth minus estimate: the first of three axes of each, and their number.
+
+    POSITION, VELOCITY and ATTITUDE in NED, m, m/s and rad; biases in tool axes, rad/s and m/s^2.
+    """
 
     POSITION: int = 0
     VELOCITY: int = 3
