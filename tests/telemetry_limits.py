@@ -9,7 +9,9 @@ Source: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008: union b
 
 from __future__ import annotations
 
+import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,6 +51,46 @@ def bit_error(ebn0_db: float, modulation: str) -> float:
     return 0.5 * math.exp(-energy) if modulation == "dpsk" else 0.5 * math.erfc(math.sqrt(energy))
 
 
+class Spectrum(NamedTuple):
+    """Paths that leave the all-zero path and come back: their weights, how many there are, how many ones they send."""
+
+    weights: Indices
+    paths: Array
+    ones: Array
+
+
+@functools.cache
+def spectrum(most: int = 24) -> Spectrum:
+    """
+    Distance spectrum up to a weight, counted along the trellis.
+
+    most : int
+        Largest weight of coded bits.
+    """
+    table, states, memory = convolution.outputs(), convolution.STATES, convolution.MEMORY
+    # Paths and ones at each state by the weight so far; a path begins with a one and ends where it meets zero.
+    paths, ones = np.zeros((states, most + 1)), np.zeros((states, most + 1))
+    start = int(table[0, 1])
+    paths[1 << (memory - 1), start.bit_count()] = 1.0
+    ones[1 << (memory - 1), start.bit_count()] = 1.0
+    ended, sent = np.zeros(most + 1), np.zeros(most + 1)
+    while paths.any():
+        next_paths, next_ones = np.zeros_like(paths), np.zeros_like(ones)
+        for state in range(1, states):
+            for bit in (0, 1):
+                weight = int(table[state, bit]).bit_count()
+                to = (bit << memory | state) >> 1
+                kept = most + 1 - weight
+                next_paths[to, weight:] += paths[state, :kept]
+                next_ones[to, weight:] += ones[state, :kept] + bit * paths[state, :kept]
+        ended += next_paths[0]
+        sent += next_ones[0]
+        next_paths[0] = next_ones[0] = 0.0
+        paths, ones = next_paths, next_ones
+    weights = np.flatnonzero(ended)
+    return Spectrum(weights, ended[weights], sent[weights])
+
+
 def coded_block_error(ebn0_db: float, bits: int, modulation: str) -> float:
     """
     Error probability of a block behind the convolutional code, soft decisions; a union bound, tight below 0.1.
@@ -62,11 +104,9 @@ def coded_block_error(ebn0_db: float, bits: int, modulation: str) -> float:
     modulation : str
         "bpsk", "qpsk" or "dpsk".
     """
-    spectrum = convolution.spectrum()
+    code = spectrum()
     pair = _dpsk_pair if modulation == "dpsk" else _coherent_pair
-    errors = [
-        count * pair(0.5 * ratio(ebn0_db), int(d)) for d, count in zip(spectrum.weights, spectrum.paths, strict=True)
-    ]
+    errors = [count * pair(0.5 * ratio(ebn0_db), int(d)) for d, count in zip(code.weights, code.paths, strict=True)]
     return float(min(1.0, bits * sum(errors)))
 
 

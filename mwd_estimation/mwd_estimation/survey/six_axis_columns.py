@@ -99,7 +99,7 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
     """
     Match the columns of a table to what they mean.
 
-    table, axial: as `six_axis_table.stations`. Raises ValueError as there.
+    table, axial: as `six_axis_table.table_rows`. Raises ValueError as there.
     """
     if axial not in (None, "x", "z"):
         raise ValueError(f"axial: {axial!r} is not x or z")

@@ -58,43 +58,6 @@ class TableStation:
         return self.first is not None and is_revised(self.first, self.station)
 
 
-def stations(
-    table: Mapping[str, Sequence[Any]],
-    override: Reference | None = None,
-    settings: StationSettings | None = None,
-    *,
-    axial: str | None = None,
-    refine: Refine | None = None,
-) -> list[TableStation]:
-    """
-    Compute every row of a six-axis table.
-
-    Parameters
-    ----------
-    table : mapping of str to sequence
-        Column name to its values, all of one length; numbers or their text, empty text where there is none.
-    override : Reference, optional
-        What it knows replaces the row's own reference.
-    settings : StationSettings, optional
-    axial : {"x", "z"}, optional
-        Which letter runs down-hole, for columns named by letters.
-    refine : callable, optional
-        Makes the reference that counts from that of a row and its time as written.
-
-    Returns
-    -------
-    list of TableStation
-        One for each row, in order. A row with an unreadable sensor value is rejected with that reason, not left out.
-
-    Raises
-    ------
-    ValueError
-        Missing or doubly given columns (with near misses), columns of different length, an unknown unit, a reference
-        that is no Earth field (with the row).
-    """
-    return single_stations(table_rows(table, override, axial=axial, refine=refine), settings)
-
-
 def single_stations(rows: Sequence[TableRow], settings: StationSettings | None = None) -> list[TableStation]:
     """Compute rows, each by itself."""
     return [

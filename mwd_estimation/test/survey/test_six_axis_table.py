@@ -11,13 +11,17 @@ from mwd_estimation.core.reason_text import texts
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_estimation.survey.six_axis_columns import find_columns
-from mwd_estimation.survey.six_axis_table import stations
+from mwd_estimation.survey.six_axis_table import single_stations, table_rows
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 from project import REFERENCE_DATA
 
 DEG = math.pi / 180.0
 VOLVE = REFERENCE_DATA / "volve" / "volve_F5_raw_sixaxis.csv"
+
+
+def stations(table, override=None, settings=None, **options):
+    return single_stations(table_rows(table, override, **options), settings)
 
 
 def volve():

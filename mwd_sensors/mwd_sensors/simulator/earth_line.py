@@ -108,12 +108,6 @@ def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tupl
     return constant, constant * outer / (2.0 * math.pi * sigma), radial
 
 
-def loss_db_per_km(resistivity: float, frequency_hz: Array, ground: Ground | None = None) -> Array:
-    """Loss along the string in uniform ground; frequency_hz, shape (n,). Returns shape (n,)."""
-    constant, _, _ = propagation(ground or Ground(), resistivity, frequency_hz)
-    return np.asarray(1000.0 * DB_PER_NEPER * constant.real)
-
-
 def response(ground: Ground, frequency_hz: Array) -> Complex:
     """
     Voltage between wellhead and electrode over the drive of the source, which is 1 at its most.

@@ -113,28 +113,3 @@ def encode(code: int, bits: int) -> Pulses:
         edges.append(at + k * (SPACING_TU - 1))
         at += 1
     return Pulses(tuple(edges), slots + _TAIL_TU)
-
-
-def decode(edges: tuple[int, ...], bits: int) -> int:
-    """
-    Code of a word from its leading edges.
-
-    Raises
-    ------
-    ValueError
-        The edges are no code of this length: a wrong number, too near to each other, or beyond the window.
-    """
-    count, slots = shape(bits)
-    if len(edges) != count:
-        raise ValueError(f"edges: a word of {bits} bits has {count} pulses, got {len(edges)}")
-    places = [edge - k * (SPACING_TU - 1) for k, edge in enumerate(edges)]
-    free = slots - (count - 1) * (SPACING_TU - 1)
-    if any(b <= a for a, b in itertools.pairwise(places)) or not 0 <= places[0] <= places[-1] < free:
-        raise ValueError(f"edges: {edges} are nearer than {SPACING_TU} TU or beyond the window of {slots} TU")
-    code, at = 0, 0
-    for k, place in enumerate(places):
-        code += sum(math.comb(free - j - 1, count - 1 - k) for j in range(at, place))
-        at = place + 1
-    if code >= 2**bits:
-        raise ValueError(f"edges: {edges} stand for a code beyond {bits} bits")
-    return code

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 PULSE_TU = 2
 GAP_TU = 4
-TU_PER_BIT = 4
 
 
 class Pulses(NamedTuple):

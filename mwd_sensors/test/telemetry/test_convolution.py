@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis.strategies import integers, lists
 
-from mwd_sensors.telemetry.convolution import MEMORY, encode, spectrum
+from mwd_sensors.telemetry.convolution import MEMORY, encode
+from telemetry_limits import spectrum
 
 BITS = lists(integers(0, 1), min_size=12, max_size=60)
 

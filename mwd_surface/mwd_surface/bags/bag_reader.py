@@ -73,11 +73,6 @@ class Bag:
         self._stream = PartStream(opened, self.topics, self._note_damage)
 
     @property
-    def damaged_messages(self) -> int:
-        """Skipped while reading because a layout or the compression was wrong."""
-        return self._decoder.damaged
-
-    @property
     def message_count(self) -> int:
         """Messages in all topics, as the bag's index says."""
         return sum(topic.count for topic in self.topics.values())

@@ -36,17 +36,11 @@ class SampleDecoder:
         Each message is compressed by itself.
     report : callable
         Handed a sentence on whatever cannot be decoded.
-
-    Attributes
-    ----------
-    damaged : int
-        Messages left out so far.
     """
 
     def __init__(
         self, topics: Mapping[str, TopicInfo], message_compression: bool, report: Callable[[str], None]
     ) -> None:
-        self.damaged = 0
         self._topics, self._message_compression, self._report = topics, message_compression, report
         # By type and schema: a merged recording may have topics with an older definition of a type.
         self._definitions: dict[tuple[str, str], Definitions] = {}
@@ -123,7 +117,6 @@ class SampleDecoder:
                 counts.append(len(parts[-1]))
             except wire.WireError as error:
                 counts.append(0)
-                self.damaged += 1
                 self._report(f"{name}: a message cannot be decoded and is left out: {error}")
         return np.repeat(log_ns, counts), _with_fields(np.concatenate(parts), wire.IMU, some)
 
@@ -147,7 +140,6 @@ class SampleDecoder:
                 samples[k] = self._one_sample(name, layout, data)
             except (BagError, ValueError, AttributeError) as error:
                 keep[k] = False
-                self.damaged += 1
                 self._report(f"{name}: a message cannot be decoded and is left out: {error}")
         return log_ns[keep], _with_fields(samples[keep], layout, some)
 
@@ -164,14 +156,13 @@ class SampleDecoder:
         return sample[0]  # type: ignore[no-any-return]
 
     def unzipped(self, data: bytes) -> bytes | None:
-        """A message that was compressed by itself; None where it is damaged, which is counted and reported."""
+        """A message that was compressed by itself; None where it is damaged, which is reported."""
         reason = f"it claims more than {_MAX_MESSAGE_BYTES} bytes"
         try:
             if zstandard.frame_content_size(data) <= _MAX_MESSAGE_BYTES:
                 return zstandard.ZstdDecompressor().decompress(data, max_output_size=_MAX_MESSAGE_BYTES)
         except (zstandard.ZstdError, MemoryError) as error:
             reason = str(error)
-        self.damaged += 1
         self._report(f"a compressed message is damaged and left out: {reason}")
         return None
 

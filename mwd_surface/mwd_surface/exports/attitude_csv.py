@@ -31,23 +31,6 @@ _ROW_BYTES = 21 + 2 * len(_ANGLES) * 13 + 3 * 14 + 2
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
 
-def rows(attitude: Samples, gravity: Samples) -> bytes:
-    """
-    Lines of n samples, without the header.
-
-    Parameters
-    ----------
-    attitude, gravity : samples of `wire.ATTITUDE` and `wire.GRAVITY`, shape (n,)
-        Of the same stamps. A negative sigma: its value is unknown.
-
-    Raises
-    ------
-    ValueError
-        The two are not of the same length.
-    """
-    return bytes(Lines()(attitude, gravity))
-
-
 class Lines:
     """Lines of one block after the other, in a buffer that is used again: what a call returns holds until the next."""
 
@@ -55,7 +38,19 @@ class Lines:
         self._buffer = np.empty(0, dtype=np.uint8)
 
     def __call__(self, attitude: Samples, gravity: Samples) -> memoryview:
-        """As `rows`."""
+        """
+        Lines of n samples, without the header.
+
+        Parameters
+        ----------
+        attitude, gravity : samples of `wire.ATTITUDE` and `wire.GRAVITY`, shape (n,)
+            Of the same stamps. A negative sigma: its value is unknown.
+
+        Raises
+        ------
+        ValueError
+            The two are not of the same length.
+        """
         n = len(attitude)
         if len(gravity) != n:
             raise ValueError(f"gravity: expected {n} samples as attitude has, got {len(gravity)}")

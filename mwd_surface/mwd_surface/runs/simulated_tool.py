@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 from mwd_estimation.downhole.transmitter import Sent, Transmitter
 from mwd_estimation.pipeline.output import Output
@@ -119,13 +119,3 @@ def estimator_settings(sonde: Sonde) -> EstimatorSettings:
         block, _, key = name.partition(".")
         nested.setdefault(block, {})[key] = value
     return from_mapping(EstimatorSettings, nested)
-
-
-def heard_over(sonde: Sonde, block_s: float = 1.0) -> Iterator[tuple[SimulatedTool, list[Heard]]]:
-    """Play a whole run: the tool, and what was heard at the surface in each block."""
-    tool = SimulatedTool(sonde)
-    done = 0.0
-    for block in sonde.blocks(block_s):
-        done = min(done + block_s, sonde.duration)
-        yield tool, tool.take(block, done)[1]
-    yield tool, tool.finish()

@@ -69,5 +69,4 @@ def test_a_burst_that_cannot_be_read_is_left_out_and_reported(tmp_path):
         bag.write(channel, burst.encode(samples(5), "sonde_link")[:-9], START + 1)
     with Bag(tmp_path / "bag") as bag:
         assert len(np.concatenate([block["/w/imu/burst"][1] for block in bag.blocks(["/w/imu/burst"])])) == 5
-        assert bag.damaged_messages == 1
         assert any("left out" in note for note in bag.notes)

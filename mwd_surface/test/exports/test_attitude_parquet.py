@@ -36,7 +36,7 @@ def test_parquet_holds_the_cells_of_the_csv(tmp_path):
             writer.write(attitude[k : k + 120], gravity[k : k + 120])
         writer.write(attitude[:0], gravity[:0])
     table = pq.read_table(tmp_path / "a.parquet")
-    text = attitude_csv.HEADER + "\n" + attitude_csv.rows(attitude, gravity).decode()
+    text = attitude_csv.HEADER + "\n" + bytes(attitude_csv.Lines()(attitude, gravity)).decode()
     lines = list(csv.DictReader(io.StringIO(text)))
     assert table.column_names == [*attitude_csv.HEADER.split(","), "north"]
     for line, row in zip(lines, table.to_pylist(), strict=True):

@@ -12,7 +12,7 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.receiver import pressure_files
 from mwd_surface.receiver.link import receivers
 from mwd_surface.runs import simulate
-from mwd_surface.runs.simulated_tool import SimulatedTool, heard_over
+from mwd_surface.runs.simulated_tool import SimulatedTool
 
 pytestmark = pytest.mark.slow
 
@@ -41,8 +41,12 @@ def story():
 
 
 def played(story, block_s):
-    steps = list(heard_over(Sonde(story), block_s))
-    return steps[-1][0], [heard for _, some in steps for heard in some]
+    sonde, heard, done = Sonde(story), [], 0.0
+    tool = SimulatedTool(sonde)
+    for block in sonde.blocks(block_s):
+        done = min(done + block_s, sonde.duration)
+        heard += tool.take(block, done)[1]
+    return tool, heard + tool.finish()
 
 
 def test_pressure_and_words_do_not_depend_on_the_blocks(story):

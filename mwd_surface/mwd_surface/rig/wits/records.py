@@ -30,17 +30,6 @@ SYSTEMS = ("metric", "fps")
 SPARES = ("totals", "mwdstd-raw6", "none")
 # Of record 1: the signal that an item brings.
 RECORD_1: dict[int, Signal] = {s.reads: s for s in SIGNALS if s.reads is not None}
-# Items without a value: code and short name.
-TEXTS: dict[int, str] = {
-    701: "WID",
-    702: "SKNO",
-    703: "RID",
-    704: "SQID",
-    705: "DATE",
-    706: "TIME",
-    707: "ACTC",
-    712: "STYP",
-}
 _ITEMS = tuple((s.wits, s) for s in TO_RIG if s.wits is not None)
 _HOLE = Wits(711, "DMEA", 2)  # also in the record of a survey
 # Values that we send, by code: item and signal.

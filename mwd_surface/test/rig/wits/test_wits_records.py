@@ -12,7 +12,7 @@ from example_surveys import S, survey, surveys
 
 from mwd_estimation.core.status import Status
 from mwd_surface.rig.wits.format import Decoder, encode
-from mwd_surface.rig.wits.records import RECORD_1, SENT, TEXTS, RecordWriter, Wits0Format, activity_code, rig_readings
+from mwd_surface.rig.wits.records import RECORD_1, SENT, RecordWriter, Wits0Format, activity_code, rig_readings
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.survey_list import SurveyList
 from project import REFERENCE_DATA
@@ -152,8 +152,6 @@ def test_a_survey_without_magnetometer_has_no_made_up_items():
 def test_codes_names_and_units_are_those_of_the_specification():
     with SYMBOLS.open(newline="") as file:
         rows = {int(row["code"]): row for row in csv.DictReader(file)}
-    for code, name in TEXTS.items():
-        assert (rows[code]["name"], rows[code]["data_type"] == "F") == (name, False)
     for code, (item, _) in SENT.items():
         if code // 100 in (7, 8) and item.name:
             assert (rows[code]["name"], rows[code]["data_type"]) == (item.name, "F")
