@@ -172,33 +172,35 @@ def add_lines(lines: Lines, envelopes: Array, start: float, dt: float, out: Arra
 
     envelopes, shape (e, 3, n), and out, shape (6, 3, n): value, rate, acceleration at start + k dt.
     """
-    n = out.shape[2]
-    envelope, channel, frequency_hz = lines.envelope, lines.channel, lines.frequency_hz
-    phase, amplitude = lines.phase, lines.amplitude
-    value, rate, acceleration = np.zeros(n), np.zeros(n), np.zeros(n)
-    for k in range(len(channel)):
-        omega = 2.0 * math.pi * frequency_hz[k]
+    count = len(lines.channel)
+    omega = 2.0 * math.pi * lines.frequency_hz
+    c, s, step_c, step_s = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+    for k in range(count):
         # Whole turns are dropped before they cost digits.
-        turns = frequency_hz[k] * start
-        angle = 2.0 * math.pi * (turns - math.floor(turns)) + phase[k]
-        c, s = amplitude[k] * math.cos(angle), amplitude[k] * math.sin(angle)
-        step_c, step_s = math.cos(omega * dt), math.sin(omega * dt)
-        for i in range(n):
-            value[i] += c
-            rate[i] -= omega * s
-            acceleration[i] -= omega * omega * c
-            c, s = c * step_c - s * step_s, s * step_c + c * step_s
-        last = k + 1 == len(channel)
-        if last or channel[k + 1] != channel[k] or envelope[k + 1] != envelope[k]:
-            e, ch = envelope[k], channel[k]
-            for i in range(n):
-                e0, e1, e2 = envelopes[e, 0, i], envelopes[e, 1, i], envelopes[e, 2, i]
-                out[ch, 0, i] += e0 * value[i]
-                out[ch, 1, i] += e0 * rate[i] + e1 * value[i]
-                out[ch, 2, i] += e0 * acceleration[i] + 2.0 * e1 * rate[i] + e2 * value[i]
-                value[i] = 0.0
-                rate[i] = 0.0
-                acceleration[i] = 0.0
+        turns = lines.frequency_hz[k] * start
+        angle = 2.0 * math.pi * (turns - math.floor(turns)) + lines.phase[k]
+        c[k], s[k] = lines.amplitude[k] * math.cos(angle), lines.amplitude[k] * math.sin(angle)
+        step_c[k], step_s[k] = math.cos(omega[k] * dt), math.sin(omega[k] * dt)
+    first = 0
+    while first < count:
+        e, ch = lines.envelope[first], lines.channel[first]
+        end = first + 1
+        while end < count and lines.channel[end] == ch and lines.envelope[end] == e:
+            end += 1
+        # While the string stands still, the lines of drilling add nothing.
+        active = np.any(envelopes[e] != 0.0)
+        for i in range(out.shape[2] if active else 0):
+            value, rate, acceleration = 0.0, 0.0, 0.0
+            for k in range(first, end):
+                value += c[k]
+                rate -= omega[k] * s[k]
+                acceleration -= omega[k] * omega[k] * c[k]
+                c[k], s[k] = c[k] * step_c[k] - s[k] * step_s[k], s[k] * step_c[k] + c[k] * step_s[k]
+            e0, e1, e2 = envelopes[e, 0, i], envelopes[e, 1, i], envelopes[e, 2, i]
+            out[ch, 0, i] += e0 * value
+            out[ch, 1, i] += e0 * rate + e1 * value
+            out[ch, 2, i] += e0 * acceleration + 2.0 * e1 * rate + e2 * value
+        first = end
 
 
 @compiled
