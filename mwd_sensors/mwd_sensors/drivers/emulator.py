@@ -8,8 +8,11 @@ It obeys the commands of `probe_protocol`: start and stop of the samples, its ti
 from __future__ import annotations
 
 import collections
+import fcntl
 import os
 import select
+import struct
+import termios
 import time
 import tty
 from collections.abc import Iterable, Iterator, Mapping
@@ -27,6 +30,9 @@ XSENS_FIELD_T = 50e-6
 PROTOCOLS = ("binary", "ascii", "xsens")
 # Longest wait for commands between two samples, and for who reads the line, s.
 _WAIT_S = 0.02
+# At the end the line stays until the host has read nothing new for the first, at most for the second, s: taken away, it
+# would take what the host has not read with it.
+_QUIET_S, _LONGEST_DRAIN_S = 0.2, 10.0
 
 
 class Emulator:
@@ -136,10 +142,17 @@ class Emulator:
                 data = data[os.write(self._master, data) :]
 
     def _drain(self) -> None:
-        """Answer commands for a moment after the last sample."""
-        end = time.monotonic() + 10.0 * _WAIT_S
-        while time.monotonic() < end:
+        """Answer commands until the host has read everything, and for a moment after; not for ever: it may not read."""
+        began = busy = time.monotonic()
+        while (now := time.monotonic()) < min(busy + _QUIET_S, began + _LONGEST_DRAIN_S):
             self._obey(_WAIT_S)
+            if self._unread():
+                busy = now
+
+    def _unread(self) -> int:
+        """Bytes on the line that the host has not read."""
+        (count,) = struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))
+        return int(count)
 
     def _obey(self, wait_s: float) -> None:
         """Obey the commands that come within a time, and answer them."""

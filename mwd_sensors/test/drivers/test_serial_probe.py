@@ -44,6 +44,14 @@ def received(probe, until, within=30.0):
     return got
 
 
+def received_to_the_end(probe, player):
+    """Readings until the player has ended."""
+    got = []
+    while player.is_alive():
+        got += probe.poll(time.time_ns())
+    return got
+
+
 @pytest.mark.parametrize("protocol", ["binary", "ascii"])
 def test_what_a_probe_sends_comes_to_the_bit(protocol):
     sent = measured()
@@ -60,6 +68,27 @@ def test_what_a_probe_sends_comes_to_the_bit(protocol):
     for topic, samples in sent.items():
         mine = samples_of(topic, [one for one in got if one.topic == topic])
         assert mine.tobytes() == samples.tobytes()
+
+
+def test_the_line_stays_until_the_host_has_read_the_last_sample():
+    sent = measured(0.1)
+    emulator, splitter = Emulator("binary"), probe_protocol.Splitter(text=False)
+    host = os.open(emulator.device, os.O_RDONLY | os.O_NOCTTY)
+
+    def play():
+        with emulator:
+            emulator.play([sent], 0.0)
+
+    player = threading.Thread(target=play)
+    player.start()
+    player.join(1.0)
+    assert player.is_alive()
+    expected, got = sum(len(samples) for samples in sent.values()), 0
+    while got < expected:
+        got += len(list(splitter.take(os.read(host, 100))))
+    player.join()
+    os.close(host)
+    assert got == expected
 
 
 def test_a_scenario_is_played_though_most_of_its_blocks_have_no_temperature():
@@ -113,8 +142,7 @@ def test_the_unit_s_time_is_brought_to_that_of_the_host():
         probe = SerialProbe(LineSettings(port=emulator.device))
         player = threading.Thread(target=emulator.play, args=([sent], 1.0))
         player.start()
-        got = received(probe, 150)
-        player.join()
+        got = received_to_the_end(probe, player)
         assert probe.clock.jumps == 0
         assert got[0].stamp_ns + probe.offset_ns == pytest.approx(time.time_ns(), abs=5e9)
         probe.close()
@@ -219,8 +247,7 @@ def test_the_time_of_the_emulated_unit_runs_before_and_between_its_samples():
         probe = SerialProbe(LineSettings(port=emulator.device))
         player = threading.Thread(target=emulator.play, args=(slowly(), 1.0))
         player.start()
-        got = received(probe, 150)
-        player.join()
+        got = received_to_the_end(probe, player)
         assert probe.clock.jumps == 0
         assert got[0].stamp_ns + probe.offset_ns == pytest.approx(time.time_ns(), abs=8e9)
         probe.close()
