@@ -10,7 +10,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
-from mwd_sensors.ros.stop_signals import STOP_PATIENCE
+from mwd_sensors.ros.stop_signals import STOP_LIMIT
 
 _RESPAWN_DELAY = 2.0  # s
 _SWITCHES = ("use_sim_time", "autostart")
@@ -49,8 +49,8 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
                 respawn_delay=_RESPAWN_DELAY,
                 # A signal that comes while Python ends would kill a node that is ending in order. Where launch alone
                 # gets SIGINT, SIGTERM is the first signal of the node.
-                sigterm_timeout=str(STOP_PATIENCE),
-                sigkill_timeout=str(STOP_PATIENCE),
+                sigterm_timeout=str(STOP_LIMIT),
+                sigkill_timeout=str(STOP_LIMIT),
             ),
         ]
     )

@@ -35,7 +35,7 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     Run nodes in this process, one callback at a time, until one of them is stopped; they end last first.
 
     Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise; files are not for others.
-    SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0, within `STOP_PATIENCE` or with status 1;
+    SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0; with status 1 after `STOP_PATIENCE`;
     parameters that are not allowed end it with status 2 and one sentence.
     """
     # Nodes find each other on this machine alone unless somebody opens that up, however they are started.

@@ -14,10 +14,16 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable
+from pathlib import Path
 
 STOP_PATIENCE = 15.0
-"""Longest time from the request to stop to the end of the process, s; on a busy machine an orderly end takes seven."""
+"""Longest time from the request to stop to the end of the process, s, apart from the time it waits for a processor."""
+STOP_LIMIT = 60.0
+"""Longest time whatever it waits for, s: whoever started the process waits longer than that before SIGKILL."""
+_SCHEDULE = Path("/proc/self/schedstat")  # of the main thread: ns on a processor, ns waiting for one, turns
+_LOOK_PERIOD = 0.2  # s
 _START_PATIENCE = 2.0  # s; from a signal until a node that is still starting is given up
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
@@ -60,6 +66,29 @@ class StopSignals:
 
 
 def end_within(seconds: float) -> None:
-    """End this process with status 1, and the stacks of its threads on standard error, unless it ends before."""
+    """
+    End this process with status 1, and the stacks of its threads on standard error, unless it ends before.
+
+    The time in which the main thread waits for a processor does not count, where the system tells it: a node that still
+    works on a busy machine does not hang.
+    """
     # Needs neither the main thread nor the interpreter's lock.
     faulthandler.dump_traceback_later(seconds, exit=True)
+    threading.Thread(target=_allow_for_waiting, args=(seconds,), name="stop limit", daemon=True).start()
+
+
+def _allow_for_waiting(seconds: float) -> None:
+    began, waited = time.monotonic(), _waited_for_processor()
+    while True:
+        time.sleep(_LOOK_PERIOD)
+        allowed = min(seconds + _waited_for_processor() - waited, STOP_LIMIT)
+        left = began + allowed - time.monotonic()
+        faulthandler.dump_traceback_later(max(left, 1e-3), exit=True)
+
+
+def _waited_for_processor() -> float:
+    """Time that the main thread has waited for a processor so far, s; 0 where the system does not tell."""
+    try:
+        return int(_SCHEDULE.read_text().split()[1]) * 1e-9
+    except OSError:
+        return 0.0

@@ -5,6 +5,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -13,7 +15,7 @@ pytestmark = pytest.mark.slow
 pytest.importorskip("rclpy")
 
 NODE = """
-import ctypes, dataclasses, os, sys, threading, time
+import ctypes, dataclasses, os, subprocess, sys, threading, time
 from mwd_sensors.ros import run_node, stop_signals
 from mwd_sensors.ros.lifecycle_node import GraphNode
 moment, run_node.STOP_PATIENCE = sys.argv[1], float(sys.argv[2])
@@ -22,6 +24,17 @@ def hang():
     print("now", flush=True)
     while True:
         ctypes.CDLL(None).usleep(100_000_000)  # in native code, as a compiler and the middleware are
+
+def compute(seconds):
+    # Of a processor that another process uses too.
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
+    words = [sys.executable, "-c", "import signal; signal.alarm(40)\\nwhile True: pass"]
+    rival = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    until = time.thread_time() + seconds
+    while time.thread_time() < until:
+        pass
+    rival.kill()
+    rival.wait()
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
@@ -51,6 +64,8 @@ class Node(GraphNode[Settings]):
     def deactivate(self):
         if moment == "deactivate":
             hang()
+        if moment == "compute":
+            compute(0.6 * run_node.STOP_PATIENCE)
 
 if moment == "idle":
     Node.add_timer = lambda *_: threading.Timer(1.0, print, ["now"], {"flush": True}).start()
@@ -99,6 +114,14 @@ def test_a_node_ends_in_order_however_often_and_whenever_it_is_asked(moment, num
     both = (number, signal.SIGTERM, signal.SIGINT) * 20
     status, output = asked_to_end(moment, *(() if moment == "exit" else both), environment=environment)
     assert (status, "Traceback" in output, "Thread" in output) == (0, False, False)
+
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the system does not tell how long it waits")
+def test_a_node_that_waits_for_a_processor_is_not_taken_for_one_that_hangs(environment):
+    began = time.monotonic()
+    status, output = asked_to_end("compute", signal.SIGINT, patience=3.0, environment=environment)
+    assert (status, "Thread" in output) == (0, False)
+    assert time.monotonic() - began > 3.0
 
 
 # Both say that they are there: the callback hangs at once, the deactivation when it is asked to end.

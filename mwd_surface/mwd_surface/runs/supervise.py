@@ -30,7 +30,7 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
 _SETTLED = 20.0  # s of life after which a crash counts as the first again
 _MOST_CRASHES = 5  # in a row before a process counts as failing
 _SLOW_PAUSE = 30.0  # s between attempts to start a failing process
-_PATIENCE, _TERM_PATIENCE = 17.0, 2.0  # s; a node that hangs ends itself before, and says where
+_PATIENCE, _TERM_PATIENCE = 62.0, 2.0  # s; a node that hangs ends itself before (STOP_LIMIT), and says where
 _MOST_LOG = 20_000_000  # bytes
 _PR_SET_PDEATHSIG = 1
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from mwd_sensors.ros import stop_signals
 from mwd_surface.runs import supervise
 from mwd_surface.runs.supervise import Order, Supervisor
 
@@ -177,6 +178,10 @@ def test_processes_end_by_request_and_in_order(make, tmp_path):
     assert not supervisor.runs("b")
     supervisor.watch()
     assert not supervisor.runs("a")
+
+
+def test_a_node_that_hangs_has_time_to_end_itself():
+    assert supervise._PATIENCE > stop_signals.STOP_LIMIT
 
 
 def test_a_deaf_process_is_killed_and_named(make, tmp_path, monkeypatch):
