@@ -14,6 +14,7 @@ import dataclasses
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.pulse.channel_estimate import (
     BEFORE,
@@ -42,7 +43,8 @@ _PROMISING, _ROUNDS = 2.0, 2
 _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
 # Chi square with 4 degrees of freedom of the pulses' sizes about their mean; the estimated response adds to it.
 _UNLIKE = 30.0
-_LEAST_SIZE = 0.1  # at 6 dB a size has a sigma of a quarter
+# Log likelihood ratio up to which a pulse may rather be missing: noise has more once in a thousand syncs at 6 dB.
+_MISSING = 6.0
 _MIDDLE = SAMPLES_PER_TU  # of a pulse of 2 TU behind its edge
 _LEAST_NOISE = 200  # samples that a noise model needs
 # Pumps that start move the mean of some samples by more than so many times its usual deviation, and settle.
@@ -100,11 +102,8 @@ def search(
     SyncFound or None
         None where nothing looks like one.
     """
-    moved, early = 0, whitener is None and begin < _LEAST_NOISE
-    if early:
-        moved = min(_settled(pressure), max(begin - BEFORE, 0))
-    elif whitener is None:
-        moved = _settled(pressure[:begin])
+    early = whitener is None and begin < _LEAST_NOISE
+    moved = min(_settled(pressure), max(begin - BEFORE, 0)) if early else _settled(pressure[:begin])
     pressure, known, begin, end = pressure[moved:], known[moved:], begin - moved, end - moved
     pressure = pressure - pump_noise(pressure, known)
     if whitener is None:
@@ -149,8 +148,7 @@ def _found(
     begin, end = span
     whitened = np.empty(len(pressure))
     filtered(pressure, whitener, whitened)
-    # A disturbed sample counts as its weight, on either side of the ratio.
-    whitened *= np.sqrt(steadiness(whitened, known))
+    weight = steadiness(whitened, known)
     components = basis(RESPONSE, tool.tu_s)
     shapes = np.array([np.convolve(one, whitener)[: RESPONSE + _TAIL] for one in components])
     edges = SAMPLES_PER_TU * np.array(tool.sync.edges_tu)
@@ -160,67 +158,85 @@ def _found(
     if last <= first:
         return None
     count = last - first
-    explained, total, score = _explained(whitened, shapes, edges, first, count)
-    freedom = len(shapes)
+    score = _scores(whitened, weight, _columns(shapes, edges), first, count)
     at = int(np.argmax(score))
     if score[at] < least:
         return None
     # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
-    found = _fitted(whitened, shapes, edges, first + at)
+    found = _fitted(whitened, weight, shapes, edges, first + at)
     early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
     moved = min(max(at + early, 0), count - 1)
     if moved != at:
-        at, found = moved, _fitted(whitened, shapes, edges, first + moved)
-    noise = float((total[at] - explained[at]) / (length - freedom))
-    if not _alike(whitened, found[0] @ shapes, edges, first + at, noise):
+        at, found = moved, _fitted(whitened, weight, shapes, edges, first + moved)
+    if not _alike(whitened, weight, found[0] @ shapes, edges, first + at):
         return None
     response = found[0] @ components
     return SyncFound(first + at, float(score[at]), response, found[1], whitener, first + at)
 
 
-def _explained(whitened: Array, shapes: Array, edges: Array, first: int, count: int) -> tuple[Array, Array, Array]:
-    """Energy that a sync explains at each of `count` samples from `first` on, all the energy there, and the score."""
-    length = int(edges[-1]) + RESPONSE + _TAIL
-    span = whitened[first - BEFORE : first + count + length - BEFORE]
-    # Correlation with each component at each sample, summed over the pulses.
-    folded = np.zeros((len(shapes), count))
-    for k, shape in enumerate(shapes):
-        one = np.correlate(span, shape, mode="valid")
-        for edge in edges:
-            folded[k] += one[edge : edge + count]
-    matrix = _energies(shapes, edges, length)
-    squares = np.concatenate([[0.0], np.cumsum(span**2)])
-    total = np.maximum(squares[length : length + count] - squares[:count], 1e-9)
-    values, vectors = np.linalg.eigh(matrix)
-    along = (vectors.T @ folded) ** 2
-    # A weak prior keeps components that the pulses hardly see from being fitted to noise.
-    explained = np.sum(along / (values + 0.02 * values.mean())[:, None], axis=0)
-    score = np.full(count, -np.inf)
-    for energy in _ENERGIES:
-        variance = energy / values.sum()
-        share = np.sum(along / (values + 1.0 / variance)[:, None], axis=0) / total
-        ratio = -0.5 * np.log1p(variance * np.maximum(values, 0.0)).sum() - 0.5 * length * np.log1p(
-            -np.minimum(share, 0.999)
-        )
-        score = np.maximum(score, ratio)
-    return explained, total, score
+def _columns(shapes: Array, edges: Array) -> Array:
+    """Whitened pressure of all pulses of a sync for each component, from `BEFORE` its start; shape (c, samples)."""
+    columns = np.zeros((len(shapes), int(edges[-1]) + shapes.shape[1]))
+    for edge in edges:
+        columns[:, edge : edge + shapes.shape[1]] += shapes
+    return columns
 
 
-def _energies(shapes: Array, edges: Array, length: int) -> Array:
-    train = np.zeros(length + BEFORE)
-    train[BEFORE + edges] = 1.0
-    matrix, right = np.empty((len(shapes), len(shapes))), np.empty(len(shapes))
-    normal_equations(train, shapes, train, np.ones(len(train)), matrix, right)
-    return matrix
+def _scores(whitened: Array, weight: Array, columns: Array, first: int, count: int) -> Array:
+    """Log likelihood ratio of a sync at each of `count` samples from `first` on."""
+    length = columns.shape[1]
+    span = slice(first - BEFORE, first + count + length - 1 - BEFORE)
+    whitened, weight = whitened[span], weight[span]
+    gram = np.empty((count, len(columns), len(columns)))
+    folded = np.empty((count, len(columns)))
+    for a, one in enumerate(columns):
+        folded[:, a] = np.correlate(weight * whitened, one, mode="valid")
+        for b in range(a + 1):
+            gram[:, a, b] = gram[:, b, a] = np.correlate(weight, one * columns[b], mode="valid")
+    # A weight says how large the noise of a sample is beside that of the others; so each that is known counts as one.
+    total, samples = (np.convolve(x, np.ones(length), mode="valid") for x in (weight * whitened**2, weight > 0.0))
+    score = np.empty(count)
+    _ratios(gram, folded, np.maximum(total, 1e-9), samples, np.array(_ENERGIES) / np.sum(columns**2), score)
+    return score
 
 
-def _fitted(whitened: Array, shapes: Array, edges: Array, at: int) -> tuple[Array, float]:
+@compiled
+def _ratios(gram: Array, folded: Array, total: Array, samples: Array, variances: Array, score: Array) -> None:
+    """
+    Fill the largest log likelihood ratio of some variances of the components, noise being 1.
+
+    gram, folded, shapes (n, c, c), (n, c): normal equations at each place; total, samples, shape (n,): all the energy
+    there, and of how many samples; score, shape (n,).
+    """
+    c = gram.shape[1]
+    root, along = np.zeros((c, c)), np.zeros(c)
+    for i in range(len(score)):
+        score[i] = -np.inf
+        for variance in variances:
+            # Cholesky factor of the normal equations with their prior, and the energy that they explain.
+            share, size = 0.0, c * np.log(variance)
+            for a in range(c):
+                for b in range(a + 1):
+                    x = gram[i, a, b] + (1.0 / variance if a == b else 0.0)
+                    for k in range(b):
+                        x -= root[a, k] * root[b, k]
+                    root[a, b] = x / root[b, b] if a > b else np.sqrt(x)
+                along[a] = folded[i, a]
+                for k in range(a):
+                    along[a] -= root[a, k] * along[k]
+                along[a] /= root[a, a]
+                share += along[a] ** 2 / total[i]
+                size += 2.0 * np.log(root[a, a])
+            score[i] = max(score[i], -0.5 * size - 0.5 * samples[i] * np.log1p(-min(share, 0.999)))
+
+
+def _fitted(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int) -> tuple[Array, float]:
     """Coefficients of the response that fit a sync best, and their scale."""
     begin, end = at - BEFORE, at + int(edges[-1]) + shapes.shape[1]
     train = np.zeros(end - begin)
     train[BEFORE + edges] = 1.0
     matrix, right = np.empty((len(shapes), len(shapes))), np.empty(len(shapes))
-    normal_equations(train, shapes, whitened[begin:end], np.ones(end - begin), matrix, right)
+    normal_equations(train, shapes, whitened[begin:end], weight[begin:end], matrix, right)
     scale = float(np.sqrt(len(shapes)) * np.linalg.norm(right) / np.trace(matrix))
     u = right
     for _ in range(5):
@@ -228,16 +244,18 @@ def _fitted(whitened: Array, shapes: Array, edges: Array, at: int) -> tuple[Arra
     return u, scale
 
 
-def _alike(whitened: Array, response: Array, edges: Array, at: int, noise: float) -> bool:
+def _alike(whitened: Array, weight: Array, response: Array, edges: Array, at: int) -> bool:
     """Whether all pulses of a sync are there, with sizes that noise explains."""
     count = len(edges)
-    begin = at - BEFORE
     columns = np.zeros((int(edges[-1]) + len(response), count))
     for k, edge in enumerate(edges):
         columns[edge : edge + len(response), k] = response
-    gram = columns.T @ columns
-    sizes = np.linalg.solve(
-        gram + 1e-9 * np.trace(gram) * np.eye(count), columns.T @ whitened[begin : begin + len(columns)]
-    )
-    apart = sizes - sizes.mean()
-    return bool(sizes.min() > _LEAST_SIZE and apart @ gram @ apart < _UNLIKE * noise)
+    here = slice(at - BEFORE, at - BEFORE + len(columns))
+    whitened, weighted = whitened[here], columns.T * weight[here]
+    left = whitened - columns.sum(axis=1)
+    noise = float(weight[here] @ left**2 / max(np.count_nonzero(weight[here]), 1))
+    gram = weighted @ columns
+    apart = np.linalg.solve(gram + 1e-9 * np.trace(gram) * np.eye(count), weighted @ left)
+    # Log likelihood ratio of no pulse to one: a disturbed pulse says little of itself.
+    missing = -np.diag(gram) * (0.5 + apart)
+    return bool(missing.max() < _MISSING * noise and apart @ gram @ apart < _UNLIKE * noise)

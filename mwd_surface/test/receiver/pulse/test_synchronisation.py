@@ -57,6 +57,28 @@ def test_weak_syncs_are_found_and_noise_is_not():
     assert passed <= 3
 
 
+@pytest.mark.parametrize("pulse", range(5))
+def test_a_stall_on_one_pulse_of_a_sync_hides_no_sync(pulse):
+    edges = [400 + 4 * e for e in (0, 5, 15, 20, 30)]
+    pressure = data(edges, size=3.0)
+    begin = edges[pulse] - 4
+    pressure[begin : begin + 24] += 60.0 * np.sin(np.linspace(0.0, np.pi, 24))
+    found = search(pressure, np.ones(900), ToolConfiguration(), 300, 550)
+    assert found is not None
+    assert abs(found.at - 400) <= 4
+
+
+def test_pumps_that_start_spoil_no_search_whose_noise_is_known():
+    """Lines of the pumps are averaged over what comes after their start, also behind a sync that was none."""
+    tool, known, rising = ToolConfiguration(), np.ones(900), np.arange(900)
+    pressure = data([500 + 4 * e for e in (0, 5, 15, 20, 30)]) + 20.0 * np.cos(1.79 * rising)
+    whitener = search(pressure, known, tool, 300, 620).whitener
+    pressure += 5000.0 * (1.0 - np.exp(-np.maximum(rising - 20.0, 0.0) / 8.0))
+    found = search(pressure, known, tool, 300, 620, whitener)
+    assert found is not None
+    assert abs(found.at - 500) <= 4
+
+
 @pytest.mark.parametrize("size", [150.0, 5000.0])
 def test_pumps_that_start_shortly_before_hide_no_sync(size):
     pressure = data([400 + 4 * e for e in (0, 5, 15, 20, 30)], size=2.0)
