@@ -5,7 +5,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from welleng.survey import Survey, SurveyHeader
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -30,6 +29,9 @@ def at_attitude(
     code: short name. inclination, azimuth, latitude: rad, azimuth from true north. reference: with a field; its own
     sigmas are not used, the code has its.
     """
+    # Each worker of the tests imports this file; the import of welleng takes half a second.
+    from welleng.survey import Survey, SurveyHeader
+
     header = SurveyHeader(
         latitude=math.degrees(latitude),
         longitude=0.0,
