@@ -22,8 +22,8 @@ from mwd_sensors.core.frames import wrap_pi
 from stations.tool_code import DEG, FIELD_NOISE, FORCE_NOISE
 
 HEAD = (
-    "| stations | number | accepted % | > 3 sigma % | > 10 deg % | > 45 deg % | rms deg | NEES | NEES, all "
-    "| inclination > 3 sigma % |"
+    "| stations | number | accepted % | not determined % | > 3 sigma % | > 10 deg % | > 45 deg % | rms deg "
+    "| NEES | NEES, all | inclination > 3 sigma % |"
 )
 UNKNOWN = PropagatedAzimuth(*[math.nan] * 5)
 _SECOND, _AVERAGED, _SAMPLES = 10**9, 10 * 10**9, 1000
@@ -31,11 +31,16 @@ _SECOND, _AVERAGED, _SAMPLES = 10**9, 10 * 10**9, 1000
 
 @dataclasses.dataclass(frozen=True)
 class Judged:
-    """Of one station, rad: azimuth error and 1 sigma as published, whether accepted; of the inclination."""
+    """
+    Of one station, rad: azimuth error and 1 sigma as published, whether accepted; of the inclination.
+
+    undetermined: the attitude does not determine the azimuth, and the station is accepted for its inclination.
+    """
 
     error: float
     sigma: float
     accepted: bool
+    undetermined: bool
     inclination_error: float
     inclination_sigma: float
 
@@ -61,6 +66,7 @@ def judged(survey: Survey, inclination: float, azimuth: float) -> Judged:
         error=float(wrap_pi(station.azimuth - azimuth)) if known else math.nan,
         sigma=math.sqrt(station.covariance[1, 1]) if known else math.pi,
         accepted=known and station.verdicts.azimuth == "accept",
+        undetermined=station.verdicts.azimuth == "not_determined" and station.verdict == "accept",
         inclination_error=station.inclination - inclination,
         inclination_sigma=math.sqrt(station.covariance[0, 0]),
     )
@@ -90,7 +96,9 @@ def row(name: str, found: list[Judged]) -> str:
     def mean(values: Array) -> str:
         return f"{np.mean(values):.2f}" if len(values) else ""
 
-    words = [f"{len(found)}", f"{100.0 * np.mean(accepted):.1f}", share(off > 3.0 * limit), share(off > 10.0 * DEG)]
+    words = [f"{len(found)}", f"{100.0 * np.mean(accepted):.1f}"]
+    words += [f"{100.0 * np.mean([one.undetermined for one in found]):.1f}"]
+    words += [share(off > 3.0 * limit), share(off > 10.0 * DEG)]
     words += [share(off > 45.0 * DEG), f"{math.sqrt(np.mean(off**2)) / DEG:.2f}" if len(off) else ""]
     words += [mean((off / limit) ** 2), mean((error[known] / sigma[known]) ** 2), share(np.array(leaning))]
     return f"| {name} | " + " | ".join(words) + " |"
