@@ -31,19 +31,21 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 class Talk:
-    """A node of the test on the graph's domain, in a process of its own because a process has one domain for good."""
+    """
+    A node of the test on the graph's domain, in a process of its own because a process has one domain for good.
+
+    It joins the graph when its report is asked for; what it imports is there by then.
+    """
 
     def __init__(self, graph, script):
-        self.done = subprocess.run(
-            [sys.executable, "-c", script],
-            env=graph.environment,
-            capture_output=True,
-            text=True,
-            timeout=720,
-            check=False,
-        )
-        assert self.done.returncode == 0, self.done.stderr
-        self.reported = json.loads(self.done.stdout.splitlines()[-1])
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        self._process = subprocess.Popen([sys.executable, "-c", script], env=graph.environment, text=True, **pipes)
+        graph.running[f"talk {self._process.pid}"] = self._process
+
+    def report(self):
+        out, errors = self._process.communicate("\n", timeout=720)
+        assert self._process.returncode == 0, errors
+        return json.loads(out.splitlines()[-1])
 
 
 TALK = (
@@ -58,58 +60,14 @@ from mwd_msgs.msg import Attitude, Gravity, SurveyList
 from sensor_msgs.msg import Imu, MagneticField
 from mwd_msgs.srv import JudgeSurvey, SetDepth, SetReferenceField, InjectFault, Export
 from mwd_sensors.ros import qos
+input()
 rclpy.init(); node = rclpy.create_node("talk"); reported = {}
 call = functools.partial(call, node)
 """
 )
 
 
-SHUT_DOWN = """
-transition = Transition(id=Transition.TRANSITION_ACTIVE_SHUTDOWN)
-reported["shut down"] = call(ChangeState, "/w1/sonde/change_state", transition=transition).success
-print(json.dumps(reported))
-"""
-
-
-@pytest.fixture(scope="module")
-def played(tmp_path_factory):
-    """A whole run of the short scenario with everything asked of it on the way."""
-    folder = tmp_path_factory.mktemp("graph")
-    with running_graph.graph(folder) as graph:
-        plan = folder / "plan.csv"
-        plan.write_text("md_m,inc_deg,azi_true_deg\n0,30,40\n60,36,47\n300,60,50\n")
-        settings = {"folder": folder / "data", "page__port": 0, "well__sensor_to_bit": 3.0, "record__name": "run"}
-        settings |= {"plan__file": plan, "advisory__toolface_deg": 30.0}
-        settings |= {"rig__modbus__enabled": True, "rig__modbus__port": 0}
-        surface = graph.start("surface", "w1", **settings)
-        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
-        for name in (surface, estimator):
-            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
-        sonde = graph.start("sonde", "w1", scenario=SCENARIO, wait_for_listener_s=60.0, fault_injection=False)
-        facts = {}
-        address = graph.log(surface).split("page: ")[1].split()[0]
-
-        def state():
-            with urllib.request.urlopen(address + "state.json", timeout=5) as answer:  # noqa: S310  (loopback)
-                return json.loads(answer.read())
-
-        def taking():
-            table = state().get("sections", {}).get("survey_progress", {})
-            return table if table.get("active") else None
-
-        def page():
-            now = state()
-            return now if now["sections"]["surveys"]["rows"] else None
-
-        facts["taking"] = until(taking, 60, "a survey under way")
-        until(lambda: "survey 1 in use" in graph.log(surface), 90, "first survey")
-        facts["page"] = until(page, 10, "the survey is on the page")
-        progress = until(lambda: page()["sections"]["survey_progress"]["result"], 10, "what came of the survey")
-        facts["progress"] = progress
-        facts["reported"] = Talk(
-            graph,
-            TALK
-            + """
+QUESTIONS = """
 got, plain = [], {}
 node.create_subscription(SurveyList, "/w1/surveys", got.append, qos.LATCHED)
 for name, kind in (("imu/data_raw", Imu), ("imu/mag", MagneticField), ("attitude", Attitude), ("gravity", Gravity)):
@@ -138,8 +96,53 @@ reported["bad field"] = call(SetReferenceField, "/w1/set_reference_field", total
 reported["fault"] = call(InjectFault, "/w1/inject_fault", component="mag", fault="stuck").message
 reported["export"] = call(Export, "/w1/export", format="csv").path
 print(json.dumps(reported))
-""",
-        ).reported
+"""
+
+
+SHUT_DOWN = """
+transition = Transition(id=Transition.TRANSITION_ACTIVE_SHUTDOWN)
+reported["shut down"] = call(ChangeState, "/w1/sonde/change_state", transition=transition).success
+print(json.dumps(reported))
+"""
+
+
+@pytest.fixture(scope="module")
+def played(tmp_path_factory):
+    """A whole run of the short scenario with everything asked of it on the way."""
+    folder = tmp_path_factory.mktemp("graph")
+    with running_graph.graph(folder) as graph:
+        plan = folder / "plan.csv"
+        plan.write_text("md_m,inc_deg,azi_true_deg\n0,30,40\n60,36,47\n300,60,50\n")
+        settings = {"folder": folder / "data", "page__port": 0, "well__sensor_to_bit": 3.0, "record__name": "run"}
+        settings |= {"plan__file": plan, "advisory__toolface_deg": 30.0}
+        settings |= {"rig__modbus__enabled": True, "rig__modbus__port": 0}
+        surface = graph.start("surface", "w1", **settings)
+        estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
+        for name in (surface, estimator):
+            until(lambda name=name: ": active" in graph.log(name), 90, f"{name} is active")
+        questions, shut_down = Talk(graph, TALK + QUESTIONS), Talk(graph, TALK + SHUT_DOWN)
+        sonde = graph.start("sonde", "w1", scenario=SCENARIO, wait_for_listener_s=60.0, fault_injection=False)
+        facts = {}
+        address = graph.log(surface).split("page: ")[1].split()[0]
+
+        def state():
+            with urllib.request.urlopen(address + "state.json", timeout=5) as answer:  # noqa: S310  (loopback)
+                return json.loads(answer.read())
+
+        def taking():
+            table = state().get("sections", {}).get("survey_progress", {})
+            return table if table.get("active") else None
+
+        def page():
+            now = state()
+            return now if now["sections"]["surveys"]["rows"] else None
+
+        facts["taking"] = until(taking, 60, "a survey under way")
+        until(lambda: "survey 1 in use" in graph.log(surface), 90, "first survey")
+        facts["page"] = until(page, 10, "the survey is on the page")
+        progress = until(lambda: page()["sections"]["survey_progress"]["result"], 10, "what came of the survey")
+        facts["progress"] = progress
+        facts["reported"] = questions.report()
         facts["modbus status"] = _modbus_status(folder / "data" / "w1")
 
         def without_plan():
@@ -151,7 +154,7 @@ print(json.dumps(reported))
         facts["page without plan"] = until(without_plan, 20, "the page without plan")
         until(lambda: "scenario is over" in graph.log(sonde), 90, "the scenario is over")
         until(lambda: "survey: survey 2" in graph.log(surface), 30, "second survey")
-        facts["shut down"] = Talk(graph, TALK + SHUT_DOWN).reported["shut down"]
+        facts["shut down"] = shut_down.report()["shut down"]
         began = time.monotonic()
         facts["ends"] = {"sonde": (graph.wait(sonde, 20.0), time.monotonic() - began)}
         facts["ends"]["estimator"] = graph.end(estimator, signal.SIGTERM)
