@@ -34,6 +34,8 @@ _LEAST_RESULTANT, _FEW = 0.7, 5
 _ANGLE, _WALK, _PRIOR_S = math.radians(2.0), math.radians(0.3), 0.2
 # At rest a biased magnetometer errs alike in all bins: those of ten seconds count as one, of this 1 sigma, rad.
 _RESTS, _REST_ANGLE = 0.5, math.radians(5.0) * math.sqrt(20.0)
+# Turn of the string, rad, over which a reading that stays the same is that of a magnetometer that hangs.
+_HANGS = 0.5
 # A delay counts from so many seconds and sigmas on: at 120 r/min 5 ms turn the field by 3.6 deg.
 _LEAST_S, _SIGMAS = 0.005, 4.0
 # A long delay is corrected as soon as it is known to this share, and then to the rest.
@@ -61,6 +63,7 @@ class MagneticDelay:
         self._imu: list[tuple[Stamps, Array]] = []
         self._mag: list[tuple[Stamps, Array]] = []
         self._bin = np.iinfo(np.int64).min
+        self._last_b, self._hangs = np.full(2, np.nan), False
 
     @property
     def sigma_s(self) -> float:
@@ -106,14 +109,15 @@ class MagneticDelay:
         at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
         last = until_ns // _BIN_NS
         known = np.isfinite(g).all(axis=1) & (np.hypot(g[:, 0], g[:, 1]) > _LEAST_GRAVITY)
-        seen = np.isfinite(b).all(axis=1) & (np.hypot(b[:, 0], b[:, 1]) > _LEAST_FIELD)
-        seen &= (at // _BIN_NS > self._bin) & (at // _BIN_NS < last)
-        if known.sum() > 1 and seen.any():
-            seen &= _beside(stamps[known], at)
+        new = (at // _BIN_NS > self._bin) & (at // _BIN_NS < last)
+        if known.sum() > 1 and new.any():
             turned, when = np.unwrap(np.arctan2(g[known, 0], g[known, 1])), stamps[known]
+            spun = np.cumsum(g[known, 2] * np.diff(when, prepend=when[0]) * 1e-9)
+            seen = np.isfinite(b).all(axis=1) & (np.hypot(b[:, 0], b[:, 1]) > _LEAST_FIELD) & _beside(when, at)
+            seen &= new
+            seen[new] &= self._measured(b[new], np.interp(at[new], when, spun))
             down = np.interp(at[seen], when, turned)
             rate = np.interp(at[seen], when, g[known, 2])
-            spun = np.cumsum(g[known, 2] * np.diff(when, prepend=when[0]) * 1e-9)
             now = np.interp(at[seen], when, spun)
             begun = self._angle, self._begun, self._P.copy(), self.delay_s
             for _ in range(_PASSES):
@@ -130,6 +134,14 @@ class MagneticDelay:
         self._imu = [(stamps[keep], g[keep])]
         keep = at // _BIN_NS >= last
         self._mag = [(at[keep], b[keep])]
+
+    def _measured(self, b: Array, spun: Array) -> NDArray[np.bool_]:
+        """Which fields, shape (n, 2), are not one reading that stays while the string turns; spun: its angle, rad."""
+        same = np.array([*(b[:1] == self._last_b).all(axis=1), *(b[1:] == b[:-1]).all(axis=1)])
+        begin = np.maximum.accumulate(np.where(same, 0, np.arange(len(b))))
+        hangs = (np.abs(spun - spun[begin]) > _HANGS) | (same[begin] & self._hangs)
+        self._last_b, self._hangs = b[-1], bool(hangs[-1])
+        return ~hangs
 
     def _take_bins(self, bins: Stamps, angle: Array, rate: Array) -> None:
         for part in np.split(np.arange(len(bins)), np.flatnonzero(np.diff(bins)) + 1):
