@@ -6,7 +6,8 @@ Gravity and field across the tool turn together: seen from the tool, their direc
 attitude of the hole sets. A field that is stamped late by L is that of an earlier toolface, and the angle is off by the
 rotary speed times L. A filter of two states, angle and delay, follows the mean of each half second: at one speed both
 look alike, from two speeds on they separate. An error of the field that turns with the tool averages out over turns.
-The speed is the gyro's: the toolface also moves while a filter settles or an accelerometer fails, at one speed.
+The speed is the gyro's: the toolface also moves while a filter settles or an accelerometer fails, at one speed. Where
+the gyro says nothing, it is that of the toolface.
 """
 
 from __future__ import annotations
@@ -57,13 +58,17 @@ class MagneticDelay:
     """
 
     def __init__(self) -> None:
+        self.begin_anew()
+        self._mag: list[tuple[Stamps, Array]] = []
+        self._bin = np.iinfo(np.int64).min
+        self._last_b, self._hangs = np.full(2, np.nan), False
+
+    def begin_anew(self) -> None:
+        """Forget what was found with rates that were wrong; the fields that wait stay."""
         self._angle, self._begun = 0.0, False
         self._P = np.diag([math.pi**2, _PRIOR_S**2])
         self.delay_s = 0.0
         self._imu: list[tuple[Stamps, Array]] = []
-        self._mag: list[tuple[Stamps, Array]] = []
-        self._bin = np.iinfo(np.int64).min
-        self._last_b, self._hangs = np.full(2, np.nan), False
 
     @property
     def sigma_s(self) -> float:
@@ -72,7 +77,7 @@ class MagneticDelay:
 
     def take(self, stamps: Stamps, g_t: Array, rate_x: Array) -> None:
         """
-        Take gravity in tool axes, shape (n, 3), and the rate about x, rad/s, shape (n,); nan while unknown.
+        Take gravity in tool axes, shape (n, 3), and the rate about x, rad/s, shape (n,); nan where unknown.
 
         Each stamp is later than all before.
         """
@@ -108,16 +113,17 @@ class MagneticDelay:
         stamps, g = (np.concatenate(parts) for parts in zip(*self._imu, strict=True))
         at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
         last = until_ns // _BIN_NS
-        known = np.isfinite(g).all(axis=1) & (np.hypot(g[:, 0], g[:, 1]) > _LEAST_GRAVITY)
+        known = np.isfinite(g[:, :2]).all(axis=1) & (np.hypot(g[:, 0], g[:, 1]) > _LEAST_GRAVITY)
         new = (at // _BIN_NS > self._bin) & (at // _BIN_NS < last)
         if known.sum() > 1 and new.any():
             turned, when = np.unwrap(np.arctan2(g[known, 0], g[known, 1])), stamps[known]
-            spun = np.cumsum(g[known, 2] * np.diff(when, prepend=when[0]) * 1e-9)
+            speed = np.where(np.isnan(g[known, 2]), np.gradient(turned, 1e-9 * (when - when[0])), g[known, 2])
+            spun = np.cumsum(speed * np.diff(when, prepend=when[0]) * 1e-9)
             seen = np.isfinite(b).all(axis=1) & (np.hypot(b[:, 0], b[:, 1]) > _LEAST_FIELD) & _beside(when, at)
             seen &= new
             seen[new] &= self._measured(b[new], np.interp(at[new], when, spun))
             down = np.interp(at[seen], when, turned)
-            rate = np.interp(at[seen], when, g[known, 2])
+            rate = np.interp(at[seen], when, speed)
             now = np.interp(at[seen], when, spun)
             begun = self._angle, self._begun, self._P.copy(), self.delay_s
             for _ in range(_PASSES):

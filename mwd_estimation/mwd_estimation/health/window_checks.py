@@ -344,6 +344,8 @@ class WindowJudge:
         wrong = off > p.dip_frame + sure and not flipped
         seen = FOR if wrong else (AGAINST if off < 0.2 else NOTHING)
         check = self._note(FaultCode.FRAME, 3, seen, dip, expected)
+        if not check.votes_for:
+            check.possible = -1
         if seen == FOR:
             explaining = self._frames(dips, up)
             if explaining.any():

@@ -24,7 +24,8 @@ from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.core.sensor_fault import MAG
+from mwd_estimation.core.sensor_fault import GYRO, MAG
+from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_jumps import MOST_AHEAD, advances
 from mwd_estimation.core.track import Track, sample_arrays
 from mwd_estimation.gravity import methods as gravity
@@ -41,12 +42,13 @@ from mwd_estimation.survey.magnetic_feedback import MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, Refusal
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import input_covariance
-from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.arrays import Array, Samples
 
 _STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
 # Samples in a row without a later stamp that show that time stands still: of a second, by which single stamps may be
 # off (`time_jumps.BACK_NS`), even of a fast unit.
 _STANDS_STILL = 10_000
+_CLIPPED = int(Status.CLIPPED)
 
 
 class _Ahead:
@@ -103,6 +105,7 @@ class Estimate:
         self._use_gravity(None)
         self._dynamics_state = drilling_dynamics.initial()
         self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
+        self._gyro_usable = True
         self._shift_mag(mag_late_ns)
         self._ahead = {"mag": _Ahead(), "precision": _Ahead(), "temperature": _Ahead()}
         self.last_imu_ns = self._newest_ns = np.iinfo(np.int64).min
@@ -224,6 +227,15 @@ class Estimate:
             output = output.joined(piece)
         return output
 
+    def _measure_delay(self, stretch: Stretch, track: Track, rate_x: Array, later: NDArray[np.bool_]) -> None:
+        """Take gravity and the rate about x, nan where the gyro must not be used, against the field."""
+        usable = stretch.unusable & GYRO == 0
+        if self._gyro_usable and not usable:
+            self._delay.begin_anew()
+        self._gyro_usable = usable
+        rate_x = np.where(track.status & _CLIPPED != 0, np.nan, rate_x)
+        self._delay.take(stretch.stamps[later], track.g_t[later], rate_x[later])
+
     def _correct_delay(self, span: int) -> None:
         """Where a span of time has ended, correct what it shows of the magnetometer's stamps."""
         if span > self._delay_span:
@@ -259,7 +271,7 @@ class Estimate:
         bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
         # Attitude.
         gyro = without_faulty(unusable, stretch.gyro)
-        self._delay.take(stamps[later], track.g_t[later], gyro[later, 0])
+        self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         block = Block(stamps, gyro, accel, track, stretch.suspect, unusable, stretch.contaminated)
         rates = PrecisionRates(*self.bin_stage.precision.rates)

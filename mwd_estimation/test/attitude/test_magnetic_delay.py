@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.core.settings import from_mapping
 
 START = 1_700_000_000 * 10**9
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.0, convergence=0.0, gravity=9.81, source="test")
@@ -41,9 +43,9 @@ def drilled(late_s=0.0, cross_axial=(0.0, 0.0), rates=((0.0, 12.0), (11.0, 20.0)
     return imu, mag
 
 
-def estimated(imu, mag, cuts=()):
+def estimated(imu, mag, cuts=(), settings=None):
     """The pipeline after all samples, its rows and its faults; magnetic samples arrive by their stamps."""
-    pipeline, rows, faults = Pipeline(EstimatorSettings(), REFERENCE), [], []
+    pipeline, rows, faults = Pipeline(settings or EstimatorSettings(), REFERENCE), [], []
     edges = [START - 10**12, *(int(imu["stamp_ns"][k]) for k in cuts), START + 10**12]
     for first, last in itertools.pairwise(edges):
         pipeline.push_mag(mag[(mag["stamp_ns"] >= first) & (mag["stamp_ns"] < last)])
@@ -64,6 +66,30 @@ def test_a_delay_is_measured_as_the_speed_changes_and_corrected(late_s):
     assert np.abs(turning["azimuth"] - 1.9).max() < 4.0 * turning["sigma_azimuth"].max()
     (shown,) = input_diagnostics(pipeline)
     assert ("late" if late_s > 0.0 else "early") in shown.message
+
+
+def fails(imu, how):
+    """The gyro of the string is mounted the wrong way round, stuck, sends no numbers, or clips about x at 5 rad/s."""
+    rates = imu["angular_velocity"]
+    if how == "reversed":
+        rates *= -1.0
+    elif how == "stuck":
+        rates[:] = rates[0]
+    elif how == "no numbers":
+        rates[:] = np.nan
+    else:
+        rates[:, 0] = np.clip(rates[:, 0], -5.0, 5.0)
+
+
+@pytest.mark.slow(4)
+@pytest.mark.parametrize("how", ["reversed", "stuck", "no numbers", "clipped"])
+@pytest.mark.parametrize("late_s", [0.0, 0.1])
+def test_the_delay_is_found_and_none_made_up_where_the_gyro_fails(how, late_s):
+    imu, mag = drilled(late_s)
+    fails(imu, how)
+    narrow = {"tool": {"gyro": {"range_deg_s": [math.degrees(5.0), 2000.0, 2000.0]}}} if how == "clipped" else {}
+    pipeline, _, _ = estimated(imu, mag, settings=from_mapping(EstimatorSettings, narrow))
+    assert pipeline.mag_late_ns * 1e-9 == pytest.approx(late_s, abs=0.005)
 
 
 @pytest.mark.parametrize("cross_axial", [(0.0, 0.0), (1.5e-6, -1e-6)])

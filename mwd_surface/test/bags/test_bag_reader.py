@@ -230,7 +230,7 @@ def test_big_endian_messages_are_read_through_rosbags_and_it_says_so(tmp_path):
         np.testing.assert_array_equal(some["angular_velocity"], samples["angular_velocity"])
 
 
-def test_a_message_that_is_not_of_its_type_is_counted_and_left_out(tmp_path):
+def test_a_message_that_is_not_of_its_type_is_left_out_with_a_note(tmp_path):
     samples = imu(10)
     with BagWriter(tmp_path / "bag") as writer:
         channel = writer.topic("/imu/data_raw", IMU)

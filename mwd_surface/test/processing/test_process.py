@@ -119,11 +119,11 @@ def test_the_azimuth_is_empty_until_it_is_known_and_without_a_magnetometer(tmp_p
 def test_the_lines_are_those_of_the_pipeline_fed_sample_by_sample(tmp_path):
     imu, mag = recording(tmp_path / "bag", seconds=3.0)
     run(tmp_path / "bag", tmp_path / "out")
-    pipeline, text = Pipeline(S3), attitude_csv.HEADER.encode() + b"\n"
+    pipeline, text, lines = Pipeline(S3), attitude_csv.HEADER.encode() + b"\n", attitude_csv.Lines()
     for k in range(len(imu)):
         pipeline.push_mag(mag[k : k + 1])
         output = pipeline.push_imu(imu[k : k + 1])
-        text += attitude_csv.rows(output.attitude, output.gravity)
+        text += lines(output.attitude, output.gravity)
     assert (tmp_path / "out" / "attitude.csv").read_bytes() == text
 
 
@@ -574,7 +574,7 @@ def test_a_gyro_that_is_absent_for_a_while_gives_the_same_rows_live_and_processe
     pipeline.set_noise(watch.noise)
     pipeline.push_mag(mag)
     output = pipeline.push_imu(input_covariance.judge(imu, wire.IMU.type_name).samples)
-    text = attitude_csv.rows(output.attitude, output.gravity).decode()
+    text = bytes(attitude_csv.Lines()(output.attitude, output.gravity)).decode()
     assert (tmp_path / "out" / "attitude.csv").read_text().split("\n", 1)[1] == text
 
 
