@@ -45,6 +45,8 @@ _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
 _UNLIKE = 30.0
 # Log likelihood ratio up to which a pulse may rather be missing: noise has more once in a thousand syncs at 6 dB.
 _MISSING = 6.0
+# What a pulse says, over what the best known of the five does, from which on it is not disturbed nor in a data gap.
+_KNOWN = 0.5
 _MIDDLE = SAMPLES_PER_TU  # of a pulse of 2 TU behind its edge
 _LEAST_NOISE = 200  # samples that a noise model needs
 # Pumps that start move the mean of some samples by more than so many times its usual deviation, and settle.
@@ -245,7 +247,7 @@ def _fitted(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int
 
 
 def _alike(whitened: Array, weight: Array, response: Array, edges: Array, at: int) -> bool:
-    """Whether all pulses of a sync are there, with sizes that noise explains."""
+    """Whether the pulses of a sync that are known are there, two at least, with sizes that noise explains."""
     count = len(edges)
     columns = np.zeros((int(edges[-1]) + len(response), count))
     for k, edge in enumerate(edges):
@@ -256,6 +258,11 @@ def _alike(whitened: Array, weight: Array, response: Array, edges: Array, at: in
     noise = float(weight[here] @ left**2 / max(np.count_nonzero(weight[here]), 1))
     gram = weighted @ columns
     apart = np.linalg.solve(gram + 1e-9 * np.trace(gram) * np.eye(count), weighted @ left)
-    # Log likelihood ratio of no pulse to one: a disturbed pulse says little of itself.
+    known = np.diag(gram) > _KNOWN * np.diag(gram).max()
+    if np.count_nonzero(known) < 2:
+        return False
+    # Log likelihood ratio of no pulse to one, the others as fitted, which hardly overlap it.
     missing = -np.diag(gram) * (0.5 + apart)
+    # What a stall adds to a pulse is no white noise: of how large a disturbed one is, nothing is known.
+    apart = np.where(known, apart, 0.0)
     return bool(missing.max() < _MISSING * noise and apart @ gram @ apart < _UNLIKE * noise)

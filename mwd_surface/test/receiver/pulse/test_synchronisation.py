@@ -86,3 +86,11 @@ def test_pumps_that_start_shortly_before_hide_no_sync(size):
     found = search(pressure, np.ones(900), ToolConfiguration(), 300, 550)
     assert found is not None
     assert abs(found.at - 400) <= 4
+
+
+@pytest.mark.parametrize(("edge", "hidden"), [(400, slice(414, 560)), (520, slice(390, 515)), (480, slice(494, 900))])
+def test_one_pulse_beside_a_data_gap_is_no_sync(edge, hidden):
+    known = np.ones(900)
+    known[hidden] = 0.0
+    found = [search(data([edge], seed, 6.0), known, ToolConfiguration(), 300, 550) for seed in range(20)]
+    assert found.count(None) >= 19
