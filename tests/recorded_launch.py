@@ -110,13 +110,11 @@ def _node(
     output: str,
     respawn: Any,
     respawn_delay: float,
-    sigterm_timeout: str,
     sigkill_timeout: str,
 ) -> Action:
     def act(context: Context) -> None:
         assert output == "screen"
         assert respawn_delay > 0.0
-        assert float(sigterm_timeout) > 0.0
         assert float(sigkill_timeout) > 0.0
         space = _text(namespace, context)
         words = ["-r", f"__node:={name}", *(["-r", f"__ns:=/{space.strip('/')}"] if space else [])]

@@ -47,9 +47,8 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
                 output="screen",
                 respawn=LaunchConfiguration("respawn"),
                 respawn_delay=_RESPAWN_DELAY,
-                # A signal that comes while Python ends would kill a node that is ending in order. Where launch alone
-                # gets SIGINT, SIGTERM is the first signal of the node.
-                sigterm_timeout=str(STOP_LIMIT),
+                # A node ends itself by then at the latest, and says where it hung. SIGTERM comes after launch's 5 s:
+                # where launch alone gets SIGINT, it is the first signal of the node.
                 sigkill_timeout=str(STOP_LIMIT),
             ),
         ]

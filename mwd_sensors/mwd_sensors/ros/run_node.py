@@ -18,7 +18,7 @@ from rclpy.task import Future
 
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.stop_signals import STOP_PATIENCE, StopSignals, end_within
+from mwd_sensors.ros.stop_signals import STOP_PATIENCE, StopSignals, end_within, ignore
 
 RCLError = rclpy_implementation.RCLError
 # Longest wait of the executor, s. The events executor treats "no limit" as a deadline that has passed.
@@ -51,6 +51,7 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
         return 2
     finally:
         rclpy.try_shutdown()
+        ignore()
 
 
 def keep_private() -> None:

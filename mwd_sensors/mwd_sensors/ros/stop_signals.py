@@ -16,13 +16,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 STOP_PATIENCE = 15.0
 """Longest time from the request to stop to the end of the process, s, apart from the time it waits for a processor."""
 STOP_LIMIT = 60.0
 """Longest time whatever it waits for, s: whoever started the process waits longer than that before SIGKILL."""
-_SCHEDULE = Path("/proc/self/schedstat")  # of the main thread: ns on a processor, ns waiting for one, turns
 _LOOK_PERIOD = 0.2  # s
 _START_PATIENCE = 2.0  # s; from a signal until a node that is still starting is given up
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
@@ -78,17 +76,24 @@ def end_within(seconds: float) -> None:
 
 
 def _allow_for_waiting(seconds: float) -> None:
-    began, waited = time.monotonic(), _waited_for_processor()
+    try:
+        schedule = os.open("/proc/self/schedstat", os.O_RDONLY)  # of the main thread
+    except OSError:
+        return
+    began, waited = time.monotonic(), _waited_for_processor(schedule)
     while True:
         time.sleep(_LOOK_PERIOD)
-        allowed = min(seconds + _waited_for_processor() - waited, STOP_LIMIT)
+        allowed = min(seconds + _waited_for_processor(schedule) - waited, STOP_LIMIT)
         left = began + allowed - time.monotonic()
         faulthandler.dump_traceback_later(max(left, 1e-3), exit=True)
 
 
-def _waited_for_processor() -> float:
-    """Time that the main thread has waited for a processor so far, s; 0 where the system does not tell."""
-    try:
-        return int(_SCHEDULE.read_text().split()[1]) * 1e-9
-    except OSError:
-        return 0.0
+def _waited_for_processor(schedule: int) -> float:
+    """Time that a thread has waited for a processor so far, s: the second number of its schedstat, in ns."""
+    return int(os.pread(schedule, 100, 0).split()[1]) * 1e-9
+
+
+def ignore() -> None:
+    """Let SIGINT and SIGTERM pass from now on: the process is ending, and Python's own end would not bear them."""
+    for number in _NUMBERS:
+        signal.signal(number, signal.SIG_IGN)
