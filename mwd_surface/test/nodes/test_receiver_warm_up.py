@@ -44,7 +44,6 @@ print(len(words), *sorted(ready() - before))
 
 @pytest.mark.parametrize("code", ["mary", "combinatorial", "psk"])
 def test_a_receiver_compiles_nothing_once_it_is_prepared(code):
-    pytest.importorskip("numba")
     words = [sys.executable, "-c", PROGRAM, code]
     done = subprocess.run(words, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
