@@ -10,7 +10,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 from launch import LaunchDescription
-from mwd_sensors.ros.stop_signals import STOP_LIMIT
+from mwd_sensors.core.stop_time import STOP_LIMIT
 
 _RESPAWN_DELAY = 2.0  # s
 _SWITCHES = ("use_sim_time", "autostart")

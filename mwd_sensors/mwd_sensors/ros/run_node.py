@@ -17,8 +17,9 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from mwd_sensors.core.settings import SettingsError
+from mwd_sensors.core.stop_time import STOP_PATIENCE
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.stop_signals import STOP_PATIENCE, StopSignals, end_within, ignore
+from mwd_sensors.ros.stop_signals import StopSignals, end_within, ignore, leave_background_threads
 
 RCLError = rclpy_implementation.RCLError
 # Longest wait of the executor, s. The events executor treats "no limit" as a deadline that has passed.
@@ -43,7 +44,7 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     keep_private()
     try:
         rclpy.init(args=list(args) if args is not None else None, signal_handler_options=SignalHandlerOptions.NO)
-        return _spin(make_nodes)
+        status = _spin(make_nodes)
     except RCLError as error:
         if not (reason := security_refusal(os.environ, str(error))):
             raise
@@ -52,6 +53,8 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
     finally:
         rclpy.try_shutdown()
         ignore()
+    leave_background_threads(status)
+    return status
 
 
 def keep_private() -> None:

@@ -17,11 +17,10 @@ import threading
 import time
 from collections.abc import Callable
 
-STOP_PATIENCE = 15.0
-"""Longest time from the request to stop to the end of the process, s, apart from the time it waits for a processor."""
-STOP_LIMIT = 60.0
-"""Longest time whatever it waits for, s: whoever started the process waits longer than that before SIGKILL."""
+from mwd_sensors.core.stop_time import STOP_LIMIT, StopTime
+
 _LOOK_PERIOD = 0.2  # s
+_LOCK_PATIENCE = 1.0  # s; that a thread which holds the interpreter's lock has beyond the limit
 _START_PATIENCE = 2.0  # s; from a signal until a node that is still starting is given up
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
@@ -67,30 +66,33 @@ def end_within(seconds: float) -> None:
     """
     End this process with status 1, and the stacks of its threads on standard error, unless it ends before.
 
-    The time in which the main thread waits for a processor does not count, where the system tells it: a node that still
-    works on a busy machine does not hang.
+    seconds: without the time in which the main thread waits for a processor.
     """
-    # Needs neither the main thread nor the interpreter's lock.
-    faulthandler.dump_traceback_later(seconds, exit=True)
-    threading.Thread(target=_allow_for_waiting, args=(seconds,), name="stop limit", daemon=True).start()
+    allowed = StopTime(seconds, STOP_LIMIT)
+    threading.Thread(target=_end_when_late, args=(allowed,), name="stop limit", daemon=True).start()
 
 
-def _allow_for_waiting(seconds: float) -> None:
-    try:
-        schedule = os.open("/proc/self/schedstat", os.O_RDONLY)  # of the main thread
-    except OSError:
-        return
-    began, waited = time.monotonic(), _waited_for_processor(schedule)
-    while True:
-        time.sleep(_LOOK_PERIOD)
-        allowed = min(seconds + _waited_for_processor(schedule) - waited, STOP_LIMIT)
-        left = began + allowed - time.monotonic()
-        faulthandler.dump_traceback_later(max(left, 1e-3), exit=True)
+def _end_when_late(allowed: StopTime) -> None:
+    while (left := allowed.left()) > 0.0:
+        # Where native code holds the interpreter's lock, this thread stands still; the timer needs no lock.
+        faulthandler.dump_traceback_later(left + _LOCK_PATIENCE, exit=True)
+        time.sleep(min(_LOOK_PERIOD, left))
+    sys.stderr.write(f"still running {allowed.elapsed():.1f} s after the request to stop; what its threads do:\n")
+    sys.stderr.flush()
+    faulthandler.dump_traceback(all_threads=True)
+    os._exit(1)
 
 
-def _waited_for_processor(schedule: int) -> float:
-    """Time that a thread has waited for a processor so far, s: the second number of its schedstat, in ns."""
-    return int(os.pread(schedule, 100, 0).split()[1]) * 1e-9
+def leave_background_threads(status: int) -> None:
+    """
+    End this process at once if threads still work in the background: the node that wanted their results is gone.
+
+    Python's own end would wait for them.
+    """
+    if any(thread is not threading.main_thread() and not thread.daemon for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
 
 
 def ignore() -> None:

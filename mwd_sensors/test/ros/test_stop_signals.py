@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 pytest.importorskip("rclpy")
 
 NODE = """
-import ctypes, dataclasses, os, subprocess, sys, threading, time
+import concurrent.futures, ctypes, dataclasses, os, subprocess, sys, threading, time
 from mwd_sensors.ros import run_node, stop_signals
 from mwd_sensors.ros.lifecycle_node import GraphNode
 moment, run_node.STOP_PATIENCE = sys.argv[1], float(sys.argv[2])
@@ -23,6 +23,9 @@ def hang():
     print("now", flush=True)
     while True:
         ctypes.CDLL(None).usleep(100_000_000)  # in native code, as a compiler and the middleware are
+
+def hold_the_lock():
+    ctypes.PyDLL(None).usleep(100_000_000)  # in native code that does not release the interpreter
 
 def compute(seconds):
     # Of a processor that another process uses too.
@@ -48,6 +51,8 @@ class Node(GraphNode[Settings]):
     def configure(self):
         if moment == "configure":
             hang()
+        if moment == "background":
+            concurrent.futures.ThreadPoolExecutor(1).submit(time.sleep, 100.0)
         for _ in range(3):
             self.add_timer(1e-6 if moment == "busy" else 0.05, self.work)
 
@@ -63,6 +68,8 @@ class Node(GraphNode[Settings]):
     def deactivate(self):
         if moment == "deactivate":
             hang()
+        if moment == "lock":
+            hold_the_lock()
         if moment == "compute":
             compute(0.6 * run_node.STOP_PATIENCE)
 
@@ -108,7 +115,7 @@ def test_a_node_that_hangs_in_native_code_while_it_starts_ends_when_asked(moment
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("moment", ["idle", "busy", "exit"])
+@pytest.mark.parametrize("moment", ["idle", "busy", "exit", "background"])
 def test_a_node_ends_in_order_however_often_and_whenever_it_is_asked(moment, number, environment):
     both = (number, signal.SIGTERM, signal.SIGINT) * 20
     status, output = asked_to_end(moment, *(() if moment == "exit" else both), environment=environment)
@@ -127,5 +134,12 @@ def test_a_node_that_waits_for_a_processor_is_not_taken_for_one_that_hangs(envir
 def test_a_node_that_hangs_is_cut_off_and_says_where(moment, place, environment):
     status, output = asked_to_end(moment, signal.SIGTERM, patience=0.5, environment=environment)
     assert status == 1
+    assert " s after the request to stop; what its threads do:" in output
+    assert "Timeout" not in output
     assert "in hang" in output
     assert place in output
+
+
+def test_a_node_that_hangs_and_holds_the_interpreter_is_cut_off_too(environment):
+    status, output = asked_to_end("lock", signal.SIGTERM, patience=0.5, environment=environment)
+    assert (status, "in hold_the_lock" in output) == (1, True)

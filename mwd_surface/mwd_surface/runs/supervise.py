@@ -23,6 +23,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from mwd_sensors.core.stop_time import STOP_LIMIT, STOP_PATIENCE, StopTime
+
 SUPERVISOR_VARIABLE = "MWD_SUPERVISOR"
 REFUSED = 2  # status of a process whose settings are not allowed: starting it again would not help
 
@@ -30,7 +32,9 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.5, 10.0
 _SETTLED = 20.0  # s of life after which a crash counts as the first again
 _MOST_CRASHES = 5  # in a row before a process counts as failing
 _SLOW_PAUSE = 30.0  # s between attempts to start a failing process
-_PATIENCE, _TERM_PATIENCE = 62.0, 2.0  # s; a node that hangs ends itself before (STOP_LIMIT), and says where
+_MARGIN = 2.0  # s; a node that hangs ends itself so long before it is killed, and says where
+_PATIENCE, _TERM_PATIENCE = STOP_PATIENCE + _MARGIN, 2.0  # s
+_LOOK_PERIOD = 0.05  # s
 _MOST_LOG = 20_000_000  # bytes
 _PR_SET_PDEATHSIG = 1
 
@@ -142,7 +146,7 @@ class Supervisor:
         End processes group by group: those of one at the same time, each group after the one before.
 
         Each process gets SIGINT, after `patience` seconds SIGTERM, after two more SIGKILL, and so does all it left
-        behind. Returns the names of those that had to be killed.
+        behind; the time that it waits for a processor does not count. Returns the names of those that had to be killed.
         """
         for child in self._children.values():
             child.due = None
@@ -251,14 +255,12 @@ def in_words(status: int) -> str:
 
 
 def _ask_to_end(processes: Sequence[subprocess.Popen[bytes]], number: signal.Signals, patience: float) -> None:
-    """Send a signal to those that live and wait until none does, or patience is over."""
-    waiting = [process for process in processes if process.poll() is None]
-    for process in waiting:
+    """Send a signal to those that live and wait until none does, or patience with each is over."""
+    waiting = {process: StopTime(patience, STOP_LIMIT + _MARGIN, process.pid) for process in processes}
+    for process in processes:
         process.send_signal(number)
-    until = time.monotonic() + patience
-    for process in waiting:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(max(until - time.monotonic(), 0.0))
+    while waiting := {one: allowed for one, allowed in waiting.items() if one.poll() is None and allowed.left() > 0.0}:
+        time.sleep(_LOOK_PERIOD)
 
 
 def _signal(process: subprocess.Popen[bytes], number: signal.Signals) -> None:

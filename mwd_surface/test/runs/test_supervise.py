@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mwd_sensors.ros import stop_signals
+from mwd_sensors.core import stop_time
 from mwd_surface.runs import supervise
 from mwd_surface.runs.supervise import Order, Supervisor
 
@@ -181,7 +181,21 @@ def test_processes_end_by_request_and_in_order(make, tmp_path):
 
 
 def test_a_node_that_hangs_has_time_to_end_itself():
-    assert supervise._PATIENCE > stop_signals.STOP_LIMIT
+    assert supervise._PATIENCE > stop_time.STOP_PATIENCE
+
+
+def test_a_process_that_waits_for_a_processor_is_not_killed(make, tmp_path):
+    pinned = f"import os; os.sched_setaffinity(0, {{{min(os.sched_getaffinity(0))}}})\n"
+    # Ends in order after .6 s of its processor, which another process of the same priority uses too.
+    working = "import signal, sys, time\nsignal.signal(signal.SIGINT, lambda *_: None)\nprint('up', flush=True)\n"
+    working += "signal.pause()\nuntil = time.thread_time() + 0.6\nwhile time.thread_time() < until: pass"
+    supervisor = make()
+    for name, code in (("a", pinned + working), ("rival", pinned + "print('up', flush=True)\nwhile True: pass")):
+        supervisor.start(order(tmp_path, name, code))
+        until(reported(tmp_path, name))
+    began = time.monotonic()
+    assert supervisor.stop([["a"]], patience=0.8) == []
+    assert time.monotonic() - began > 0.8
 
 
 def test_a_deaf_process_is_killed_and_named(make, tmp_path, monkeypatch):
