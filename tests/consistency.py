@@ -39,10 +39,11 @@ def independent_samples(runs: Sequence[Array]) -> float:
     """
     Return the number of independent samples in the squares of a normalised error, of one run or of several.
 
-    Squares of a Gaussian series correlate as the square of its autocorrelation r: n / (1 + 2 sum r^2). The mean is not
-    taken out, and r is that of all runs together: a part of the error that stays for a run, as one of calibration, has
-    one value in each run, and only the runs together show how large it usually is. Chance correlations add to the sum:
-    the count errs to the low side, which widens the band.
+    Squares of a Gaussian series correlate as the square of its autocorrelation r, and the variance of their mean is
+    that of n / (1 + 2 sum (1 - k / n) r_k^2) independent ones. The mean is not taken out, and r is that of all runs
+    together: a part of the error that stays for a run, as one of calibration, has one value in each run, and only the
+    runs together show how large it usually is. r is the mean over the pairs that there are: of errors that stay whole
+    runs are then one sample each, and not more. Chance correlations add to the sum, which widens the band.
 
     Parameters
     ----------
@@ -55,13 +56,15 @@ def independent_samples(runs: Sequence[Array]) -> float:
         At least one for each run.
     """
     longest = max(len(u) for u in runs)
-    power = np.zeros(longest)
+    power, pairs = np.zeros(longest), np.zeros(longest)
     for u in runs:
-        power[: len(u)] += np.fft.irfft(np.abs(np.fft.rfft(u, 2 * len(u))) ** 2, 2 * len(u))[: len(u)]
+        n = len(u)
+        power[:n] += np.fft.irfft(np.abs(np.fft.rfft(u, 2 * n)) ** 2, 2 * n)[:n]
+        pairs[:n] += np.arange(n, 0, -1)
     if not power[0] > 0.0:
         return float(len(runs))
-    shared = np.cumsum((power / power[0])[1:] ** 2)
-    memory = [1.0 + 2.0 * float(shared[len(u) - 2]) if len(u) > 1 else 1.0 for u in runs]
+    r = power / pairs * (pairs[0] / power[0])
+    memory = [1.0 + 2.0 * float(np.arange(len(u) - 1, 0, -1) @ r[1 : len(u)] ** 2) / len(u) for u in runs]
     # Every run weighs the same in the mean.
     return len(runs) ** 2 / sum(min(spread / len(u), 1.0) for u, spread in zip(runs, memory, strict=True))
 
