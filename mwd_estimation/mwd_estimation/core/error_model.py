@@ -4,8 +4,7 @@ Errors that calibration leaves in the six axes of a survey tool, and of how the 
 
 The defaults are the sensor and alignment terms of the ISCWSA / OWSG tool code for ordinary MWD (A001Mc rev 5.1: ABXY,
 ABZ, ASXY, ASZ, MBXY, MBZ, MSXY, MSZ, AMIL, SAGE, XYM1 to XYM4E), the sensors' per axis, so that they propagate
-through any attitude and any method alike. `BENCH` is a tool whose own axis is wanted, not the hole's: no alignment
-terms.
+through any attitude and any method alike.
 """
 
 from __future__ import annotations
@@ -62,6 +61,3 @@ class SensorErrors:
         variance_inclination = (same * sine) ** 2 + (course * cosine) ** 2 + (sag * sine**0.25) ** 2
         variance_azimuth = same**2 + (course * cosine / max(sine, 1e-9)) ** 2
         return np.diag([variance_inclination, variance_azimuth, 0.0])
-
-
-BENCH = SensorErrors(misalignment_deg=0.0, course_misalignment_deg=0.0, sag_deg=0.0)

@@ -35,11 +35,6 @@ class LiveRevisions:
         self._surveys: dict[int, tuple[Survey, Survey]] = {}
         self._frame = ""
 
-    @property
-    def busy(self) -> bool:
-        """Whether a judgement waits or is under way."""
-        return self._job is not None or self._waiting is not None
-
     def close(self) -> None:
         """Judge nothing more; a judgement under way ends by itself."""
         self._waiting = None

@@ -31,12 +31,12 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.multi_station_problem import NAMES, GyroAzimuths, MultistationSettings, Problem
+from mwd_estimation.survey.multi_station_problem import GyroAzimuths, MultistationSettings, Problem
 from mwd_estimation.survey.multi_station_problem import corrected as corrected_readings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination
 
-__all__ = ["NAMES", "GyroAzimuths", "Multistation", "MultistationSettings", "analyse"]
+__all__ = ["GyroAzimuths", "Multistation", "MultistationSettings", "analyse"]
 
 # Stations from which on their scatter is worth an estimate.
 _MANY = 8
@@ -46,8 +46,9 @@ _MANY = 8
 class Multistation:
     """What the stations of a run show together."""
 
-    #: `estimate`, `sigma`, `prior`: shape (15,); the errors in the order of `NAMES` (T, plain, m/s^2, plain, T, T,
-    #: m/s^2), their 1 sigma after and before.
+    #: `estimate`, `sigma`, `prior`: shape (15,); the errors, their 1 sigma after and before. Of x, y, z each: bias, T
+    #: (of x with the axial interference), and scale of the magnetometers, bias, m/s^2, and scale of the accelerometers;
+    #: then those of the reference: horizontal and downward field, T, and gravity, m/s^2.
     estimate: Array
     sigma: Array
     prior: Array

@@ -21,24 +21,8 @@ from mwd_sensors.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import setting
 
-NAMES = (
-    "axial interference and bias",
-    "cross-axial bias y",
-    "cross-axial bias z",
-    "magnetometer scale x",
-    "magnetometer scale y",
-    "magnetometer scale z",
-    "accelerometer bias x",
-    "accelerometer bias y",
-    "accelerometer bias z",
-    "accelerometer scale x",
-    "accelerometer scale y",
-    "accelerometer scale z",
-    "reference horizontal field",
-    "reference downward field",
-    "reference gravity",
-)
 SENSORS = 12
+"""Errors that are of the sensors; those of the reference come behind them."""
 
 
 @dataclass(frozen=True)
@@ -282,5 +266,5 @@ class Problem:
 
 
 def corrected(f: Array, b: Array, errors: Array) -> tuple[Array, Array]:
-    """Specific force, m/s^2, and field, T, shape (..., 3), without errors of the sensors in the order of `NAMES`."""
+    """Specific force, m/s^2, and field, T, shape (..., 3), without errors in the order of `Multistation.estimate`."""
     return f - errors[6:9] - errors[9:12] * f, b - errors[0:3] - errors[3:6] * b

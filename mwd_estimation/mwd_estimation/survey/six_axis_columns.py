@@ -92,7 +92,6 @@ class Columns:
     run: tuple[str, ...]  #: columns that stay the same within a run: of the assembly or run, and of the tool
     factors: Mapping[str, float]  #: column -> what to multiply it by to get SI
     assumed: tuple[str, ...]  #: sentences on units that follow from the size of the readings
-    ignored: tuple[str, ...]  #: columns without a meaning here
 
 
 def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -> Columns:
@@ -136,7 +135,6 @@ def find_columns(table: Mapping[str, Sequence[Any]], axial: str | None = None) -
         run=run,
         factors=factors,
         assumed=tuple(assumed),
-        ignored=tuple(name for name in names if name not in (*factors, *run, time)),
     )
 
 

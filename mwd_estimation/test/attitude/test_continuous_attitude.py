@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 import pytest
+from bench_errors import BENCH
 
 from mwd_estimation.attitude import gyro_azimuth_state, time_alignment_state
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, gyro_unit
 from mwd_estimation.attitude.time_alignment_state import FieldModel
-from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from bench_errors import BENCH
 
 from consistency import assert_consistent
 from mwd_estimation.core.calibrated_range import CalibratedRange, TemperatureWatch
-from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.pipeline.pipeline import Pipeline

@@ -5,8 +5,9 @@ import math
 
 import numpy as np
 import pytest
+from bench_errors import BENCH
 
-from mwd_estimation.core.error_model import BENCH, SensorErrors
+from mwd_estimation.core.error_model import SensorErrors
 
 
 def test_covariance_holds_bias_and_scale_of_each_axis():

@@ -37,10 +37,10 @@ def live():
         live.take(survey(number), run, "sonde_link")
         until = time.monotonic() + 60.0
         live.update()
-        while live.busy and time.monotonic() < until:
+        while (live._job or live._waiting) and time.monotonic() < until:
             time.sleep(0.01)
             live.update()
-        assert not live.busy
+        assert (live._job, live._waiting) == (None, None)
 
     run.judge, run.live = judge, live
     yield run

@@ -12,7 +12,6 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.multi_station_analysis import (
-    NAMES,
     GyroAzimuths,
     MultistationSettings,
     analyse,
@@ -137,7 +136,7 @@ def test_slope_of_the_residuals_agrees_with_finite_differences(gyro):
         change = np.zeros(15)
         change[k] = 1e-4
         numeric = (problem.residual(x + change, used) - problem.residual(x - change, used)) / 2e-4
-        assert slope[:, k] == pytest.approx(numeric, rel=1e-5, abs=1e-6), NAMES[k]
+        assert slope[:, k] == pytest.approx(numeric, rel=1e-5, abs=1e-6), k
 
 
 @pytest.mark.slow

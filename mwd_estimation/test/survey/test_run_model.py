@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from bench_errors import BENCH
 
 from consistency import assert_consistent
-from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.measurement import measured
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis

@@ -116,7 +116,6 @@ def test_depths_in_feet_come_out_in_metres_and_unit_guesses_are_reported():
     )
     assert stations(table)[0].md == pytest.approx(304.8)
     columns = find_columns(table)
-    assert columns.ignored == ("comment",)
     assert columns.assumed == ("b_ref: taken as nT", "dip_ref: taken as deg")
 
 

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench_errors import BENCH
 from hypothesis import given, settings
 from hypothesis.strategies import floats, lists, sampled_from
 
 from consistency import consistency
 from mwd_estimation.assembly.sag import SagCorrection
-from mwd_estimation.core.error_model import BENCH, SensorErrors
+from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
+from bench_errors import BENCH
 
-from mwd_estimation.core.error_model import BENCH
 from mwd_estimation.core.magnetic_geometry import dip
 from mwd_estimation.core.reason_text import joined, text
 from mwd_estimation.core.reference_field import Reference
