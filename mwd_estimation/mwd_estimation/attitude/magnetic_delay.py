@@ -47,6 +47,13 @@ LONGEST_S = 0.5
 """Delay beyond which none is believed, s: other clocks, or no delay at all."""
 
 
+def in_words(late_ns: int) -> str:
+    """What was found of the magnetometer's stamps, in a sentence; empty where they agree with the IMU's."""
+    way = "late" if late_ns > 0 else "early"
+    found = f"the magnetometer is stamped {abs(late_ns) * 1e-6:.0f} ms {way}, as the turning string shows: corrected"
+    return found if late_ns else ""
+
+
 class MagneticDelay:
     """
     Measures the delay from gravity and field in tool axes; any cut of the streams gives the same numbers.

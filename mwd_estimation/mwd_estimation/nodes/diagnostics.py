@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from mwd_estimation.attitude import magnetic_delay
 from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
@@ -50,8 +51,9 @@ def input_diagnostics(pipeline: Pipeline) -> list[Diagnostic]:
         message = f"{pipeline.temperature.last:.0f} degC is outside of the calibration: sigma of surveys is widened"
         remedy = "cool the tool, or calibrate it at that temperature and set tool.calibrated_c"
         found.append(Diagnostic("temperature", WARN, message, remedy))
-    if pipeline.clock_note:
-        found.append(Diagnostic("time imu/mag", WARN, pipeline.clock_note, "stamp both sensors when they measure"))
+    delay = magnetic_delay.in_words(pipeline.mag_late_ns)
+    if delay:
+        found.append(Diagnostic("time imu/mag", WARN, delay, "stamp both sensors when they measure"))
     return found
 
 

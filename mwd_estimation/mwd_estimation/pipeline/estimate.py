@@ -23,6 +23,7 @@ from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, Propagate
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.innovations import Innovation
+from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import GYRO, MAG
 from mwd_estimation.core.status import Status
@@ -296,6 +297,16 @@ class Estimate:
         )
         self.last_imu_ns = int(stamps[-1])
         return output
+
+    def end_requests(self, why: Reason, output: Output) -> None:
+        """Answer to the output all that was asked for and is not done any more."""
+        refusal, requests = Refusal(self.last_imu_ns, why), self.bin_stage.requests
+        if self.bin_stage.still.requested:
+            output.refusals.append(refusal)
+        if requests.rotary_progress is not None:
+            output.rotary.append(refusal)
+        ended = requests.end_north(why)
+        output.north += [ended] if ended is not None else []
 
     def finish(self) -> Output:
         """Give the survey that waited for the gyro, when no more samples come."""

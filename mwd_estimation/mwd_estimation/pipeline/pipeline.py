@@ -29,7 +29,7 @@ from mwd_estimation.pipeline.requests import Requests
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.stated_noise import with_noise
-from mwd_estimation.survey.static_survey import Refusal, StillSurvey
+from mwd_estimation.survey.static_survey import StillSurvey
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.input_covariance import Noise
@@ -85,24 +85,23 @@ class Pipeline:
 
     def push_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`, in axes of the unit; left out where its mount is not known."""
-        if "mag" in self.mount.unusable:
-            return
-        samples = self.mount.mag_in_tool(samples)
-        self.counters.mag += len(samples)
-        self._estimate.take_beside("mag", self._clocks.beside("mag", samples))
+        if "mag" not in self.mount.unusable:
+            self.counters.mag += len(samples)
+            self._take_beside("mag", self.mount.mag_in_tool(samples))
 
     def push_precision(self, samples: Samples) -> None:
         """Take samples of the high-precision unit, dtype of `wire.IMU`; left out where its mount is not known."""
-        if "precision" in self.mount.unusable:
-            return
-        samples = self.mount.precision_in_tool(samples)
-        self.counters.precision += len(samples)
-        self._estimate.take_beside("precision", self._clocks.beside("precision", samples))
+        if "precision" not in self.mount.unusable:
+            self.counters.precision += len(samples)
+            self._take_beside("precision", self.mount.precision_in_tool(samples))
 
     def push_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""
         self.temperature.take(samples["temperature"])
-        self._estimate.take_beside("temperature", self._clocks.beside("temperature", samples))
+        self._take_beside("temperature", samples)
+
+    def _take_beside(self, name: str, samples: Samples) -> None:
+        self._estimate.take_beside(name, self._clocks.beside(name, samples))
 
     def push_imu(self, samples: Samples, followed: Track | None = None) -> Output:
         """
@@ -123,19 +122,13 @@ class Pipeline:
             place += len(part)
             output = output.joined(self._estimate.take_imu(part, given))
             if begun is not None:
-                self._set_back(begun, output)
+                self._estimate.end_requests(Reason(ReasonCode.TIME_WENT_BACK), output)
+                self._set_back(begun)
         return output
 
-    def _set_back(self, begun: Samples, output: Output) -> None:
+    def _set_back(self, begun: Samples) -> None:
         """Begin anew with the samples that showed that time went back; their rows have been given, as not used."""
         self.counters.set_back += 1
-        why = Refusal(self._estimate.last_imu_ns, Reason(ReasonCode.TIME_WENT_BACK))
-        if self.still.requested:
-            output.refusals.append(why)
-        if self.requests.rotary_progress is not None:
-            output.rotary.append(why)
-        ended = self.requests.end_north(why.reason)
-        output.north += [ended] if ended is not None else []
         self._begin_anew(self.mag_late_ns)
         for name, waiting in self._clocks.release().items():
             self._estimate.take_beside(name, waiting)
@@ -236,15 +229,6 @@ class Pipeline:
     def mag_late_ns(self) -> int:
         """By how much the magnetometer's stamps are late against the IMU's, as found and corrected, ns; early: < 0."""
         return self._estimate.mag_late_ns
-
-    @property
-    def clock_note(self) -> str:
-        """What was found of the magnetometer's stamps, in a sentence; empty where they agree with the IMU's."""
-        late_s = self.mag_late_ns * 1e-9
-        if not late_s:
-            return ""
-        way = "late" if late_s > 0.0 else "early"
-        return f"the magnetometer is stamped {abs(late_s) * 1e3:.0f} ms {way}, as the turning string shows: corrected"
 
     @property
     def last_imu_ns(self) -> int:

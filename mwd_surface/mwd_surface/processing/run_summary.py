@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from mwd_estimation.attitude import magnetic_delay
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.status import Status
 from mwd_estimation.pipeline.output import Output
@@ -154,8 +155,9 @@ def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: Estimator
             f"the tool was at {low:.0f} to {high:.0f} degC, outside of its calibration: sigma of surveys there is "
             "widened by tool.accelerometer.bias_ug_per_c and tool.magnetometer.bias_nt_per_c"
         )
-    if pipeline.clock_note:
-        warnings.append(f"{pipeline.clock_note} from then on; stamp both sensors when they measure")
+    delay = magnetic_delay.in_words(pipeline.mag_late_ns)
+    if delay:
+        warnings.append(f"{delay} from then on; stamp both sensors when they measure")
     if pipeline.counters.spikes:
         warnings.append(f"{pipeline.counters.spikes} magnetic samples were spikes: not used")
     if pipeline.counters.late_mag:
