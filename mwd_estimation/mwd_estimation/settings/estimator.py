@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.settings.former import CONSTANT, FORMER, PROPORTIONAL, former
+from mwd_estimation.settings.former import FORMER, former
 from mwd_estimation.settings.gravity import EXPERT, NoExpert
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool
@@ -166,8 +166,6 @@ class EstimatorSettings:
     """Everything that can be set about the estimator."""
 
     FORMER: ClassVar[Mapping[str, str]] = FORMER
-    CONSTANT: ClassVar[Mapping[str, Any]] = CONSTANT
-    PROPORTIONAL: ClassVar[Mapping[str, str]] = PROPORTIONAL
 
     tool: Tool = setting(Tool, "The tool: sensors, calibration and alignment")
     place: Place = setting(Place, "The place of the well, its magnetic field and gravity")

@@ -2,13 +2,14 @@
 """
 Parameters of before: where they are now, or the value that each has kept as a constant.
 
-A name here is refused with a sentence. A recorded one is read: `present` gives what has another name now, and a value
-that is the constant's needs no remark.
+A name here is refused with a sentence. A recorded one is read: `present` gives what has another name now, and leaves
+out a value that is the constant's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 # Parameters of before with the value that each had by default. In brackets: what brings the number now.
 CONSTANT: Mapping[str, float | str] = {
@@ -44,6 +45,7 @@ CONSTANT: Mapping[str, float | str] = {
     "place.model": "wmm2025",  # (place.field)
     "gravity.expert.axial_speed": 1.0,  # a string is tripped at that speed (bounded.Params)
     "health.watch": True,
+    "tool.precision.gyro.bias_scale": "at_most",  # nothing was asked for: the stations of a run tell more now
 }
 
 # Of these, what is in proportion to a parameter now: the constant's value is that of the parameter's default.
@@ -128,22 +130,28 @@ def former(block: str) -> dict[str, str]:
     return {name.removeprefix(f"{block}."): now for name, now in FORMER.items() if name.startswith(f"{block}.")}
 
 
-def present(recorded: Mapping[str, str]) -> dict[str, str]:
+def present(recorded: Mapping[str, Any], usual: Mapping[str, Any]) -> dict[str, Any]:
     """
-    Recorded parameters, name -> value as text, by their names of today where their values can be kept.
+    Recorded parameters, name -> value, by their names of today where their values can be kept.
 
-    A part of a list that is not recorded has its former default. All other names and values stay as they are.
+    A part of a list that is not recorded has its former default. A constant with the value that it has now is left out.
+    All other names and values stay as they are. usual: today's parameters, name -> default.
     """
     found = dict(recorded)
     for name, parts in MERGED.items():
         if name not in recorded and parts.keys() & recorded.keys():
-            found[name] = f"[{', '.join(found.pop(part, str(usual)) for part, usual in parts.items())}]"
+            found[name] = [found.pop(part, default) for part, default in parts.items()]
     if "transmit.rotation_switching_s" not in recorded and {_SWITCHING, _HOLD_S} & recorded.keys():
-        switching, hold_s = found.pop(_SWITCHING, "False"), found.pop(_HOLD_S, "10.0")
-        found["transmit.rotation_switching_s"] = hold_s if switching == "True" else "0.0"
+        switching, hold_s = found.pop(_SWITCHING, False), found.pop(_HOLD_S, 10.0)
+        found["transmit.rotation_switching_s"] = hold_s if switching else 0.0
     # The model counted beside a field of a model only.
     if found.get("place.model") == "igrf":
         del found["place.model"]
         if found.get("place.field") == "model":
             found["place.field"] = "igrf"
+    for name, value in CONSTANT.items():
+        parameter = PROPORTIONAL.get(name)
+        changed = parameter is not None and found.get(parameter, usual[parameter]) != usual[parameter]
+        if not changed and found.get(name) == value:
+            del found[name]
     return found

@@ -245,6 +245,7 @@ def test_constants_are_what_the_filters_have_and_no_parameters():
         "verdict.max_gyro_sigma_deg": seek.worst_sigma_deg,
         "tool.precision.gyro.scale_ppm": seek.scale_x_ppm,
         "tool.mount.frame": wire.SONDE_FRAME,
+        "tool.precision.gyro.bias_scale": "at_most",
     }
 
 

@@ -146,6 +146,11 @@ def flat(settings: Any, prefix: str = "") -> dict[str, tuple[Any, Rule]]:
     return leaves
 
 
+def values(settings: Any) -> dict[str, Any]:
+    """Dotted name -> value of every leaf, in order of declaration."""
+    return {name: value for name, (value, _) in flat(settings).items()}
+
+
 def changed(settings: T, changes: Mapping[str, Any]) -> T:
     """
     Copy the settings with the given dotted names changed, all or nothing.

@@ -183,9 +183,9 @@ def estimator_settings(
     """
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core import settings
-    from mwd_surface.processing.run_config import read_config
+    from mwd_surface.processing.run_config import estimator_config
 
-    begin = settings.from_mapping(EstimatorSettings, read_config(config)) if config else start or EstimatorSettings()
+    begin = estimator_config(config) if config else start or EstimatorSettings()
     return settings.changed(begin, {**named, **assignments(changes)})
 
 

@@ -16,7 +16,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_sensors.core import settings
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.processing import compare, process, run_config, run_folder
 from mwd_surface.surveys.recorded_settings import recorded_settings
@@ -91,9 +90,9 @@ def accept(golden: Path) -> None:
 
 def _process(path: Path, like: Path, run: Path) -> None:
     config = like / "config.yaml"
-    table = run_config.read_config(config) if config.is_file() else {}
+    estimator = run_config.estimator_config(config) if config.is_file() else EstimatorSettings()
     with Bag(path) as bag:
-        process.process(bag, run, settings.from_mapping(EstimatorSettings, table), recorded=recorded_settings(bag))
+        process.process(bag, run, estimator, recorded=recorded_settings(bag))
     if not run_folder.is_run(run):
         raise ValueError(f"{path} gave no run to compare")
 

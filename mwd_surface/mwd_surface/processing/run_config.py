@@ -9,6 +9,7 @@ from typing import Any
 
 import yaml
 
+from mwd_estimation.settings import former
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core.input_files import read_yaml
@@ -74,8 +75,25 @@ def processed_input(folder: Path) -> ProcessedInput | None:
     if not (folder / INPUT).is_file():
         return None
     table = settings_of.from_mapping(_InputFile, read_yaml(folder / INPUT), str(folder / INPUT))
-    estimator = settings_of.from_mapping(EstimatorSettings, read_config(folder / CONFIG))
+    estimator = estimator_config(folder / CONFIG)
     return ProcessedInput(Path(table.recording), table.calibrated, table.input, estimator)
+
+
+def estimator_config(path: Path) -> EstimatorSettings:
+    """
+    Settings of the estimator in a YAML file; those of an earlier version count under their names of today.
+
+    Raises
+    ------
+    SettingsError
+        It is not YAML, or not a table of settings; a former name whose value cannot be kept is refused with what took
+        its place.
+    OSError
+        It cannot be read.
+    """
+    recorded = _dotted(read_config(path))
+    present = former.present(recorded, settings_of.values(EstimatorSettings()))
+    return settings_of.from_mapping(EstimatorSettings, _nested(present))
 
 
 def read_config(path: Path) -> dict[str, Any]:
@@ -98,6 +116,14 @@ def read_config(path: Path) -> dict[str, Any]:
                 return _nested(node["ros__parameters"])
         return _nested(table)
     raise settings_of.SettingsError(f"{path}: expected a table of settings, got {table!r}")
+
+
+def _dotted(table: dict[str, Any], block: str = "") -> dict[str, Any]:
+    """Tables in tables as one with dotted names."""
+    out: dict[str, Any] = {}
+    for name, value in table.items():
+        out |= _dotted(value, f"{block}{name}.") if isinstance(value, dict) else {f"{block}{name}": value}
+    return out
 
 
 def _nested(table: dict[str, Any]) -> dict[str, Any]:

@@ -89,13 +89,20 @@ def recorded_settings(bag: Bag) -> Recorded:
     if SURFACE in tables:
         tables[SURFACE] = dict(tables[SURFACE]) | events.get("surface", {})
     before = tables.get(ESTIMATOR, {})
+    usual = settings.values(EstimatorSettings())
     changed = [name for name, text in events.get("estimator", {}).items() if before.get(name) not in (None, text)]
     if changed:
         remarks.append(
             f"{', '.join(changed)} changed during the recording: all of it is processed with the values of its begin"
         )
-    estimator = _settings(EstimatorSettings(), former.present(before), remarks)
-    surface = _settings(SurfacePart(), tables.get(SURFACE), remarks, sections=True)
+    estimator = surface = None
+    if before:
+        estimator = _settings(EstimatorSettings(), former.present(_values(before, usual), usual), remarks)
+    if SURFACE in tables:
+        parts = settings.values(SurfacePart())
+        # The surface has more sections than these.
+        sections = {name: text for name, text in tables[SURFACE].items() if name in parts}
+        surface = _settings(SurfacePart(), _values(sections, parts), remarks)
     source = "those of the recording" if estimator is not None else ""
     if estimator is None:
         estimator, source = _by_receiver(bag)
@@ -151,40 +158,25 @@ def _changes(bag: Bag) -> dict[str, dict[str, str]]:
     return changes
 
 
-def _settings(usual: S, table: Mapping[str, str] | None, remarks: list[str], *, sections: bool = False) -> S | None:
-    """
-    Settings of a table of texts; None where there is no table.
-
-    sections: the table has sections that are not among these settings.
-    """
-    if not table:
-        return None
-    known = settings.flat(usual)
-    # What is a constant now: the value that it has always had is none to speak of.
-    constant, renamed = getattr(type(usual), "CONSTANT", {}), settings.former_names(type(usual))
-    # What is in proportion to a parameter now has that value with the parameter's default alone.
-    for name, of in getattr(type(usual), "PROPORTIONAL", {}).items():
-        if of in table and _value(table[of], known[of][0]) != known[of][0]:
-            constant = {one: value for one, value in constant.items() if one != name}
-    changes: dict[str, Any] = {}
-    unknown = []
-    for name, text in table.items():
-        if name in known:
-            changes[name] = _value(text, known[name][0])
-        elif "." in name and not sections and _value(text, None) != constant.get(name, object()):
-            unknown.append(name)
-    # A choice may bring settings of its own, which are known once it is made.
+def _settings(usual: S, given: Mapping[str, Any], remarks: list[str]) -> S:
+    """Settings with the recorded values, name -> value; what is not allowed is left at its default, and named."""
+    renamed = settings.former_names(type(usual))
     try:
-        made = settings.changed(usual, {**changes, **{name: _value(table[name], None) for name in unknown}})
+        return settings.changed(usual, given)
     except settings.SettingsError:
         made = usual
-        for name, value in {**changes, **{name: _value(table[name], None) for name in unknown}}.items():
+        for name, value in given.items():
             try:
                 made = settings.changed(made, {name: value})
             except settings.SettingsError:
                 why = f"it is now {renamed[name]}" if name in renamed else "this version does not have it"
-                remarks.append(f"{name} = {table[name]} of the recording is not used: {why}")
-    return made
+                remarks.append(f"{name} = {value} of the recording is not used: {why}")
+        return made
+
+
+def _values(table: Mapping[str, str], usual: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of a table of texts but for parameters that every ROS node has; usual: name -> default."""
+    return {name: _value(text, usual.get(name)) for name, text in table.items() if "." in name}
 
 
 def _value(text: str, usual: Any) -> Any:

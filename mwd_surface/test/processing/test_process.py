@@ -22,7 +22,7 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.exports import attitude_csv
 from mwd_surface.processing import process
 from mwd_surface.processing.bag_input import InputSettings
-from mwd_surface.processing.run_config import read_config
+from mwd_surface.processing.run_config import estimator_config
 from mwd_surface.processing.run_output import OutputSettings
 from mwd_surface.surveys.survey_source import surveys_of
 
@@ -242,7 +242,7 @@ def test_the_configuration_written_gives_the_same_results_again(tmp_path):
     recording(tmp_path / "bag")
     estimator = settings.changed(S3, {"survey.duration_s": 5.0, "attitude.vertical_deg": 2.0})
     run(tmp_path / "bag", tmp_path / "out", estimator)
-    again = settings.from_mapping(EstimatorSettings, read_config(tmp_path / "out" / "config.yaml"))
+    again = estimator_config(tmp_path / "out" / "config.yaml")
     assert again == estimator
     run(tmp_path / "bag", tmp_path / "out_2", again)
     for name in ("attitude.csv", "surveys.csv", "config.yaml"):

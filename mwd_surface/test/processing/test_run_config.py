@@ -11,7 +11,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings
 from mwd_sensors.core.settings import SettingsError
 from mwd_surface.processing.bag_input import InputSettings, Topics
-from mwd_surface.processing.run_config import config_text, input_text, processed_input, read_config
+from mwd_surface.processing.run_config import config_text, estimator_config, input_text, processed_input, read_config
 from mwd_surface.processing.run_output import OutputSettings
 
 TOPICS = Topics("/well_1/imu/data_raw", "/well_1/imu/mag", None, None, None)
@@ -25,7 +25,24 @@ def test_settings_come_back_as_they_were(tmp_path):
     chosen = settings.changed(EstimatorSettings(), {"gravity.method": "s3", "survey.duration_s": 5.0})
     path = tmp_path / "config.yaml"
     path.write_text(written(chosen))
-    assert settings.from_mapping(EstimatorSettings, read_config(path)) == chosen
+    assert estimator_config(path) == chosen
+
+
+def test_settings_of_an_earlier_version_count_under_their_names_of_today(tmp_path):
+    path = tmp_path / "config.yaml"
+    before = settings.to_mapping(EstimatorSettings())
+    before["health"] = {"watch": True}
+    before["tool"] |= {"lever_m": 0.03, "calibrated_low_c": 10.0, "calibrated_high_c": 150.0}
+    del before["tool"]["calibrated_c"]
+    path.write_text(yaml.safe_dump(before))
+    assert estimator_config(path) == settings.changed(EstimatorSettings(), {"tool.calibrated_c": [10.0, 150.0]})
+
+
+def test_a_former_value_that_cannot_be_kept_is_refused_with_what_took_its_place(tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text("tool: {lever_m: 0.1}")
+    with pytest.raises(SettingsError, match=r"tool\.lever_m: no such setting; lever_m is now a constant \(0\.03\)"):
+        estimator_config(path)
 
 
 def test_topics_and_what_was_asked_beside_the_settings_stand_in_comments():
