@@ -19,7 +19,6 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY
 from mwd_sensors.core.frames import wrap_pi
-from mwd_sensors.core.settings import setting
 
 SENSORS = 12
 """Errors that are of the sensors; those of the reference come behind them."""
@@ -29,41 +28,24 @@ SENSORS = 12
 class MultistationSettings:
     """Priors beyond the tool code, noise of a station, and when to refuse."""
 
-    axial_interference_nt: float = setting(
-        2000.0, "Axial interference thought possible, 1 sigma", unit="nT", low=1.0, high=100000.0
-    )
-    cross_axial_bias_nt: float = setting(
-        150.0,
-        "Cross-axial bias thought possible, 1 sigma: a hot spot in the collar beside the sensors' own",
-        unit="nT",
-        low=1.0,
-        high=100000.0,
-    )
-    magnetometer_noise_nt: float = setting(20.0, "Noise of a station's mean field, each axis", unit="nT", low=0.1)
-    accelerometer_noise_mps2: float = setting(
-        0.002, "Noise of a station's mean specific force, each axis", unit="m/s^2", low=1e-6
-    )
-    adapt_noise: bool = setting(True, "Take less noise than set where the residuals show less (eight stations or more)")
-    field_variation_nt: float = setting(
-        60.0, "What the field strength itself varies from station to station (MFIR)", unit="nT", low=0.0
-    )
-    dip_variation_deg: float = setting(
-        0.08, "What the dip itself varies from station to station (MDIR)", unit="deg", low=0.0
-    )
-    outlier_sigma: float = setting(4.5, "A station whose misfit is beyond this many sigma is left out", low=2.0)
-    max_outliers: float = setting(
-        0.25, "More than this share of stations left out, and the analysis is refused", low=0.0, high=0.9
-    )
-    observable: float = setting(
-        0.7,
-        "An error whose sigma does not fall below this share of its prior is called not observable",
-        low=0.05,
-        high=1.0,
-    )
-    min_probability: float = setting(0.001, "Refused where chi-square is less probable than this", low=0.0, high=0.5)
-    max_sigma_deg: float = setting(
-        1.5, "Refused where the azimuth's median sigma stays above this", unit="deg", low=0.01, high=90.0
-    )
+    #: `axial_interference_nt`, `cross_axial_bias_nt`: axial interference, and cross-axial bias (a hot spot in the
+    #: collar beside the sensors' own), thought possible, 1 sigma, nT.
+    axial_interference_nt: float = 2000.0
+    cross_axial_bias_nt: float = 150.0
+    #: `magnetometer_noise_nt`, `accelerometer_noise_mps2`: noise of a station's mean field, nT, and force, m/s^2, of
+    #: each axis.
+    magnetometer_noise_nt: float = 20.0
+    accelerometer_noise_mps2: float = 0.002
+    adapt_noise: bool = True  #: less noise than set where the residuals show less (eight stations or more)
+    #: `field_variation_nt`, `dip_variation_deg`: what the field itself varies from station to station (MFIR, MDIR), nT
+    #: and deg.
+    field_variation_nt: float = 60.0
+    dip_variation_deg: float = 0.08
+    outlier_sigma: float = 4.5  #: a station whose misfit is beyond so many sigma is left out
+    max_outliers: float = 0.25  #: where a larger share of the stations is left out the analysis is refused
+    observable: float = 0.7  #: an error whose sigma stays above this share of its prior is called not observable
+    min_probability: float = 0.001  #: refused where chi-square is less probable
+    max_sigma_deg: float = 1.5  #: refused where the azimuth's median sigma is larger, deg
 
 
 @dataclass(frozen=True)
