@@ -21,8 +21,6 @@ class StationSettings:
     hole_axis_deg: tuple[float, float] = (0.0, 0.0)  #: hole axis against tool axis, about y (towards -z) and z (to +y)
     toolface_offset_deg: float = 0.0  #: added to both toolfaces: sensor housing against scribe line
     errors: SensorErrors = field(default_factory=SensorErrors)  #: what calibration leaves in the sensors
-    calibrated: CalibratedRange = field(
-        default_factory=CalibratedRange
-    )  #: of the sensors, by temperature
+    calibrated: CalibratedRange = field(default_factory=CalibratedRange)  #: of the sensors, by temperature
     quality: QualitySettings = field(default_factory=QualitySettings)  #: limits of the verdict
     priors: Priors = field(default_factory=Priors)  #: how probable each disturbance is before any reading

@@ -11,8 +11,8 @@ import typer
 from mwd_surface.commands.reference_options import Date, Field, Lat, Lon
 
 if TYPE_CHECKING:
-    from mwd_estimation.assembly.collar_spacing import Steel
     from mwd_estimation.core.reference_field import Reference
+    from mwd_surface.uncertainty.collar_spacing import Steel
 
 _MOST_ROWS = 10_000
 _STRING = "String, where no assembly is given"
@@ -98,10 +98,10 @@ def spacing(
     """
     import math
 
-    from mwd_estimation.assembly import collar_spacing
     from mwd_estimation.assembly.assembly import read_assembly
     from mwd_estimation.core.reference_field import north_correction
     from mwd_surface.commands import terminal
+    from mwd_surface.uncertainty import collar_spacing
 
     reference = _reference(lat, lon, date, field)
     if not 0.0 <= inclination <= 180.0 or not limit > 0.0:
@@ -164,7 +164,7 @@ def _reference(lat: float | None, lon: float | None, date: str | None, field: st
 
 
 def _pole(option: str, text: str) -> float:
-    from mwd_estimation.assembly.collar_spacing import POLES
+    from mwd_surface.uncertainty.collar_spacing import POLES
 
     if text in POLES:
         return POLES[text]

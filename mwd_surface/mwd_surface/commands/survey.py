@@ -61,14 +61,14 @@ def survey(
       mwd survey stations.csv --single
     """
     from mwd_estimation.settings.derivation import station_params
-    from mwd_estimation.survey.six_axis_columns import find_columns
-    from mwd_estimation.survey.six_axis_table import single_stations, table_rows
-    from mwd_estimation.survey.table_run import run_stations
     from mwd_surface.commands import terminal
     from mwd_surface.commands.survey_table import repeated, run_sentences, show_surveys
     from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
+    from mwd_surface.list_files.six_axis_columns import find_columns
+    from mwd_surface.list_files.six_axis_table import single_stations, table_rows
     from mwd_surface.list_files.station_file import read_table
     from mwd_surface.surveys import station_csv
+    from mwd_surface.surveys.table_run import run_stations
 
     table = read_table(stations)
     settings = table_settings(config, changes, lat, lon, date, field)

@@ -18,8 +18,8 @@ from mwd_sensors.core.frames import wrap_pi
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_estimation.survey.six_axis_table import TableStation
     from mwd_estimation.survey.station import Station
+    from mwd_surface.list_files.six_axis_table import TableStation
 
 COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
 _MOST = 12
@@ -139,7 +139,7 @@ def _azimuth(station: Station) -> str:
 def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[str]:
     """Sentences on the rows of a six-axis table that were taken at one depth."""
     from mwd_estimation.settings.derivation import sensor_errors
-    from mwd_estimation.survey.check_shots import check_shots
+    from mwd_surface.surveys.check_shots import check_shots
     from mwd_surface.surveys.repeated_surveys import sentence
 
     if len(rows) < 2:

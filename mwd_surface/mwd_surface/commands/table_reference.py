@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_estimation.survey.six_axis_table import TableStation
+    from mwd_surface.list_files.six_axis_table import TableStation
 
 # Settings of the place that a table does not use beside each source of the field.
 _BESIDE_A_MODEL = ("total_nt", "dip_deg", "declination_deg", "convergence_deg")

@@ -21,12 +21,12 @@ TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station")
 NORTHS = ("true", "grid", "magnetic")
 
 # The US survey foot is 1200/3937 m.
-_LENGTH_UNITS = {
+LENGTH_UNITS = {
     **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), 1.0),
     **dict.fromkeys(("ft", "feet", "foot", "fti"), 0.3048),
     "ftus": 1200.0 / 3937.0,
 }
-_ANGLE_UNITS = {
+ANGLE_UNITS = {
     **dict.fromkeys(("deg", "dega", "degree", "degrees"), math.pi / 180.0),
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
     **dict.fromkeys(("grad", "gon", "grads", "gradians"), math.pi / 200.0),
@@ -80,8 +80,8 @@ class Given:
         """Refuse a quantity, unit or north that there is not."""
         for value, known, what in (
             *((name, tuple(_WORDS), "columns") for name in self.columns),
-            (self.length_unit, tuple(_LENGTH_UNITS), "length unit"),
-            (self.angle_unit, tuple(_ANGLE_UNITS), "angle unit"),
+            (self.length_unit, tuple(LENGTH_UNITS), "length unit"),
+            (self.angle_unit, tuple(ANGLE_UNITS), "angle unit"),
             (self.north, NORTHS, "north"),
         ):
             if value and value not in known:
@@ -140,7 +140,7 @@ def factor(what: str, unit: str, at: str, given: Given | None = None) -> float:
     if own is not None:
         return own
     angle = what in ANGLES
-    known = _ANGLE_UNITS if angle else _LENGTH_UNITS
+    known = ANGLE_UNITS if angle else LENGTH_UNITS
     said = "" if given is None else given.angle_unit if angle else given.length_unit
     unit = said or unit or ("deg" if angle else "")
     if not unit:
@@ -153,7 +153,7 @@ def factor(what: str, unit: str, at: str, given: Given | None = None) -> float:
 def _meaning(name: str) -> tuple[str, str, str]:
     """Quantity, unit and north that a name of a column says; empty texts where it says none."""
     words = [w for w in re.split(r"[^a-z]+", name.lower().replace("°", " deg ")) if w]
-    unit = words.pop() if len(words) > 1 and words[-1] in {**_LENGTH_UNITS, **_ANGLE_UNITS} else ""
+    unit = words.pop() if len(words) > 1 and words[-1] in {**LENGTH_UNITS, **ANGLE_UNITS} else ""
     # north_m and azimuth_reference are quantities of their own.
     joined = "_".join(words)
     if joined in _NAMES:

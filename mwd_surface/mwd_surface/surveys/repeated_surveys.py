@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.survey import tool_code
-from mwd_estimation.survey.check_shots import Bias, CheckShot, check_shots
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_surface.surveys.check_shots import Bias, CheckShot, check_shots
 from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
 
 # Unit, factor from SI and decimals of a bias, for people.

@@ -18,8 +18,8 @@ from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reason_text import text as text_of
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.six_axis_table import TableStation
 from mwd_estimation.survey.station import Station
+from mwd_surface.list_files.six_axis_table import TableStation
 
 
 class Column(NamedTuple):

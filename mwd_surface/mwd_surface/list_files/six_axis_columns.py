@@ -20,6 +20,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS
 
 _AXES = ("axial", "tran1", "tran2")
 _ACCELERATION = {
@@ -31,8 +32,6 @@ _ACCELERATION = {
     "gn": STANDARD_GRAVITY,
 }
 _FIELD = {"nt": 1e-9, "ut": 1e-6, "mt": 1e-3, "t": 1.0, "gauss": 1e-4, "mgauss": 1e-7}
-_ANGLE = {"deg": math.pi / 180.0, "degrees": math.pi / 180.0, "rad": 1.0}
-_LENGTH = {"m": 1.0, "ft": 0.3048, "feet": 0.3048}
 
 
 @dataclass(frozen=True)
@@ -59,18 +58,20 @@ _REFERENCES = {
         _FIELD,
         ("b_ref", "bref", "field_ref", "b_total_ref", "btotal_ref", "mag_total_ref", "ref_b"),
     ),
-    "dip": _Quantity("reference dip", _ANGLE, ("dip_ref", "ref_dip", "dipref", "mag_dip_ref")),
+    "dip": _Quantity("reference dip", ANGLE_UNITS, ("dip_ref", "ref_dip", "dipref", "mag_dip_ref")),
     "gravity": _Quantity(
         "reference gravity", _ACCELERATION, ("g_ref", "gref", "grav_total_ref", "gravity_ref", "ref_g")
     ),
     "declination": _Quantity(
-        "declination", _ANGLE, ("decl_used", "decl", "declination", "mag_decl", "decl_ref", "mag_declination")
+        "declination", ANGLE_UNITS, ("decl_used", "decl", "declination", "mag_decl", "decl_ref", "mag_declination")
     ),
     "convergence": _Quantity(
-        "grid convergence", _ANGLE, ("grid_cor_used", "convergence", "grid_convergence", "grid_con", "grid_cor", "conv")
+        "grid convergence",
+        ANGLE_UNITS,
+        ("grid_cor_used", "convergence", "grid_convergence", "grid_con", "grid_cor", "conv"),
     ),
 }
-_DEPTH = _Quantity("measured depth", _LENGTH, ("md", "measured_depth", "depth", "bit_depth", "survey_depth"))
+_DEPTH = _Quantity("measured depth", LENGTH_UNITS, ("md", "measured_depth", "depth", "bit_depth", "survey_depth"))
 # What stays the same within a run: the run or assembly, and the tool.
 _RUN = ("run", "run_no", "run_number", "run_id", "bha", "bha_no", "bha_number", "bha_run", "assembly")
 _TOOL = ("tool", "tool_id", "tool_no", "tool_serial", "serial", "serial_no", "sonde")
@@ -245,7 +246,7 @@ def _factor(table: Mapping[str, Sequence[Any]], name: str, quantity: _Quantity, 
         kind = "field" if quantity.units is _FIELD else "acceleration"
         factor, words = _guess(table, (name,), kind)
     else:
-        words, factor = ("deg", _ANGLE["deg"]) if quantity.units is _ANGLE else ("m", 1.0)
+        words, factor = ("deg", ANGLE_UNITS["deg"]) if quantity.units is ANGLE_UNITS else ("m", 1.0)
     assumed.append(f"{name}: taken as {words}")
     return factor
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.six_axis_table import TableRow, single_stations, table_rows
 from mwd_estimation.survey.station import StationSettings
-from mwd_estimation.survey.table_run import run_stations
 from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_surface.list_files.six_axis_table import TableRow, single_stations, table_rows
+from mwd_surface.surveys.table_run import run_stations
 
 pytestmark = pytest.mark.slow
 

@@ -20,11 +20,11 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.revision import Taken, findings, is_outlier
 from mwd_estimation.survey.run_model import RunModel, declination_sigma
-from mwd_estimation.survey.six_axis_table import TableRow, TableStation
 from mwd_estimation.survey.station_record import MethodAzimuth
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.verdict import judged
 from mwd_sensors.core import utc
+from mwd_surface.list_files.six_axis_table import TableRow, TableStation
 
 # Between two rows without a time, h: a stand. How a field from outside drifts follows from it.
 _STAND = 0.5

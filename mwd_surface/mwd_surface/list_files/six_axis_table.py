@@ -18,9 +18,9 @@ from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.revision import is_revised
-from mwd_estimation.survey.six_axis_columns import Columns, find_columns, numbers
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files.six_axis_columns import Columns, find_columns, numbers
 
 Refine = Callable[[Reference, str], Reference]
 

@@ -8,8 +8,8 @@ import pytest
 
 from consistency import assert_consistent
 from mwd_estimation.core.error_model import SensorErrors
-from mwd_estimation.survey.check_shots import DOUBTFUL, FAIL, PASS, REPEAT_FIELD, REPEAT_FORCE, check_shots
 from mwd_sensors.core.frames import mat_nt
+from mwd_surface.surveys.check_shots import DOUBTFUL, FAIL, PASS, REPEAT_FIELD, REPEAT_FORCE, check_shots
 
 FIELD_N = 50e-6 * np.array([math.cos(1.25), 0.0, math.sin(1.25)])
 ERRORS = SensorErrors()

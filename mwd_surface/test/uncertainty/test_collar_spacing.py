@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.assembly.assembly import Assembly, Component
-from mwd_estimation.assembly.collar_spacing import (
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_surface.uncertainty.collar_spacing import (
     POLES,
     Steel,
     azimuth_error,
@@ -19,7 +20,6 @@ from mwd_estimation.assembly.collar_spacing import (
     pieces_of,
     shortest_collars,
 )
-from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 HORIZONTAL = 15e-6
 
