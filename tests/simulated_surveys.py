@@ -47,6 +47,15 @@ class Beside:
 
 def surveys(story: Scenario, settings: Mapping[str, Any] | None = None) -> list[Beside]:
     """Static surveys of a scenario, in order, as the live graph takes them; settings: of the estimator, by name."""
+    return _played(story, settings)[0]
+
+
+def revised_surveys(story: Scenario) -> tuple[list[Beside], list[Beside]]:
+    """Static surveys of a scenario as they are taken, and as all stations of the run together judge them in the end."""
+    return _played(story, None)
+
+
+def _played(story: Scenario, settings: Mapping[str, Any] | None) -> tuple[list[Beside], list[Beside]]:
     sonde = Sonde(story)
     pipeline = Pipeline(changed(EstimatorSettings(), {**reference_parameters(story), **(settings or {})}))
     found: list[Survey] = []
@@ -62,8 +71,11 @@ def surveys(story: Scenario, settings: Mapping[str, Any] | None = None) -> list[
             pipeline.push_precision(block["gyro/data_raw"])
         keep(pipeline.push_imu(block["imu/data_raw"]))
     keep(pipeline.finish())
-    rows = np.concatenate(truth)
-    return [_beside(survey, rows, sonde.reference.convergence) for survey in found if survey.kind == STATIC]
+    rows, first = np.concatenate(truth), [survey for survey in found if survey.kind == STATIC]
+    now = pipeline.revisions()
+    last = [now.get(survey.sequence, survey) for survey in first]
+    one, other = ([_beside(survey, rows, sonde.reference.convergence) for survey in every] for every in (first, last))
+    return one, other
 
 
 def _beside(survey: Survey, truth: np.ndarray, convergence: float) -> Beside:

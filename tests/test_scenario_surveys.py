@@ -9,12 +9,12 @@ import pytest
 
 from mwd_sensors.simulator import scenario
 from project import SCENARIOS
-from simulated_surveys import surveys
+from simulated_surveys import revised_surveys, surveys
 
 # Steel beside the hole, and a string magnetised by 20 uT: how much is accepted there depends on them.
 DISTURBED = ("casing", "s0_table")
-# Sensor faults, an uncalibrated probe, a run without a rest; and a field turned with its total and dip kept, which
-# nothing but a gyro in two positions shows.
+# Sensor faults, an uncalibrated probe, a run without a rest; and a field turned with its total and dip kept, of which
+# a test below says more.
 OTHERS = ("faults", "tumble", "s3_vibration", "s1_field")
 # Another link, pump or seed in a hole that is played, or a depth between two of it.
 SAME_HOLE = (
@@ -70,3 +70,17 @@ def test_a_collar_magnetised_across_its_axis_is_known_before_the_first_station()
     assert abs(one.azimuth_error) < 3.0 * one.sigma_azimuth
     odds = dict(one.survey.station.hypotheses)
     assert odds["cross_axial"] > 0.9
+
+
+@pytest.mark.slow(30)
+def test_s1_field_case_is_accepted_by_its_gyro():
+    """Steel turns the field by some 20 deg and keeps total and dip: only a gyro in two positions shows it."""
+    first, last = revised_surveys(scenario.read(SCENARIOS / "s1_field.yaml"))
+    # Two at each depth, before and after half a turn; none while the string is moved.
+    assert [round(one.measured_depth) for one in first] == [30, 30, 60, 60, 90, 90]
+    # The second contradicts the first at once, and from the next depth on the gyro is believed.
+    assert [one.survey.station.verdicts.azimuth for one in first[1:]] == ["doubtful", *["accept"] * 4]
+    for one in last:
+        assert one.accepted
+        assert one.survey.weights["gyro"] > 0.5
+        assert abs(one.azimuth_error) < 3.0 * one.sigma_azimuth < 0.2

@@ -28,8 +28,14 @@ class Solution:
     limit: float = math.nan  #: sigma of an ideal estimator with this gyro noise, time, latitude and geometry, rad
     #: Azimuths and sigmas, rad, of which only one can be right, where that is why it was refused.
     choices: tuple[tuple[float, float], ...] = ()
+    began_ns: int | None = None  #: stamp at which the seek of a station began, ns; surveys of one seek share it
 
     @property
     def success(self) -> bool:
         """Whether the azimuth may be used."""
         return self.reason is None
+
+    @property
+    def answers(self) -> bool:
+        """Whether there is an azimuth that may be used, or several of which one is right."""
+        return self.success or bool(self.choices)

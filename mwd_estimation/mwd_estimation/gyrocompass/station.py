@@ -73,6 +73,7 @@ class GyroStation:
         self._gravity = gravity
         self._seek: NorthSeek | StaticSeek | None = None
         self._axis = math.nan
+        self._began_ns = 0
         self._turned_s = 0.0
         self._found: _Found | None = None
         self._taught: State | None = None
@@ -122,7 +123,8 @@ class GyroStation:
             # The samples while the string settles show the unit's noise.
             self._rest = [*self._rest, (stamps, values)][-_REST_BINS:] if still else []
             if still and settled:
-                self._seek = self._begin(self.params, int(stamps[0]) if len(stamps) else self._last_ns or 0)
+                self._began_ns = int(stamps[0]) if len(stamps) else self._last_ns or 0
+                self._seek = self._begin(self.params, self._began_ns)
                 self._axis, self._turned_s = float(imu.mean[_ACCEL_X]), 0.0
         if self._seek is not None and len(stamps):
             self._seek.run(samples)
@@ -170,7 +172,7 @@ class GyroStation:
             return Solution(Reason(ReasonCode.LATITUDE_UNKNOWN), self.unit.method)
         if self._seek is None:
             return Solution(Reason(ReasonCode.TOOL_NOT_STILL), self.unit.method)
-        return self._seek.solution()
+        return dataclasses.replace(self._seek.solution(), began_ns=self._began_ns)
 
     def pending(self) -> Reason | None:
         """

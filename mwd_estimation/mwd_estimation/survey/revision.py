@@ -2,8 +2,9 @@
 """
 What every station of a run says once all the others are known: those below it, and the gyro readings taken since.
 
-No station counts for itself twice. The others of each station are taken in by halves, so that n stations need some
-n log2(n) steps.
+No station counts for itself twice, nor does a seek of the gyro: it goes on while the tool is turned in place, so that
+what it found in the end holds for every survey taken meanwhile, and is one reading. The others of each station are
+taken in by halves, so that n stations need some n log2(n) steps.
 """
 
 from __future__ import annotations
@@ -53,10 +54,11 @@ def findings(
     found = dict(enumerate(first))
     new = [k for k, one in found.items() if one is None or one.repeats is None]
     model, begin = RunModel(settings), 0 if newest is None else max(len(taken) - newest, 0)
-    for k in new:
-        if k < begin:
-            model.take(*taken[k])
-    _without_each(model, [k for k in new if k >= begin], taken, found)
+    seeks = _seeks({k: taken[k] for k in new})
+    earlier = [seek for seek in seeks if max(seek) < begin]
+    for seek in earlier:
+        _learn(model, seek)
+    _without_each(model, seeks[len(earlier) :], found)
     return list(found.values())
 
 
@@ -75,16 +77,47 @@ def is_revised(first: Station, now: Station, least: float = _MOVED) -> bool:
     return abs(math.remainder(moved, math.tau)) > least
 
 
-def _without_each(model: RunModel, at: list[int], taken: Sequence[Taken], found: dict[int, Finding | None]) -> None:
-    """Findings of stations `at`, by a model that has learned of every station but these."""
-    if not at:
+def _seeks(taken: dict[int, Taken]) -> list[dict[int, Taken]]:
+    """Stations by seek of the gyro, each seek with its last azimuth at the last station that has one, and no other."""
+    groups: list[dict[int, Taken]] = []
+    began = None
+    for k, one in taken.items():
+        before, began = began, None if one.gyro is None else one.gyro.began_ns
+        if began is None or began != before:
+            groups.append({})
+        groups[-1][k] = one
+    seeks = []
+    for group in groups:
+        last = max((k for k, one in group.items() if one.gyro is not None and one.gyro.answers), default=None)
+        seeks.append({k: one if k == last else one._replace(gyro=None) for k, one in group.items()})
+    return seeks
+
+
+def _learn(model: RunModel, seek: dict[int, Taken]) -> None:
+    for one in seek.values():
+        model.take(*one)
+
+
+def _without_each(model: RunModel, seeks: list[dict[int, Taken]], found: dict[int, Finding | None]) -> None:
+    """Findings of the stations of these seeks, by a model that has learned of every other station."""
+    if not seeks:
         return
-    if len(at) == 1:
-        found[at[0]] = model.take(*taken[at[0]], learn=False)
+    if len(seeks) == 1:
+        _of_seek(model, seeks[0], found)
         return
-    half = len(at) // 2
-    for mine, others in ((at[:half], at[half:]), (at[half:], at[:half])):
+    half = len(seeks) // 2
+    for mine, others in ((seeks[:half], seeks[half:]), (seeks[half:], seeks[:half])):
         aware = copy.deepcopy(model)
-        for k in others:
-            aware.take(*taken[k])
-        _without_each(aware, mine, taken, found)
+        for seek in others:
+            _learn(aware, seek)
+        _without_each(aware, mine, found)
+
+
+def _of_seek(model: RunModel, seek: dict[int, Taken], found: dict[int, Finding | None]) -> None:
+    """Findings of the stations of one seek: each with its azimuth, and with the fields of the others."""
+    gyro = next((one.gyro for one in seek.values() if one.gyro is not None), None)
+    fields = {k: one._replace(gyro=None) for k, one in seek.items()}
+    for k in seek:
+        aware = copy.deepcopy(model)
+        _learn(aware, {other: one for other, one in fields.items() if other != k})
+        found[k] = aware.take(*fields[k]._replace(gyro=gyro), learn=False)

@@ -135,7 +135,7 @@ class RunModel:
         declination = self._north(measured)
         row = field_model.geometry(readings.f_h, b_h, readings.noise, reference, declination, self._errors)
         one = row[0]
-        if gyro is None or not (gyro.success or gyro.choices):
+        if gyro is None or not gyro.answers:
             return one
         found = [angle for angle, _ in gyro.choices] or [gyro.azimuth]
         sigma = max([sigma for _, sigma in gyro.choices] or [gyro.sigma])

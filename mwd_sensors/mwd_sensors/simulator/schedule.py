@@ -34,7 +34,7 @@ class Phase:
         30.0, "rate of penetration, or speed of a move (up is negative)", unit="m/h", low=-36000.0, high=36000.0
     )
     toolface_deg: float | None = setting(None, "of a slide; left out, as it stands", unit="deg", low=-360.0, high=360.0)
-    vibration: float = setting(1.0, "factor on all vibration while drilling", low=0.0, high=10.0)
+    vibration: float = setting(1.0, "factor on all vibration while drilling or moving", low=0.0, high=10.0)
     pumps: bool = setting(True, "flow while still or moving")
     repeat: int = setting(1, "so many times", low=1, high=10000)
 
@@ -258,10 +258,10 @@ def _lay(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
         lanes.step(phase.seconds, {"activity": float(STILL)})
     else:
         ramp = min(rig.ramp_s, 0.4 * phase.seconds)
-        speed = {"bit_rate": phase.rop_m_h / 3600.0, "activity": float(TRIPPING)}
+        speed = {"bit_rate": phase.rop_m_h / 3600.0, "e_sliding": phase.vibration, "activity": float(TRIPPING)}
         lanes.step(ramp, speed | _pumps(rig, on=phase.pumps))
         lanes.step(phase.seconds - 2.0 * ramp, {})
-        lanes.step(ramp, {"bit_rate": 0.0})
+        lanes.step(ramp, {"bit_rate": 0.0, "e_sliding": 0.0})
 
 
 def _at_rest(rig: Rig) -> Targets:

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stations judged with all the others of their run: a gyro seek holds for each of its surveys and counts once."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.reasons import Reason, ReasonCode
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.survey.measurement import measured
+from mwd_estimation.survey.revision import Taken, findings
+from mwd_estimation.survey.run_model import RunModel
+from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.survey.verdict import judged
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.0, convergence=0.0, gravity=9.81, source="test")
+FIELD_N = 5e-5 * np.array([math.cos(1.1), 0.0, math.sin(1.1)])
+AZIMUTH, SETTINGS = 1.9, StationSettings()
+
+
+def station(inclination, toolface, gyro, turned=0.0):
+    """A station of the azimuth `AZIMUTH`; turned: steel turns the field about the vertical, rad."""
+    mat, c, s = mat_nt(inclination, AZIMUTH, toolface), math.cos(turned), math.sin(turned)
+    field_n = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ FIELD_N
+    return Taken(measured(mat.T @ [0.0, 0.0, -9.81], mat.T @ field_n, REFERENCE, SETTINGS), gyro=gyro)
+
+
+def seek(began_ns, azimuth=AZIMUTH, sigma=0.05, refused=None):
+    return Solution(refused, "still", azimuth, sigma, 0.8, 0.0, 60.0, sigma, began_ns=began_ns)
+
+
+def revised(taken):
+    model = RunModel(SETTINGS)
+    return [
+        (judged(one.measured, found, SETTINGS), found)
+        for one, found in zip(taken, findings(taken, [model.take(*one) for one in taken], SETTINGS), strict=True)
+    ]
+
+
+@pytest.mark.slow
+def test_north_found_after_a_half_turn_revises_the_survey_before_the_turn():
+    unknown = Reason(ReasonCode.GYRO_BIAS_UNKNOWN, 0.5, 0.3)
+    taken = []
+    for k, turned in enumerate((0.4, -0.3, 0.35)):
+        inclination = 0.8 + 0.05 * k
+        taken.append(station(inclination, 0.3, seek(k, sigma=0.5, refused=unknown), turned))
+        taken.append(station(inclination, 0.3 + math.pi, seek(k), turned))
+    for one, found in revised(taken):
+        assert one.verdict == "accept"
+        assert found.by_gyro > 0.5
+        assert abs(wrap_pi(one.azimuth - AZIMUTH)) < one.sigma_azimuth
+
+
+@pytest.mark.slow
+def test_azimuths_of_one_seek_are_one_reading_of_the_gyro():
+    # A wrong gyro beside a magnetometer in order: two readings of it would be believed, one is not.
+    apart = [revised([station(0.8, 0.0, seek(1, 2.3)), station(0.8, 2.0, seek(began, 2.3))]) for began in (1, 2)]
+    wrong = [found.gyro_wrong for _, found in (*apart[0], *apart[1])]
+    assert min(wrong[:2]) > 5.0 * max(wrong[2:])
+    assert {one.verdict for one, _ in apart[0]} == {"doubtful"}
+
+
+def test_a_seek_without_a_beginning_is_that_of_its_station_alone():
+    taken = [station(0.8 + 0.1 * k, 0.5 * k, seek(None)) for k in range(3)]
+    apart = [one._replace(gyro=seek(k)) for k, one in enumerate(taken)]
+    for (one, _), (other, _) in zip(revised(taken), revised(apart), strict=True):
+        assert one.azimuth == other.azimuth
+        assert one.sigma_azimuth == other.sigma_azimuth
