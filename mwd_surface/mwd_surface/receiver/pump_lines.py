@@ -109,12 +109,13 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
             weight[b] += known[i]
     sigma = memory / _BLOCK
     reach = int(3.0 * sigma)
+    falls = np.exp(-0.5 * (np.arange(reach + 1) / sigma) ** 2)
     smooth_c, smooth_s = np.zeros(count), np.zeros(count)
     line = raw = 0.0
     for b in range(count):
         total = 0.0
         for j in range(max(b - reach, 0), min(b + reach + 1, count)):
-            g = math.exp(-0.5 * ((j - b) / sigma) ** 2)
+            g = falls[abs(j - b)]
             smooth_c[b] += g * in_phase[j]
             smooth_s[b] += g * across[j]
             total += g * weight[j]

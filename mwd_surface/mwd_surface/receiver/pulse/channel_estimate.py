@@ -94,14 +94,14 @@ def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array
         Filled.
     """
     n, (c, m) = len(train), shapes.shape
-    columns = np.zeros((n, c))
+    columns, turned = np.zeros((n, c)), np.ascontiguousarray(shapes.T)
     for i in range(n):
         if train[i] > 1e-4:
             for k in range(m):
                 j = i - BEFORE + k
                 if 0 <= j < n:
                     for a in range(c):
-                        columns[j, a] += train[i] * shapes[a, k]
+                        columns[j, a] += train[i] * turned[k, a]
     matrix[:] = 0.0
     right[:] = 0.0
     for j in range(n):
@@ -157,11 +157,14 @@ def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
     shapes : ndarray, shape (c, m)
         Whitened components.
     """
-    pulse = np.pad(u @ shapes, (SAMPLES_PER_TU, SAMPLES_PER_TU))
+    count, length = shapes.shape
+    alone = np.zeros((count, length + 2 * SAMPLES_PER_TU))
+    alone[:, SAMPLES_PER_TU : SAMPLES_PER_TU + length] = shapes
+    pulse = u @ alone
     total = 0.0
     for other in (0, 2 * SAMPLES_PER_TU):
-        apart = np.pad(shapes, ((0, 0), (SAMPLES_PER_TU, SAMPLES_PER_TU)))
-        apart -= np.pad(shapes, ((0, 0), (other, 2 * SAMPLES_PER_TU - other)))
+        apart = alone.copy()
+        apart[:, other : other + length] -= shapes
         metric, gram = apart @ pulse, apart @ apart.T
         total += 0.5 * float(metric @ covariance @ metric + np.sum(gram * covariance))
     return total / max(float(u @ gram @ u), 1e-300)
