@@ -11,6 +11,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry import combinatorial
 from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Candidate, Soft
 from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
@@ -147,6 +148,16 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
     if sum(item.length for item in items[end:]) < least // 2:
         end = len(items)
     return items[done:end]
+
+
+def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
+    """Packets of a sync, of its header and of some words behind it, and their time on air, TU."""
+    sync, bits = tool.sync, tool.header_bits
+    rows, length = packet_rows((SequenceItem("header", bits, False), *items) if bits else items, tool.code)
+    rows[:, trellis.START] += sync.length_tu
+    # Packets of one value: their places are known.
+    fixed = [(edge, 0, 1, 0, 1, rows[0, trellis.RISING]) for edge in sync.edges_tu]
+    return np.concatenate([np.array(fixed), rows]), sync.length_tu + length
 
 
 def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:

@@ -84,7 +84,7 @@ class Stretch:
     parity : int
         0 even, 1 odd.
     end : int
-        Sample up to which pressure is the packets' own, from which the response does not learn.
+        Sample up to which pressure is the packets' own, from which the response does not learn; 0: it learns from all.
     probability : ndarray, shape (k, values), optional
         Of the packets' values, from decoding them before.
     angles : ndarray, shape (pumps, n), optional
@@ -123,7 +123,8 @@ class Decision:
     ebn0_db : float
         Energy of a bit over noise density.
     timing : (float, float, float)
-        Relative drift of the pulses against the clock of the samples, its variance, and the sample it turns about.
+        Relative drift of the pulses against the clock of the samples, its variance, and the sample that it turns about,
+        from that of TU 0 of the packets.
     evidence : float
         Log likelihood ratio of the pulses, wherever they are, to none.
     expected : float
@@ -202,7 +203,7 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
     # A pulse at its place has the metric of half its energy, as far as samples and response are sure.
     expected = 0.5 * float(g @ g * level.sum()) - ways
-    timing = (0.0, 1.0, 0.0) if again else _timing(stretch, probability, state, weight, pumps)
+    timing = (0.0, 1.0, 0.0) if again and stretch.end else _timing(stretch, probability, state, weight, pumps)
     return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways, expected, disturbed)
 
 
@@ -318,7 +319,7 @@ def _timing(
     Returns
     -------
     (float, float, float)
-        Relative drift, its variance, and the sample about which it turns.
+        As `Decision.timing`.
     """
     train = _train(stretch, probability)
     g = _whitened(state.response, state.whitener)
@@ -341,7 +342,7 @@ def _timing(
     if own * other <= both * both:
         return 0.0, 1.0, 0.0
     left = own - both * both / other
-    return (right - both / other * float(late @ (weight * rest))) / left, 1.0 / left, middle
+    return (right - both / other * float(late @ (weight * rest))) / left, 1.0 / left, middle - stretch.start
 
 
 def _weighted_train(train: Array, weight: Array, response: Array, out: Array) -> None:

@@ -10,15 +10,16 @@ import math
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Indices
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.telemetry.pulse_position import GAP_TU
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.grid import REACH, Grid
 from mwd_surface.receiver.pulse import segment, trellis
+from mwd_surface.receiver.pulse.alignment import Aligned, align
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
-from mwd_surface.receiver.pulse.passes import LOOK_BITS, Part, Pass, parts_of, soft_words, stretch_of
+from mwd_surface.receiver.pulse.passes import LOOK_BITS, Part, Pass, parts_of, rows_from_sync, soft_words, stretch_of
 from mwd_surface.receiver.pulse.presence import FADED, Evidence, Presence
 from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.pulse.tool_clock import ToolClock
@@ -59,6 +60,7 @@ class Transmission:
     ) -> None:
         self._tool, self._grid = tool, grid
         self._clock = ToolClock(position)
+        self._aligned = False
         self._settled = -found.settled
         self._edges = [float(SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu]
         self._chances = [1.0] * len(self._edges)
@@ -180,6 +182,9 @@ class Transmission:
         if not (heard or now.shown):
             self._forget(now)
             return Reception()
+        if now.complete and not self._aligned:
+            self._align(now)
+        self._aligned = True
         self._decode_again(now, heard)
         self.doubt.learn([part.soft for part in heard])
         words = self._words(now, 0, self.doubt, 1)
@@ -213,6 +218,25 @@ class Transmission:
             self._channel = decision.channel
             part.probability, part.ebn0_db = decision.probability, decision.ebn0_db
             part.soft = soft_words(decision, part.rows, (part.item,), self._parity)[0]
+
+    def _align(self, now: Pass) -> None:
+        """Move the pulses of the first pass, where sync and words together say so."""
+        rows, length = rows_from_sync(self._tool, now.items)
+        words = np.concatenate([part.probability for part in now.parts])
+        first = len(rows) - len(words)
+        given = np.concatenate([trellis.uniform(rows[:first]), words])
+
+        def decode(clock: ToolClock, probability: Array, channel: segment.Channel) -> segment.Decision:
+            self._clock, none = clock, np.zeros(0)
+            stretch = self._stretch(rows, 0, SAMPLES_PER_TU * length, None)
+            joint = dataclasses.replace(stretch, edges=none, chances=none, probability=probability, end=0)
+            return segment.decode(joint, channel)
+
+        found = align(decode, rows, Aligned(self._clock, self._channel, given))
+        self._clock, self._channel = found.clock, found.channel
+        for part in now.parts:
+            part.probability = found.probability[first : first + len(part.rows)]
+            first += len(part.rows)
 
     def _forget(self, now: Pass) -> None:
         """Keep of a pass the pulses that later ones need."""
@@ -319,7 +343,7 @@ class Transmission:
         """
         kinds = ("survey", "toolface") if self._tool.header_bits else ("survey",)
         looks = [stretch_of(items, 0, LOOK_BITS) for kind in kinds for items in self._sequences(kind)]
-        anew = [self._rows_anew(items) for items in looks]
+        anew = [rows_from_sync(self._tool, items) for items in looks]
         longest = max(length for _, length in anew)
         words: tuple[SequenceItem, ...] = ()
         for item in itertools.cycle(one.items):
@@ -327,15 +351,6 @@ class Transmission:
                 break
             words += (item,)
         return self._density(*self._rows(words), one.at) > max(self._density(*rows, one.at) for rows in anew)
-
-    def _rows_anew(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
-        """Packets of a sync, of its header and of some words behind it, and their time on air, TU."""
-        sync, bits = self._tool.sync, self._tool.header_bits
-        rows, length = self._rows((SequenceItem("header", bits, False), *items) if bits else items)
-        rows[:, trellis.START] += sync.length_tu
-        # Packets of one value: their places are known.
-        fixed = [(edge, 0, 1, 0, 1, rows[0, trellis.RISING]) for edge in sync.edges_tu]
-        return np.concatenate([np.array(fixed), rows]), sync.length_tu + length
 
     def _header(self, start: int) -> int:
         items = (SequenceItem("header", self._tool.header_bits, False),)
@@ -354,15 +369,13 @@ class Transmission:
         heard = start // SAMPLES_PER_TU
         window = min(_HISTORY_TU, heard) + length
         overlap = None if heard <= _HISTORY_TU else window / length
-        self._clock, change = self._clock.followed(decision.timing, overlap)
+        drift, variance, middle = decision.timing
+        self._clock, change = self._clock.followed((drift, variance, start + middle), overlap)
         # Half a sample at the ends of the window blurs the channel: once more on the better clock.
         return self._decode_once(rows, length, start) if abs(change) * SAMPLES_PER_TU * window > 0.5 else decision
 
     def _decode_once(self, rows: Indices, length: int, start: int) -> segment.Decision:
-        stretch = self._stretch(rows, start, start + SAMPLES_PER_TU * length, None)
-        decision = segment.decode(stretch, self._channel)
-        drift, variance, middle = decision.timing
-        return dataclasses.replace(decision, timing=(drift, variance, middle + start - stretch.start))
+        return segment.decode(self._stretch(rows, start, start + SAMPLES_PER_TU * length, None), self._channel)
 
     def _stretch(self, rows: Indices, start: int, stop: int, before: Part | None) -> segment.Stretch:
         """Pressure round some packets, up to and with the response of the last pulse before `stop`."""
