@@ -6,25 +6,53 @@ from __future__ import annotations
 import numpy as np
 
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.gyrocompass import north_seek
+from mwd_estimation.gyrocompass import north_seek, seek_measurement
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.static_survey import SHORTEST_S
 from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.core.settings import changed
 
-_SAMPLES = 160  # three bins of half a second at 100 Hz: enough to reach every kernel
+_RATE = 100.0  # Hz
+_CONSTANT_S, _TURNING_S, _STILL_S = 5.0, 2.0, 6.0  # constant: a fault to name; still: for the shortest survey
+_NOISE = {"linear_acceleration": 5e-3, "angular_velocity": 1e-3, "magnetic_field": 5e-8}  # m/s^2, rad/s, T
 
 
 def warm_up(settings: EstimatorSettings) -> None:
-    """Compile every kernel on artificial samples, so that the first real one is not delayed."""
-    imu, mag, heat = wire.IMU.empty(_SAMPLES), wire.MAG.empty(_SAMPLES), wire.TEMPERATURE.empty(_SAMPLES)
-    imu["stamp_ns"] = mag["stamp_ns"] = heat["stamp_ns"] = 10**18 + np.arange(_SAMPLES) * 10**7
-    imu["linear_acceleration"] = (-7.0, 0.0, 7.0)
-    mag["magnetic_field"] = (2e-5, 1e-5, 4e-5)
-    pipeline = Pipeline(settings, Reference(total=5e-5, dip=1.0, source="warm-up"))
-    pipeline.push_mag(mag)
-    pipeline.push_precision(imu)
-    pipeline.push_temperature(heat)
-    pipeline.push_imu(imu)
+    """Estimate an artificial survey: it reaches every kernel, so that the first sample is not delayed."""
+    quick = changed(settings, {"survey.automatic": True, "survey.settle_s": 0.0, "survey.duration_s": SHORTEST_S})
+    imu, mag, heat = _samples()
+    pipeline = Pipeline(quick, Reference(total=5e-5, dip=1.0, source="warm-up"))
+    # In two blocks: between them the magnetometer is silent, so that an open bin is closed.
+    cut_ns = imu["stamp_ns"][0] + round((_CONSTANT_S + _TURNING_S) * 1e9)
+    for later in (False, True):
+        ahrs, field, celsius = (one[(one["stamp_ns"] >= cut_ns) == later] for one in (imu, mag, heat))
+        pipeline.push_mag(field)
+        pipeline.push_precision(ahrs)
+        pipeline.push_temperature(celsius)
+        pipeline.push_imu(ahrs)
+    pipeline.finish()
     forces, rates = imu["linear_acceleration"], imu["angular_velocity"]
     north_seek.run(SeekParams(), north_seek.initial(), imu["stamp_ns"], rates, forces)
+    seek_measurement.frame(forces[-1])  # for the solution of a tool that turns
+
+
+def _samples() -> tuple[Samples, Samples, Samples]:
+    """Samples of IMU, magnetometer and thermometer: constant as of a fault, of a tool that turns, of one at rest."""
+    rng = np.random.default_rng(0)
+    time_s = np.arange(0.0, _CONSTANT_S + _TURNING_S + _STILL_S, 1.0 / _RATE)
+    imu, mag, heat = (kind.empty(len(time_s)) for kind in (wire.IMU, wire.MAG, wire.TEMPERATURE))
+    imu["stamp_ns"] = mag["stamp_ns"] = heat["stamp_ns"] = 10**18 + np.round(time_s * 1e9).astype(np.int64)
+    turned_s = np.clip(time_s - _CONSTANT_S, 0.0, _TURNING_S)
+    imu["angular_velocity"][:, 0] = np.where((turned_s > 0.0) & (turned_s < _TURNING_S), 2.0 * np.pi, 0.0)
+    mat_tn = np.swapaxes(mat_nt(0.8, 1.9, 2.0 * np.pi * turned_s), 1, 2)
+    imu["linear_acceleration"] = mat_tn @ [0.0, 0.0, -STANDARD_GRAVITY]
+    mag["magnetic_field"] = mat_tn @ [5e-5 * np.cos(1.0), 0.0, 5e-5 * np.sin(1.0)]
+    works = time_s >= _CONSTANT_S
+    for samples, name in ((imu, "linear_acceleration"), (imu, "angular_velocity"), (mag, "magnetic_field")):
+        samples[name][works] += rng.normal(0.0, _NOISE[name], (int(works.sum()), 3))
+    return imu, mag[(turned_s == 0.0) | (turned_s == _TURNING_S)], heat
