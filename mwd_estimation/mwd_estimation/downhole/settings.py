@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import ClassVar
 
 from mwd_sensors.core.settings import setting
 
@@ -13,11 +11,6 @@ from mwd_sensors.core.settings import setting
 @dataclasses.dataclass(frozen=True)
 class Transmit:
     """When the tool transmits. What it sends, and how, stands in its tool configuration (tool.yaml)."""
-
-    FORMER: ClassVar[Mapping[str, str]] = {
-        "continuous_s": "a constant (10 s)",
-        **dict.fromkeys(("rotation_switching", "rotation_hold_s"), "rotation_switching_s; 0: no switching"),
-    }
 
     tool_file: str = setting(
         "",

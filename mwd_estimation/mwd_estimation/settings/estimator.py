@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.settings.former import FORMER, former
+from mwd_estimation.settings.former import FORMER
 from mwd_estimation.settings.gravity import EXPERT, NoExpert
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool
@@ -27,8 +27,6 @@ from mwd_sensors.core.settings import from_mapping, setting, to_mapping
 @dataclasses.dataclass(frozen=True)
 class Survey:
     """How surveys are taken and worked out."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("survey")
 
     automatic: bool = setting(True, "Take a survey by itself in each interval in which the tool keeps still.")
     settle_s: float = setting(
@@ -88,8 +86,6 @@ class Survey:
 class Verdict(QualitySettings):
     """When a survey is accepted, doubtful or rejected, and what may disturb it before any reading."""
 
-    FORMER: ClassVar[Mapping[str, str]] = former("verdict")
-
     external_field: float = setting(
         0.05,
         "Probability, before any reading, that steel outside the string disturbs a station. Raise it beside other "
@@ -132,8 +128,6 @@ class Gravity:
 class Attitude:
     """The continuous attitude while drilling."""
 
-    FORMER: ClassVar[Mapping[str, str]] = former("attitude")
-
     vertical_deg: float = setting(
         3.0,
         "Inclination below which azimuth and high side are not given; they return one degree above. Lowering it "
@@ -148,8 +142,6 @@ class Attitude:
 @dataclasses.dataclass(frozen=True)
 class Dynamics:
     """The summary of drilling dynamics."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("dynamics")
 
     shock_threshold: float = setting(
         25.0 * STANDARD_GRAVITY,

@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
-from mwd_estimation.settings.former import former
 from mwd_sensors.core.settings import setting
 
 
@@ -112,8 +110,6 @@ class AccelerometerOnly:
 @dataclass(frozen=True)
 class NoExpert:
     """A method without parameters to set."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("gravity.expert")
 
 
 # A method that is not listed has none.

@@ -6,11 +6,8 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import math
-from collections.abc import Mapping
-from typing import ClassVar
 
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.settings.former import former
 from mwd_estimation.survey.posterior.field_model import FieldErrors
 from mwd_sensors.core import earth
 from mwd_sensors.core.settings import SettingsError, setting
@@ -24,8 +21,6 @@ _MODELS = {"model": "wmm2025", "igrf": "igrf"}
 @dataclasses.dataclass(frozen=True)
 class Place:
     """Where the well is, and the Earth's field and gravity there."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("place")
 
     field: str = setting(
         "none",

@@ -3,11 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
-from mwd_estimation.settings.former import former
 from mwd_sensors.core.settings import setting
 
 Vector = tuple[float, float, float]
@@ -16,8 +13,6 @@ Vector = tuple[float, float, float]
 @dataclass(frozen=True)
 class PrecisionGyro:
     """Gyros of the high-precision unit, 1 sigma; the figures are a tactical MEMS unit's."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("tool.precision.gyro")
 
     range_deg_s: Vector = setting(
         (100.0, 100.0, 100.0),
@@ -82,7 +77,5 @@ class PrecisionGyro:
 @dataclass(frozen=True)
 class PrecisionUnit:
     """The high-precision inertial unit (topic gyro/data_raw); a tool without one needs nothing set here."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("tool.precision")
 
     gyro: PrecisionGyro = setting(PrecisionGyro, "Gyros")

@@ -7,11 +7,8 @@ Names and units are those of the simulator's grades, so that a grade file is a v
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
-from mwd_estimation.settings.former import former
 from mwd_estimation.settings.precision import PrecisionUnit, Vector
 from mwd_sensors.core.mount import MountSettings
 from mwd_sensors.core.settings import setting
@@ -20,8 +17,6 @@ from mwd_sensors.core.settings import setting
 @dataclass(frozen=True)
 class Gyro:
     """Gyros of the conventional unit, 1 sigma unless stated otherwise."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("tool.gyro")
 
     range_deg_s: Vector = setting(
         (2000.0, 2000.0, 2000.0),
@@ -181,8 +176,6 @@ class Magnetometer:
 @dataclass(frozen=True)
 class Tool:
     """What the tool's sensors can do and how the tool lies in the hole; the only place where it is set."""
-
-    FORMER: ClassVar[Mapping[str, str]] = former("tool")
 
     gyro: Gyro = setting(Gyro, "Gyros of the conventional (AHRS) unit")
     accelerometer: Accelerometer = setting(Accelerometer, "Accelerometers of the conventional unit")

@@ -203,7 +203,7 @@ def test_a_former_name_is_refused_and_the_new_one_named(old, new):
         ({"place": {"model": "igrf"}}, "model is now place.field"),
         ({"verdict": {"dip_limit_deg": 0.4}}, "dip_limit_deg is now verdict.custom_limits"),
         ({"tool": {"mount": {"frame": "mwd"}}}, "frame is now a constant"),
-        ({"transmit": {"rotation_hold_s": 5.0}}, "rotation_hold_s is now rotation_switching_s"),
+        ({"transmit": {"rotation_hold_s": 5.0}}, "rotation_hold_s is now transmit.rotation_switching_s"),
         ({"health": {"watch": False}}, "health is now always on"),
     ],
 )

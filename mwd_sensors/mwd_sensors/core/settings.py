@@ -109,11 +109,12 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
     """
     if not isinstance(given, Mapping):
         raise SettingsError(f"{path or cls.__name__}: expected a table of settings, got {given!r}")
+    _refuse_former(former_names(cls), given, path)
     hints = _types(cls)
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
     for key in given:
         if key not in fields:
-            raise SettingsError(unknown_key(str(key), fields, path, former_names(cls)))
+            raise SettingsError(unknown_key(str(key), fields, path))
     values = {}
     for name, field in fields.items():
         where = f"{path}.{name}" if path else name
@@ -127,6 +128,16 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
         raise
     except ValueError as error:
         raise SettingsError(f"{path}: {error}" if path else str(error)) from error
+
+
+def _refuse_former(former: Mapping[str, str], given: Mapping[str, Any], path: str, block: str = "") -> None:
+    """Refuse a name that settings had in earlier versions, in whichever block of a table it stands."""
+    for key, value in given.items() if former else ():
+        name = f"{block}{key}"
+        if name in former:
+            raise SettingsError(unknown_key(str(key), (), f"{path}.{block}".strip("."), {str(key): former[name]}))
+        if isinstance(value, Mapping):
+            _refuse_former(former, value, path, f"{name}.")
 
 
 def to_mapping(settings: Any) -> dict[str, Any]:
