@@ -38,7 +38,8 @@ SECTIONS = (
 
 # The packages of this tree, whichever is installed; the benchmarks read signals and figures that the tests use too.
 _PACKAGES = tuple(HERE.parents[1] / name for name in ("mwd_sensors", "mwd_estimation", "mwd_surface"))
-_SHARED = (*_PACKAGES, HERE.parent, *(HERE.parents[1] / "mwd_estimation" / "test" / room for room in ("", "survey")))
+_TESTS = HERE.parent, _PACKAGES[1] / "test", _PACKAGES[2] / "test" / "surveys"
+_SHARED = (*_PACKAGES, *_TESTS)
 # Linear algebra in one thread, as the nodes have it.
 ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1"} | os.environ | {"PYTHONPATH": os.pathsep.join(map(str, _SHARED))}
 

@@ -20,16 +20,14 @@ from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.magnetic import axial_correction
-from mwd_estimation.survey import multi_station_analysis
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_surface.surveys import multi_station_analysis
 
 DEG = math.radians(1.0)
-# Limit of a gyro of .05 deg/sqrt(h) after two minutes at 34 deg (docs/methods/gyrocompass.md).
-GYRO_SIGMA = 1.26 * DEG
 MSA_HEAD = (
-    "| run of 40 stations | errors | raw | single station | multi-station | its sigma | NEES | refused "
-    "| with a gyro in the analysis | compared tool |"
+    "| run of 40 stations | errors | raw | single station | multi-station "
+    "| its sigma | NEES | refused | compared tool |"
 )
 S0_HEAD = "| axial interference nT | raw, S0 | raw, ours | corrected, S0 | corrected, ours | its sigma |"
 
@@ -49,7 +47,7 @@ def multi(kind: str, small: bool, runs: int) -> str:
     options = QUIET if small else {}
     errors = SensorErrors(0.001, 0.0001, 25.0, 0.0003) if small else SensorErrors()
     noise = np.diag([4e-6] * 3 + [4e-16] * 3)
-    raw, single, msa, sigma, aided, refused = [], [], [], [], [], 0
+    raw, single, msa, sigma, refused = [], [], [], [], 0
     for seed in range(runs):
         f_t, b_t, reference, _, azi, _, _ = drawn_run(kind, seed, **options)
         done = multi_station_analysis.analyse(f_t, b_t, reference)
@@ -69,15 +67,12 @@ def multi(kind: str, small: bool, runs: int) -> str:
             continue
         msa.append(wrap_pi(done.azimuth - azi))
         sigma.append(done.sigma_azimuth)
-        gyro = azi + np.random.default_rng(5000 + seed).normal(0.0, GYRO_SIGMA, len(azi))
-        known = multi_station_analysis.GyroAzimuths(gyro, np.full(len(azi), GYRO_SIGMA))
-        aided.append(wrap_pi(multi_station_analysis.analyse(f_t, b_t, reference, gyro=known).azimuth - azi))
     figures = [rms(np.concatenate(v)) for v in (raw, single, msa, sigma)]
     name = "build 5-85 deg, 650 nT" if kind == "build" else "east-west horizontal, 900 nT"
     given = {"build": "1.63, .34, .089", "east-west": "3.21, 3.72, .290"}[kind] if small else ""
     words = [f"{v:.3f}" for v in figures]
     words += [ratio(np.concatenate(msa), np.concatenate(sigma)), str(refused)]
-    words += [f"{rms(np.concatenate(aided)):.3f}", given]
+    words.append(given)
     return f"| {name} | {'small' if small else 'tool code'} | " + " | ".join(words) + " |"
 
 

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from mwd_estimation.core.reference_field import to_north
-from mwd_estimation.survey import multi_station_analysis
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.revision import Taken, findings, is_outlier
@@ -25,6 +24,7 @@ from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.verdict import judged
 from mwd_sensors.core import utc
 from mwd_surface.list_files.six_axis_table import TableRow, TableStation
+from mwd_surface.surveys import multi_station_analysis
 
 # Between two rows without a time, h: a stand. How a field from outside drifts follows from it.
 _STAND = 0.5

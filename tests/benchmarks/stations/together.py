@@ -10,10 +10,10 @@ import numpy as np
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey import multi_station_analysis
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
+from mwd_surface.surveys import multi_station_analysis
 from stations import judge, tool_code, truth
 from stations.tool_code import DEG
 

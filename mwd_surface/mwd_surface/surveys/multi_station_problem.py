@@ -13,12 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY
-from mwd_sensors.core.frames import wrap_pi
 
 SENSORS = 12
 """Errors that are of the sensors; those of the reference come behind them."""
@@ -48,31 +46,13 @@ class MultistationSettings:
     max_sigma_deg: float = 1.5  #: refused where the azimuth's median sigma is larger, deg
 
 
-@dataclass(frozen=True)
-class GyroAzimuths:
-    """Azimuths of a gyro at the stations of a run, from magnetic north."""
-
-    #: `azimuth`, `sigma`: shape (n,); rad; nan where the gyro gave none. Sigma is what errs at each station anew.
-    azimuth: Array
-    sigma: Array
-    #: float or ndarray, shape (n,); 1 sigma of what errs alike at all of them, rad: the gyro's sensitivity to gravity,
-    #: the declination.
-    common: float | Array = 0.0
-
-
 class Problem:
     """Residuals of the stations against one reference, whitened, with the priors beneath them."""
 
     def __init__(
-        self,
-        f: Array,
-        b: Array,
-        reference: Reference,
-        errors: SensorErrors,
-        settings: MultistationSettings,
-        gyro: GyroAzimuths | None = None,
+        self, f: Array, b: Array, reference: Reference, errors: SensorErrors, settings: MultistationSettings
     ) -> None:
-        self.f, self.b, self.gyro = f, b, gyro
+        self.f, self.b = f, b
         gravity = STANDARD_GRAVITY if reference.gravity is None else reference.gravity
         self.reference = np.array([gravity, reference.horizontal, reference.vertical])
         bias = errors.magnetometer_bias_nt
@@ -162,57 +142,12 @@ class Problem:
         return np.asarray(found.x, dtype=float)
 
     def residual(self, x: Array, used: np.ndarray) -> Array:
-        """Whitened residuals of the used stations and the priors, shape (3 n + 15 + gyro azimuths,)."""
-        return np.concatenate([self._whitened(x)[used].ravel(), x, self._gyro_residual(x, used)])
+        """Whitened residuals of the used stations and the priors, shape (3 n + 15,)."""
+        return np.concatenate([self._whitened(x)[used].ravel(), x])
 
     def slope(self, x: Array, used: np.ndarray) -> Array:
-        """Derivative of `residual`, shape (3 n + 15 + gyro azimuths, 15)."""
-        return np.concatenate([self._whitened_slope(x)[used].reshape(-1, 15), np.eye(15), self._gyro_slope(x, used)])
-
-    def compared(self, used: np.ndarray) -> int:
-        """Number of used stations with an azimuth of the gyro."""
-        return int(self._seen(used).sum())
-
-    def _seen(self, used: np.ndarray) -> np.ndarray:
-        if self.gyro is None:
-            return np.zeros(len(self.f), dtype=bool)
-        return np.asarray(used & np.isfinite(self.gyro.azimuth) & np.isfinite(self.gyro.sigma))
-
-    def _gyro_white(self, seen: np.ndarray) -> Array:
-        """What whitens the differences from the gyro: each one's noise, the station's own, and the common error."""
-        if self.gyro is None:
-            return np.zeros((0, 0))
-        slope = magnetic_geometry.angle_jacobian(self.f[seen], self.b[seen])[:, 1, :]
-        own = self.gyro.sigma[seen] ** 2 + np.einsum("ni,ij,nj->n", slope, self.noise, slope)
-        common = np.broadcast_to(self.gyro.common, seen.shape)[seen]
-        return np.linalg.inv(np.linalg.cholesky(np.diag(own) + np.outer(common, common)))
-
-    def _gyro_residual(self, x: Array, used: np.ndarray) -> Array:
-        seen = self._seen(used)
-        if self.gyro is None or not seen.any():
-            return np.zeros(0)
-        f, b = corrected(self.f[seen], self.b[seen], self.scale @ x)
-        off = wrap_pi(magnetic_geometry.raw_azimuth(f, b) - self.gyro.azimuth[seen])
-        return np.asarray(self._gyro_white(seen) @ off)
-
-    def _gyro_slope(self, x: Array, used: np.ndarray) -> Array:
-        seen = self._seen(used)
-        if not seen.any():
-            return np.zeros((0, 15))
-        f, b = corrected(self.f[seen], self.b[seen], self.scale @ x)
-        slope = np.zeros((int(seen.sum()), 15))
-        slope[:, :SENSORS] = np.einsum(
-            "ni,nij->nj", magnetic_geometry.angle_jacobian(f, b)[:, 1, :], self._by_errors()[seen]
-        )
-        return np.asarray(self._gyro_white(seen) @ slope @ self.scale)
-
-    def by_gyro(self, x: Array, covariance: Array, used: np.ndarray) -> Array:
-        """Slope of the corrected readings, shape (n, 6), by a turn of all gyro azimuths; covariance of x, (15, 15)."""
-        seen = self._seen(used)
-        if self.gyro is None or not seen.any():
-            return np.zeros((len(self.f), 6))
-        shift = covariance @ self._gyro_slope(x, used).T @ self._gyro_white(seen).sum(axis=1)
-        return np.asarray(self._by_errors() @ (self.scale @ shift)[:SENSORS])
+        """Derivative of `residual`, shape (3 n + 15, 15)."""
+        return np.concatenate([self._whitened_slope(x)[used].reshape(-1, 15), np.eye(15)])
 
     def misfit(self, x: Array) -> Array:
         """Length of each station's whitened residual, shape (n,): in one of a thousand stations beyond 4 by chance."""

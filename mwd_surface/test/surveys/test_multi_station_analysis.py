@@ -7,17 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consistency import assert_consistent
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.multi_station_analysis import (
-    GyroAzimuths,
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_surface.surveys.multi_station_analysis import (
     MultistationSettings,
     analyse,
 )
-from mwd_estimation.survey.multi_station_problem import Problem
-from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_surface.surveys.multi_station_problem import Problem
 
 DEG = math.pi / 180.0
 TOTAL, DIP, GRAVITY = 50e-6, 71.3 * DEG, 9.81
@@ -124,11 +122,9 @@ def test_interference_is_found_with_its_sigma_and_the_readings_corrected():
     assert np.std(np.linalg.norm(b_c, axis=1)) < np.std(np.linalg.norm(b_t, axis=1))
 
 
-@pytest.mark.parametrize("gyro", [False, True])
-def test_slope_of_the_residuals_agrees_with_finite_differences(gyro):
-    f_t, b_t, reference, _, azi, *_ = drawn_run("build", 1, n=6)
-    seen = GyroAzimuths(np.where(np.arange(6) % 2, azi, np.nan), np.full(6, 0.02), 0.01) if gyro else None
-    problem = Problem(f_t, b_t, reference, SensorErrors(), MultistationSettings(), seen)
+def test_slope_of_the_residuals_agrees_with_finite_differences():
+    f_t, b_t, reference, *_ = drawn_run("build", 1, n=6)
+    problem = Problem(f_t, b_t, reference, SensorErrors(), MultistationSettings())
     used = np.ones(6, dtype=bool)
     x = np.random.default_rng(2).normal(0, 1, 15)
     slope = problem.slope(x, used)
@@ -137,43 +133,6 @@ def test_slope_of_the_residuals_agrees_with_finite_differences(gyro):
         change[k] = 1e-4
         numeric = (problem.residual(x + change, used) - problem.residual(x - change, used)) / 2e-4
         assert slope[:, k] == pytest.approx(numeric, rel=1e-5, abs=1e-6), k
-
-
-@pytest.mark.slow
-def test_a_gyro_at_some_stations_shows_the_interference_of_an_east_west_hole():
-    alone, aided, sigmas = [], [], []
-    for seed in range(25):
-        f_t, b_t, reference, _, azi, _, _ = drawn_run("east-west", seed)
-        rng = np.random.default_rng(seed + 1000)
-        seen = np.full(len(azi), np.nan)
-        common = rng.normal(0, 0.2 * DEG)
-        seen[::4] = azi[::4] + rng.normal(0, 1.3 * DEG, len(azi[::4])) + common
-        done = analyse(f_t, b_t, reference, gyro=GyroAzimuths(seen, np.full(len(azi), 1.3 * DEG), 0.2 * DEG))
-        assert done.refused is None
-        assert done.degrees == 130
-        aided.append(wrap_pi(done.azimuth - azi))
-        alone.append(wrap_pi(analyse(f_t, b_t, reference).azimuth - azi))
-        sigmas.append(done.sigma_azimuth)
-    assert rms_deg(aided) < 0.65 * rms_deg(alone)
-    assert rms_deg(aided) < 0.5
-    assert np.degrees(np.mean(sigmas)) == pytest.approx(rms_deg(aided), rel=0.3)
-    assert_consistent(aided, sigmas, correlated=True)  # the stations of a run err together
-    with pytest.raises(ValueError, match="for each of 40 stations"):
-        analyse(f_t, b_t, reference, gyro=GyroAzimuths(seen[:3], seen[:3]))
-
-
-def test_how_far_azimuths_follow_the_gyro_is_the_difference_that_turning_it_makes():
-    f_t, b_t, reference, _, azi, *_ = drawn_run("east-west", 7, n=8)
-    own, common = np.full(8, 1.0 * DEG), np.linspace(0.2, 0.4, 8) * DEG
-    settings = MultistationSettings(adapt_noise=False)
-    done = [
-        analyse(f_t, b_t, reference, settings=settings, gyro=GyroAzimuths(azi + turn, own, common))
-        for turn in (-1e-5, 1e-5)
-    ]
-    numeric = wrap_pi(done[1].azimuth - done[0].azimuth) / 2e-5
-    assert done[0].by_gyro == pytest.approx(numeric, rel=0.02)
-    assert (done[0].by_gyro > 0.3).all()
-    assert (analyse(f_t, b_t, reference).by_gyro == 0.0).all()
 
 
 def test_what_the_attitudes_do_not_show_is_named_and_keeps_its_prior():

@@ -31,12 +31,12 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.multi_station_problem import GyroAzimuths, MultistationSettings, Problem
-from mwd_estimation.survey.multi_station_problem import corrected as corrected_readings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination
+from mwd_surface.surveys.multi_station_problem import MultistationSettings, Problem
+from mwd_surface.surveys.multi_station_problem import corrected as corrected_readings
 
-__all__ = ["GyroAzimuths", "Multistation", "MultistationSettings", "analyse"]
+__all__ = ["Multistation", "MultistationSettings", "analyse"]
 
 # Stations from which on their scatter is worth an estimate.
 _MANY = 8
@@ -61,9 +61,6 @@ class Multistation:
     sigma_inclination: Array
     toolface: Array
     azimuth_raw: Array  #: shape (n,); uncorrected
-    #: shape (n,); how far the corrected azimuth follows a turn of all the gyro's azimuths together: 0 not at all, 1
-    #: wholly.
-    by_gyro: Array
     used: np.ndarray  #: bool, shape (n,); false for stations left out as outliers; they are corrected all the same
     #: `chi_square`, `degrees`, `probability`: of the used stations' residuals and the priors together.
     chi_square: float
@@ -83,7 +80,6 @@ def analyse(
     reference: Reference,
     errors: SensorErrors | None = None,
     settings: MultistationSettings | None = None,
-    gyro: GyroAzimuths | None = None,
 ) -> Multistation:
     """
     Estimate the errors common to the stations of one run, and their azimuths without them.
@@ -97,8 +93,6 @@ def analyse(
     errors : SensorErrors, optional
         Priors of bias and scale, such as `toolcode.sensor_errors(code)`.
     settings : MultistationSettings, optional
-    gyro : GyroAzimuths, optional
-        Where given, the corrected azimuths hold what the gyro knows: do not weigh it in again.
 
     Returns
     -------
@@ -114,9 +108,7 @@ def analyse(
     f, b = _readings(f_t, b_t)
     if not reference.has_field:
         raise ValueError("reference: a multi-station analysis needs the strength and dip of the field")
-    if gyro is not None and (np.shape(gyro.azimuth) != (len(f),) or np.shape(gyro.sigma) != (len(f),)):
-        raise ValueError(f"gyro: expected an azimuth and a sigma for each of {len(f)} stations, nan where none")
-    problem = Problem(f, b, reference, errors, settings, gyro)
+    problem = Problem(f, b, reference, errors, settings)
     return _result(problem, _fitted(problem, settings), settings)
 
 
@@ -154,7 +146,7 @@ def _fitted(problem: Problem, settings: MultistationSettings) -> _Fit:
         if misfit[worst] <= settings.outlier_sigma or used.sum() <= max(3, (1.0 - settings.max_outliers) * n):
             break
         used[worst] = False
-    degrees = int(3 * used.sum()) + problem.compared(used)
+    degrees = int(3 * used.sum())
     chi_square = float(np.sum(problem.residual(solution, used) ** 2))
     # Few stations do not show the noise.
     if settings.adapt_noise and used.sum() >= _MANY:
@@ -192,7 +184,6 @@ def _result(problem: Problem, fit: _Fit, settings: MultistationSettings) -> Mult
         sigma_inclination=np.sqrt(angles[:, 0, 0]),
         toolface=gravity_toolface(f_c),
         azimuth_raw=magnetic_geometry.raw_azimuth(f, b),
-        by_gyro=np.einsum("ni,ni->n", jacobian[:, 1], problem.by_gyro(solution, covariance_x, used)),
         used=used,
         chi_square=fit.chi_square,
         degrees=fit.degrees,
