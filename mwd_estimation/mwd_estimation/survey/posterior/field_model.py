@@ -26,7 +26,6 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
-from mwd_sensors.core.settings import setting
 
 UT = 1e-6
 
@@ -58,17 +57,14 @@ _UPRIGHT = 1e-3
 class FieldErrors:
     """Nominal sigmas that are not those of the tool code or the reference."""
 
-    quiet_nt: float = setting(25.0, "Field from outside on a quiet day, each component", unit="nT", low=0.0)
-    # What of the reference's sigmas changes from station to station: MFIR, MDIR, DECR and DBHR of OWSG A003Mc rev 5.1.
-    total_nt: float = setting(60.0, "Change of the total field from station to station", unit="nT", low=0.0)
-    dip_deg: float = setting(0.08, "Change of the dip from station to station", unit="deg", low=0.0)
-    declination_deg: float = setting(0.1, "Change of the declination from station to station", unit="deg", low=0.0)
-    declination_degnt: float = setting(
-        3000.0, "The part of it that grows with a weak horizontal field, times that field", unit="deg nT", low=0.0
-    )
-    station_nt: float = setting(
-        15.0, "Error of each component that is a station's own, beside its noise", unit="nT", low=0.1
-    )
+    quiet_nt: float = 25.0  #: field from outside on a quiet day, each component, nT
+    #: What of the reference's sigmas changes from station to station (MFIR, MDIR, DECR and DBHR of OWSG A003Mc rev
+    #: 5.1): nT, deg, deg, and what of the declination grows with a weak horizontal field, times that field, deg nT.
+    total_nt: float = 60.0
+    dip_deg: float = 0.08
+    declination_deg: float = 0.1
+    declination_degnt: float = 3000.0
+    station_nt: float = 15.0  #: error of each component that is a station's own, beside its noise, nT
 
 
 # A station laid out for the kernels. Axes: level, right and down, unit vectors in tool axes. Sine (at least that of

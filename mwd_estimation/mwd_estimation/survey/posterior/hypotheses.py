@@ -17,7 +17,6 @@ import numpy as np
 
 from mwd_estimation.survey.posterior.field_model import Shared
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.settings import setting
 
 
 @unique
@@ -35,63 +34,18 @@ class Hypothesis(StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class Priors:
-    """How probable each disturbance is before any reading, and how large; the rest is a sound tool in a sound place."""
+    """Probability of each disturbance before any reading; the rest is a sound tool in a sound place."""
 
-    axial: float = setting(
-        0.3,
-        "Probability that the string is magnetised along its axis beyond the tool code. Raising it widens the sigma "
-        "of stations whose attitude hides such a field.",
-        low=0.0,
-        high=0.5,
-    )
-    cross_axial: float = setting(
-        0.06,
-        "Probability of a magnetised collar with a field across the axis. Raising it widens every sigma of a first "
-        "station.",
-        low=0.0,
-        high=0.5,
-    )
-    reference: float = setting(
-        0.12,
-        "Probability that the reference is four times as wrong as stated or of another place, or that there is a "
-        "magnetic storm. Raise it where the model is old or the crust is magnetic.",
-        low=0.0,
-        high=0.5,
-    )
-    sensor: float = setting(
-        0.01,
-        "Probability of a defect: a magnetometer with a wrong scale, or accelerometers turned in their mount. Raise it "
-        "for a tool that was not checked at surface.",
-        low=0.0,
-        high=0.5,
-    )
-    external: float = setting(
-        0.05,
-        "Probability that steel outside the string (casing, fish, another well) disturbs a station. Raise it beside "
-        "other wells; a station is then doubted by smaller deviations.",
-        low=0.0,
-        high=0.5,
-    )
-    turned: float = setting(
-        0.003,
-        "Probability that steel turns the field about the vertical and keeps its total and dip: nothing but a "
-        "gyro shows that.",
-        low=0.0,
-        high=0.1,
-    )
-    gyro_step: float = setting(
-        0.01,
-        "Probability that the bias of a gyro steps by some of its sigmas before a station.",
-        low=0.0,
-        high=0.5,
-    )
-    gyro_outlier: float = setting(
-        0.004,
-        "Probability that a gyro azimuth is wrong by more than its sigma says. Raising it doubts more stations at "
-        "which gyro and magnetometer disagree.",
-        low=0.0,
-        high=0.5,
-    )
+    axial: float = 0.3  #: the string is magnetised along its axis beyond the tool code
+    cross_axial: float = 0.06  #: a magnetised collar with a field across the axis
+    #: The reference is four times as wrong as stated or of another place, or there is a magnetic storm.
+    reference: float = 0.12
+    sensor: float = 0.01  #: a magnetometer with a wrong scale, or accelerometers turned in their mount
+    external: float = 0.05  #: steel outside the string (casing, fish, another well) at a station
+    #: Steel turns the field about the vertical and keeps its total and dip: nothing but a gyro shows that.
+    turned: float = 0.003
+    gyro_step: float = 0.01  #: the bias of a gyro steps by some of its sigmas before a station
+    gyro_outlier: float = 0.004  #: a gyro azimuth is wrong by more than its sigma says
 
 
 # Along the axis, 1 sigma, uT, with the share of each size; along and across it (0: as the tool code).
