@@ -19,7 +19,6 @@ from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
 from mwd_estimation.gyrocompass.seek_params import TACTICAL, TACTICAL_NOISE_DEG_RTH, SeekParams
 from mwd_estimation.gyrocompass.session import SessionParams
@@ -48,11 +47,11 @@ _RAMP_PER_H = 0.6
 _LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
 
 
-def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
-    """Parameters of the selected gravity method; gravity: local, m/s^2, None where not known."""
-    tool, chosen = settings.tool, method(settings.gravity.method)
+def gravity_params(settings: EstimatorSettings, gravity: float | None, name: str = "") -> Any:
+    """Parameters of a gravity method, or of the selected one; gravity: local, m/s^2, None where not known."""
+    tool, chosen = settings.tool, method(name or settings.gravity.method)
     default: Any = chosen.Params()
-    expert, usual = dataclasses.asdict(settings.gravity.expert), Gyro()
+    expert, usual = {} if name else dataclasses.asdict(settings.gravity.expert), Gyro()
     calibration = accelerometer_tilt(tool)
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
@@ -95,16 +94,6 @@ def accelerometer_tilt(tool: Tool) -> float:
         scale = math.sqrt(max(sensor.scale_ppm**2 - usual.scale_ppm**2, 0.0)) / 1e6
         return math.hypot(_CALIBRATED_TILT, bias, 0.5 * scale)
     return math.hypot(sensor.bias_ug / 1e6, 0.5 * sensor.scale_ppm / 1e6, sensor.misalignment_mrad / 1e3)
-
-
-def accelerometer_only_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.Params:
-    """Parameters of the method that remains while the gyros are faulty."""
-    default = accelerometer_only.Params()
-    return default._replace(
-        gravity=gravity or STANDARD_GRAVITY,
-        accel_range=min(settings.tool.accelerometer.range_g) * STANDARD_GRAVITY,
-        sigma_floor=max(default.sigma_floor, accelerometer_tilt(settings.tool)),
-    )
 
 
 def health_params(settings: EstimatorSettings) -> monitor.Params:

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mwd_estimation.settings.former import former
-from mwd_estimation.settings.precision import PrecisionGyro, PrecisionUnit
-from mwd_estimation.settings.tool import Tool
+from mwd_estimation.settings.tool import PrecisionGyro, PrecisionUnit, Tool
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, unknown_key
 

@@ -15,8 +15,7 @@ from mwd_estimation.settings import derivation, tool_file
 from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
 from mwd_estimation.settings.former import CONSTANT, MERGED
 from mwd_estimation.settings.place import Place, reference_of
-from mwd_estimation.settings.precision import PrecisionUnit
-from mwd_estimation.settings.tool import Tool
+from mwd_estimation.settings.tool import PrecisionUnit, Tool
 from mwd_sensors.core import earth, wire
 from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, changed, flat, from_mapping

@@ -85,7 +85,7 @@ def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
     OSError
         The file cannot be read.
     """
-    from mwd_estimation.settings.precision import PrecisionUnit
+    from mwd_estimation.settings.tool import PrecisionUnit
     from mwd_estimation.settings.tool import Tool as ToolSettings
     from mwd_estimation.settings.tool_file import from_file
 
