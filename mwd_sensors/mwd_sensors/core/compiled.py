@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Optional compilation by numba: without it every kernel works, but slower."""
+"""Compilation of kernels by numba, with a cache that follows every module they take names from."""
 
 from __future__ import annotations
 
@@ -16,36 +16,31 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
+from numba import njit as _njit
+from numba import version_info as _version
+from numba.core import event as _event
+from numba.core.registry import CPUDispatcher as _Dispatcher
+from numba.core.types.misc import unliteral as _unliteral
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-try:
-    from numba import njit as _njit
-    from numba import version_info as _version
-    from numba.core import event as _event
-    from numba.core.registry import CPUDispatcher as _Dispatcher
-    from numba.core.types.misc import unliteral as _unliteral
-except ImportError:
-    HAVE_NUMBA = False
-else:
-    HAVE_NUMBA = True
 
-    class _OldDispatcher(_Dispatcher):  # type: ignore[misc]
-        """
-        A kernel for numba before 0.61, which tells named tuples apart by memory it has not written (its issue 9097).
+class _OldDispatcher(_Dispatcher):  # type: ignore[misc]
+    """
+    A kernel for numba before 0.61, which tells named tuples apart by memory it has not written (its issue 9097).
 
-        Each call would keep some hundred bytes for good, and could take one type for another. So the machine code for
-        named tuples is looked up here.
-        """
+    Each call would keep some hundred bytes for good, and could take one type for another. So the machine code for
+    named tuples is looked up here.
+    """
 
-        def __call__(self, *args: Any, **keywords: Any) -> Any:
-            if keywords or not any(isinstance(arg, tuple) for arg in args):
-                return super().__call__(*args, **keywords)
-            kinds = tuple(map(_kind, args))
-            entry = self.entries.get(kinds)
-            if entry is None:
-                entry = self.entries[kinds] = self.compile(tuple(map(self.typeof_pyval, args)))
-            return entry(*args)
+    def __call__(self, *args: Any, **keywords: Any) -> Any:
+        if keywords or not any(isinstance(arg, tuple) for arg in args):
+            return super().__call__(*args, **keywords)
+        kinds = tuple(map(_kind, args))
+        entry = self.entries.get(kinds)
+        if entry is None:
+            entry = self.entries[kinds] = self.compile(tuple(map(self.typeof_pyval, args)))
+        return entry(*args)
 
 
 _OURS = "mwd_"
@@ -53,7 +48,7 @@ _OURS = "mwd_"
 
 def compiled(function: F) -> F:
     """
-    Compile an explicit-loop kernel to machine code, or hand it back unchanged.
+    Compile an explicit-loop kernel to machine code.
 
     The function must use scalars, numpy arrays and loops only (no Python objects, no ``@``: matrix products of
     small arrays are slower than loops there). The machine code is cached beside the module, and rebuilt when the
@@ -61,8 +56,6 @@ def compiled(function: F) -> F:
     samples gives the same bits as the samples one by one. Other threads run meanwhile, so the arrays of one call belong
     to it until it returns.
     """
-    if not HAVE_NUMBA:
-        return function
     kernel = _njit(cache=True, fastmath=False, nogil=True)(function)
     # numba looks at the kernel's own file only; machine code of a callee that has changed since would live on in it.
     index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
@@ -84,9 +77,6 @@ def compiled(function: F) -> F:
 @contextlib.contextmanager
 def when_compiling(report: Callable[[], None]) -> Iterator[None]:
     """Within this, call `report` before the first kernel that is in no cache and has to be compiled; then no more."""
-    if not HAVE_NUMBA:
-        yield
-        return
     waiting = [report]
 
     class First(_event.Listener):  # type: ignore[misc]

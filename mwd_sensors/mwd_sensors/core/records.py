@@ -36,7 +36,7 @@ def dtype_of(description: type) -> np.dtype[Any]:
     Returns
     -------
     numpy.dtype
-        Of `numpy.record`, so that `record.name` works without numba too.
+        Of `numpy.record`, so that `record.name` works outside of kernels too.
     """
     fields: list[tuple[str, Any]] = []
     for name, hint in typing.get_type_hints(description, include_extras=True).items():

@@ -24,7 +24,6 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from mwd_sensors.core.compiled import HAVE_NUMBA
 from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_deferred_responses
 from mwd_sensors.ros.diagnostics import (
     OK,
@@ -150,10 +149,9 @@ class GraphNode(LifecycleNode, Generic[T]):
         return ()
 
     def prepare(self, warm_up: Callable[[], None]) -> None:
-        """Compile the kernels where a compiler is installed; `mwd run` reads in the log that the node is at it."""
+        """Compile the kernels; `mwd run` reads in the log that the node is at it."""
         self.get_logger().info("preparing the filters; the first time after a change they are compiled")
-        if HAVE_NUMBA:
-            warm_up()
+        warm_up()
         self.get_logger().info("the filters are ready")
 
     # Entities.

@@ -79,7 +79,7 @@ def examine(environment: Mapping[str, str], folder: Path, port: int = PAGE_PORT)
 
 _PACKAGES = (
     ("numpy", "every computation"),
-    ("numba", "fast filters; without it everything works, a hundred times slower"),
+    ("numba", "every filter"),
     ("yaml", "settings and scenarios"),
     ("rosbags", "reading recordings"),
     ("zstandard", "reading and writing recordings"),

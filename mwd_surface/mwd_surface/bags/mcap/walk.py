@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Finds the records in a run of bytes, at the speed of compiled code where numba is installed."""
+"""Finds the records in a run of bytes: many by a compiled loop, few without waiting for the compiler."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_sensors.core.arrays import Bytes
-from mwd_sensors.core.compiled import HAVE_NUMBA, compiled
+from mwd_sensors.core.compiled import compiled
 from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, MESSAGE_RECORD_HEAD, PREFIX, RECORD_HEAD, Opcode
 
 
@@ -76,8 +76,8 @@ def _walk(  # one flat loop on purpose: it runs once per message of a bag
     return count, other, at
 
 
-def walk_compiled(data: Bytes) -> Walk:
-    """`walk_records` by the compiled loop."""
+def walk_records(data: Bytes) -> Walk:
+    """Find the records in a run of bytes, shape (n,), uint8; stops at the first that does not fit, never raises."""
     room = len(data) // MESSAGE_PREFIX + 1
     offset, size, log_ns, publish_ns = (np.empty(room, dtype=np.int64) for _ in range(4))
     channel = np.empty(room, dtype=np.uint16)
@@ -95,7 +95,7 @@ def walk_compiled(data: Bytes) -> Walk:
 
 
 def walk_plain(data: Bytes) -> Walk:
-    """`walk_records` where numba is absent."""
+    """As `walk_records`, without a compiled loop: for few bytes."""
     view, end, at = data.tobytes(), len(data), 0
     rows: list[tuple[int, int, int, int, int]] = []
     others: list[int] = []
@@ -121,11 +121,6 @@ def walk_plain(data: Bytes) -> Walk:
         np.array(others, dtype=np.int64),
         at,
     )
-
-
-def walk_records(data: Bytes) -> Walk:
-    """Find the records in a run of bytes, shape (n,), uint8; stops at the first that does not fit, never raises."""
-    return walk_compiled(data) if HAVE_NUMBA else walk_plain(data)
 
 
 def records_at(data: Bytes, offsets: NDArray[np.int64]) -> list[tuple[int, memoryview]]:

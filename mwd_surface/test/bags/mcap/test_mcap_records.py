@@ -35,7 +35,7 @@ from mwd_surface.bags.mcap.encode import (
     statistics_record,
 )
 from mwd_surface.bags.mcap.records import Attachment, Channel, ChunkHead, ChunkIndex, FormatError, Schema, Statistics
-from mwd_surface.bags.mcap.walk import walk_compiled, walk_plain
+from mwd_surface.bags.mcap.walk import walk_plain, walk_records
 
 words = st.text(max_size=12)
 tables = st.dictionaries(words, words, max_size=4)
@@ -159,7 +159,7 @@ def test_the_compiled_walk_and_the_plain_one_find_the_same_records_in_whole_and_
             expected.append((channel, log_ns, publish_ns, payload))
     for part in (data, data[: max(0, len(data) - cut)]):
         array = np.frombuffer(part, dtype=np.uint8)
-        one, two = walk_compiled(array), walk_plain(array)
+        one, two = walk_records(array), walk_plain(array)
         for name in ("offset", "size", "channel", "log_ns", "publish_ns", "others"):
             assert np.array_equal(getattr(one, name), getattr(two, name))
             assert getattr(one, name).dtype == getattr(two, name).dtype
@@ -177,13 +177,13 @@ def test_the_compiled_walk_and_the_plain_one_find_the_same_records_in_whole_and_
 @given(st.binary(max_size=200))
 def test_no_bytes_whatever_lead_the_walk_out_of_its_data(data):
     array = np.frombuffer(data, dtype=np.uint8)
-    one, two = walk_compiled(array), walk_plain(array)
+    one, two = walk_records(array), walk_plain(array)
     assert one.end == two.end <= len(data)
     assert (one.offset + one.size <= len(data)).all()
 
 
 def test_a_length_beyond_all_bounds_ends_the_walk():
     data = message_prefix(1, 1, 5, 5, 0) + bytes([5]) + (2**64 - 9).to_bytes(8, "little") + bytes(40)
-    for walk in (walk_compiled, walk_plain):
+    for walk in (walk_records, walk_plain):
         found = walk(np.frombuffer(data, dtype=np.uint8))
         assert (len(found.offset), found.end) == (1, 31)
