@@ -211,7 +211,9 @@ class PulseReceiver(SampledReceiver):
         pressure, known = self._grid.samples(float(STEPS_PER_TU * first_tu), float(pace), count)
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
-        whitener = self._active.channel.stepwise if self._active is not None else None
+        active = self._active
+        # Before there are words, a transmission knows no more of the noise than this search learns.
+        whitener = active.channel.stepwise if active is not None and active.confirmed else None
         found = synchronisation.search(pressure, known, self._tool, low - guard, high + guard, whitener)
         # What lies farther behind the hop may be the flank of a sync beyond the range: it is left to the next one.
         if found is None or found.at >= high + guard // 2:
@@ -222,7 +224,6 @@ class PulseReceiver(SampledReceiver):
         self._last_sync = position
         self._syncs += 1
         self.last_sync_s = self._grid.seconds(position)
-        active = self._active
         if active is not None and active.expects_sync(position):
             active.offer_sync()
         elif active is not None and active.replaced_by(position, found.score):

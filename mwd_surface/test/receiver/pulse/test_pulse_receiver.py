@@ -61,6 +61,15 @@ def test_any_cut_gives_the_same_words_with_strokes():
     assert whole.words != reception("0.5").words
 
 
+@pytest.mark.slow
+def test_a_sync_behind_what_looked_like_one_is_found():
+    """Three of the five pulses of a sync lie 15 TU apart: it looks like an earlier one of which two are weak."""
+    channel = MudChannel(noise=Noise(stalls_per_hour=60.0), flow_off_s=((-100.0, 20.0),))
+    run = link_run(channel, transmit(FAST, ((20.0, 180.0),), 208, -5e-4), 180.0, 1208)
+    survey = [word.raw for word in decode(FAST, run.time_s, run.pressure_pa).words if word.kind == "survey"]
+    assert survey == [word.raw for word in run.sent.words[: len(FAST.surveys[0])]]
+
+
 def test_each_word_is_provisional_before_it_is_final():
     got = reception("0.5")
     provisional = {(word.frame, word.index): word for word in got.provisional}
