@@ -50,7 +50,7 @@ _AZIMUTH_GATE = 10.83
 def initial(
     params: Params,
     reference: Reference,
-    errors: SensorErrors | None = None,
+    errors: SensorErrors,
     axial: tuple[float, float] = (0.0, 0.0),
 ) -> Samples:
     """
@@ -60,8 +60,8 @@ def initial(
     ----------
     params : Params
     reference : Reference
-    errors : SensorErrors, optional
-        Sensor part of the priors, added in squares.
+    errors : SensorErrors
+        Sensor part of the priors: the bias of the magnetometers is added in squares, their scale error stands alone.
     axial : tuple of float
         Axial interference to start from and 1 sigma, T, where a station has shown one beyond what the prior thinks
         possible. The prior's sigma stays at least: samples are held against the same reference as the station was,
@@ -77,8 +77,7 @@ def initial(
     ValueError
         The reference has no field.
     """
-    bias = (0.0 if errors is None else errors.magnetometer_bias_nt) * 1e-9
-    scale = params.scale if errors is None else errors.magnetometer_scale
+    bias, scale = errors.magnetometer_bias_nt * 1e-9, errors.magnetometer_scale
     along = max(math.hypot(params.axial, bias), axial[1])
     cross = math.hypot(params.cross_axial, bias)
     state = np.zeros(1, dtype=STATE)

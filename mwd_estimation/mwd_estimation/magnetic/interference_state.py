@@ -34,7 +34,6 @@ class Params(NamedTuple):
     #: `axial`, `cross_axial`: prior of the axial interference and of the cross-axial bias, 1 sigma, T.
     axial: float = 2000.0 * 1e-9
     cross_axial: float = 200.0 * 1e-9
-    scale: float = 0.0016  #: scale error of each magnetometer, 1 sigma
     noise: float = 100e-9  #: white noise of each magnetometer axis in one sample, 1 sigma, T
     walk: float = 20.0**2 * 1e-18 / 3600.0  #: random walk of every bias, T^2/s
     field_walk: float = 30.0**2 * 1e-18 / 3600.0  #: random walk of the field along the hole, T^2/s

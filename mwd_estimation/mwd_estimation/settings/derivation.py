@@ -130,9 +130,7 @@ def interference_params(settings: EstimatorSettings) -> interference_state.Param
     tool, usual = settings.tool, interference_state.Params()
     # What is possible at all is in proportion to what is expected; below the bias of the magnetometer neither shows.
     axial = usual.axial * (tool.axial_interference_nt / Tool().axial_interference_nt)
-    return interference_state.Params(
-        axial=max(axial, tool.magnetometer.bias_nt * 1e-9), scale=tool.magnetometer.scale_ppm / 1e6
-    )
+    return interference_state.Params(axial=max(axial, tool.magnetometer.bias_nt * 1e-9))
 
 
 def gyro_azimuth_params(settings: EstimatorSettings) -> gyro_azimuth_state.Params:

@@ -17,7 +17,9 @@ from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 DEG = math.pi / 180.0
 SIGMA_B, SIGMA_G, TAU, RATE = 50e-9, 5e-4, 10.0, 10.0
-PARAMS = Params(axial=9e-7, cross_axial=1.5e-7, scale=0.001, noise=SIGMA_B, walk=0.0, field_walk=0.0, varying=1e-9)
+PARAMS = Params(axial=9e-7, cross_axial=1.5e-7, noise=SIGMA_B, walk=0.0, field_walk=0.0, varying=1e-9)
+ERRORS = SensorErrors(magnetometer_bias_nt=0.0, magnetometer_scale=0.001)
+PLAIN = SensorErrors(magnetometer_bias_nt=0.0)
 FIELD = np.array([16e-6, 47e-6])
 
 
@@ -84,7 +86,7 @@ def test_bias_and_azimuth_err_by_their_sigma_in_every_attitude(case):
     scores, turns = [], []
     for seed in range(30):
         samples, reference, truth, bias = drilled(seed, inc, azi, rpm, seconds)
-        got = run(PARAMS, initial(PARAMS, reference), *samples)
+        got = run(PARAMS, initial(PARAMS, reference, ERRORS), *samples)
         assert learnt(got).mean() > 0.99
         scores.append(((got["bias"][-1] - bias) / got["sigma"][-1]) ** 2)
         turns.append((wrap_pi(got["azimuth"][-1] - truth[-1]) / got["sigma_azimuth"][-1]) ** 2)
@@ -102,7 +104,7 @@ def test_east_west_horizontal_with_900_nt_comes_within_half_a_degree_by_magnetic
         samples, reference, truth, bias = drilled(seed, [89, 91], [85, 95], 60, 600)
         stamps, g_t, b_t, sigma_g = samples
         b_t = b_t - bias + np.array([900e-9, 100e-9, -100e-9])
-        got = run(PARAMS, initial(PARAMS, reference), stamps, g_t, b_t, sigma_g)
+        got = run(PARAMS, initial(PARAMS, reference, ERRORS), stamps, g_t, b_t, sigma_g)
         errors.append(wrap_pi(got["azimuth"][-1] - truth[-1]) / DEG)
         raw.append(wrap_pi(raw_azimuth(-g_t[-1], b_t[-1]) - truth[-1]) / DEG)
     assert np.sqrt(np.mean(np.square(raw))) > 3.0
@@ -111,9 +113,9 @@ def test_east_west_horizontal_with_900_nt_comes_within_half_a_degree_by_magnetic
 
 def test_one_block_and_many_give_the_same_bits_and_a_saved_state_resumes():
     samples, reference, *_ = drilled(1, [20, 40], [60], 60, 30)
-    whole_state = initial(PARAMS, reference)
+    whole_state = initial(PARAMS, reference, ERRORS)
     whole = run(PARAMS, whole_state, *samples)
-    state, parts = initial(PARAMS, reference), []
+    state, parts = initial(PARAMS, reference, ERRORS), []
     for start, stop in ((0, 1), (1, 2), (2, 50), (50, 51), (51, 300)):
         state = state.copy()
         parts.append(run(PARAMS, state, *(x[start:stop] for x in samples)))
@@ -153,7 +155,7 @@ def test_casing_is_not_learnt_and_a_new_assembly_is_after_patience():
     params = Params(axial=9e-7, cross_axial=1.5e-7, noise=SIGMA_B, max_reset_time_s=20.0)
     samples, reference, truth, _ = drilled(2, [30], [60], 60, 120)
     stamps, g_t, b_t, sigma_g = samples
-    state = initial(params, reference)
+    state = initial(params, reference, PLAIN)
     run(params, state, *(x[:400] for x in samples))
     kept = state["x"].copy()
     passing = b_t[400:450] + np.array([4e-6, 3e-6, -2e-6])
@@ -174,9 +176,9 @@ def test_from_the_interference_a_station_showed_it_starts_and_after_casing_start
     (stamps, g_t, b_t, sigma_g), reference, truth, bias = drilled(2, [30], [60], 60, 120)
     strong = 4e-5
     b_t = b_t + np.array([strong, 0, 0])
-    hopeless = run(params, initial(params, reference), stamps, g_t, b_t, sigma_g)
+    hopeless = run(params, initial(params, reference, PLAIN), stamps, g_t, b_t, sigma_g)
     assert not learnt(hopeless).any()
-    state = initial(params, reference, axial=(strong + bias[0] + 3e-7, 2e-7))
+    state = initial(params, reference, PLAIN, axial=(strong + bias[0] + 3e-7, 2e-7))
     assert axial(state)[1] == pytest.approx(900e-9)
     b_t[200:700] += np.array([9e-6, 5e-6, 0])
     got = run(params, state, stamps, g_t, b_t, sigma_g)
@@ -185,13 +187,13 @@ def test_from_the_interference_a_station_showed_it_starts_and_after_casing_start
         assert learnt(got)[k]
         assert abs(got["bias"][k, 0] - strong - bias[0]) < 3 * got["sigma"][k, 0]
         assert abs(wrap_pi(got["azimuth"][k] - truth[k])) < 3 * got["sigma_azimuth"][k]
-    assert axial(initial(params, reference, axial=(strong, 3e-6))) == (strong, pytest.approx(3e-6))
+    assert axial(initial(params, reference, PLAIN, axial=(strong, 3e-6))) == (strong, pytest.approx(3e-6))
 
 
 def test_samples_not_finite_or_repeated_are_not_learnt():
     samples, reference, *_ = drilled(4, [30], [60], 60, 10)
     stamps, g_t, b_t, sigma_g = samples
-    state = initial(PARAMS, reference)
+    state = initial(PARAMS, reference, ERRORS)
     run(PARAMS, state, *(x[:5] for x in samples))
     before = state.copy()
     lost = run(PARAMS, state, stamps[5:6], g_t[5:6], np.full((1, 3), np.nan), sigma_g[5:6])[0]
@@ -207,7 +209,7 @@ def test_a_gyro_azimuth_tells_the_axial_interference_where_the_reference_cannot(
     samples, reference, truth, _ = drilled(6, [90], [90], 30, 60)
     stamps, g_t, b_t, sigma_g = samples
     b_t = b_t + np.array([500e-9, 0, 0])
-    state = initial(PARAMS, reference)
+    state = initial(PARAMS, reference, ERRORS)
     before = run(PARAMS, state, stamps, g_t, b_t, sigma_g)["sigma_azimuth"][-1]
     ratio = aid_azimuth(PARAMS, state, g_t[-1], b_t[-1], truth[-1] + 0.2 * DEG, 0.3 * DEG)
     assert ratio < 1.0
@@ -245,4 +247,4 @@ def test_priors_hold_the_sensors_own_error_and_turning_shows_the_cross_axial_bia
 
 def test_a_reference_without_a_field_is_refused():
     with pytest.raises(ValueError, match="no field"):
-        initial(PARAMS, Reference())
+        initial(PARAMS, Reference(), ERRORS)

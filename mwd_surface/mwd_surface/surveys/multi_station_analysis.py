@@ -32,7 +32,7 @@ from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.frames import gravity_toolface, inclination
+from mwd_sensors.core.frames import inclination
 from mwd_surface.surveys.multi_station_problem import MultistationSettings, Problem
 from mwd_surface.surveys.multi_station_problem import corrected as corrected_readings
 
@@ -52,14 +52,12 @@ class Multistation:
     estimate: Array
     sigma: Array
     prior: Array
-    covariance: Array  #: shape (15, 15)
-    #: `azimuth`, `sigma_azimuth`, `inclination`, `sigma_inclination`, `toolface`: shape (n,); corrected, magnetic, rad.
+    #: `azimuth`, `sigma_azimuth`, `inclination`, `sigma_inclination`: shape (n,); corrected, magnetic, rad.
     #: Sigmas hold noise and what is left of the errors; declination and alignment come on top.
     azimuth: Array
     sigma_azimuth: Array
     inclination: Array
     sigma_inclination: Array
-    toolface: Array
     azimuth_raw: Array  #: shape (n,); uncorrected
     used: np.ndarray  #: bool, shape (n,); false for stations left out as outliers; they are corrected all the same
     #: `chi_square`, `degrees`, `probability`: of the used stations' residuals and the priors together.
@@ -68,10 +66,6 @@ class Multistation:
     probability: float
     observable: np.ndarray  #: bool, shape (15,); whether the run's attitudes show an error
     refused: Reason | None  #: why the corrected azimuths must not be used; None where they may
-
-    def corrected(self, f_t: ArrayLike, b_t: ArrayLike) -> tuple[Array, Array]:
-        """Specific force, m/s^2, and field, T, shape (..., 3), with the estimated errors taken off."""
-        return corrected_readings(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float), self.estimate)
 
 
 def analyse(
@@ -177,12 +171,10 @@ def _result(problem: Problem, fit: _Fit, settings: MultistationSettings) -> Mult
         estimate=estimate,
         sigma=sigma,
         prior=prior,
-        covariance=covariance,
         azimuth=magnetic_geometry.raw_azimuth(f_c, b_c),
         sigma_azimuth=sigma_azimuth,
         inclination=inclination(f_c),
         sigma_inclination=np.sqrt(angles[:, 0, 0]),
-        toolface=gravity_toolface(f_c),
         azimuth_raw=magnetic_geometry.raw_azimuth(f, b),
         used=used,
         chi_square=fit.chi_square,

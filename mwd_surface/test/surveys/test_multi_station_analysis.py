@@ -15,7 +15,7 @@ from mwd_surface.surveys.multi_station_analysis import (
     MultistationSettings,
     analyse,
 )
-from mwd_surface.surveys.multi_station_problem import Problem
+from mwd_surface.surveys.multi_station_problem import Problem, corrected
 
 DEG = math.pi / 180.0
 TOTAL, DIP, GRAVITY = 50e-6, 71.3 * DEG, 9.81
@@ -118,7 +118,7 @@ def test_interference_is_found_with_its_sigma_and_the_readings_corrected():
     assert abs(done.estimate[0] - biases[0]) < 3 * done.sigma[0]
     assert done.sigma[0] < 200e-9
     assert done.observable[:3].all()
-    _, b_c = done.corrected(f_t, b_t)
+    _, b_c = corrected(f_t, b_t, done.estimate)
     assert np.std(np.linalg.norm(b_c, axis=1)) < np.std(np.linalg.norm(b_t, axis=1))
 
 
