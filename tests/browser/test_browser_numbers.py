@@ -133,6 +133,21 @@ def test_how_far_off_plan_the_well_is_and_how_to_come_back_stand_on_the_first_sc
         assert "2.60°/30 m" in text(browser, "#offset")
 
 
+@pytest.mark.parametrize("size", [*SIZES, (1280, 800), (1600, 860), (1820, 910)])
+def test_what_stands_in_the_upper_panels_ends_inside_them(browser, size):
+    with rig_on(browser, size) as rig:
+        offset = Offset(12.4, 1200.0, -10.12, 11.38, 0.3, 0.1, math.radians(72.0))
+        rig.live()
+        rig.state.on_offset(offset, time.monotonic(), math.radians(2.6) / 30.0)
+        rig.push()
+        wait(browser, lambda: "10.12 m below, 11.38 m right" in text(browser, "#offset"))
+        beyond = "const end = e => e.getBoundingClientRect().right;"
+        beyond += " return ['numbers', 'quality'].flatMap(id => { const panel = document.getElementById(id);"
+        beyond += " return [...panel.querySelectorAll('dd, .unit, .name, .each')].filter(e => e.offsetParent)"
+        beyond += ".map(e => end(e) - end(panel)); })"
+        assert max(browser.execute_script(beyond)) <= 0.0
+
+
 @pytest.mark.parametrize("size", [*SIZES, (1280, 800)])
 def test_the_facts_of_the_well_are_never_cut_off(browser, size):
     with rig_on(browser, size) as rig:

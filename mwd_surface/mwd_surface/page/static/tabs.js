@@ -6,7 +6,7 @@ const TABS = [
   ["surveys", "Surveys"], ["path", "Path"], ["charts", "Charts"], ["steering", "Steering"], ["link", "Link"], ["alarms", "Alarms"], ["system", "System"], ["controls", "Operator"],
 ];
 
-const wide = window.matchMedia("(min-width: 1500px) and (min-height: 850px)");
+const wide = window.matchMedia("(min-width: 1800px) and (min-height: 900px)");
 const ALWAYS = ["surveys", "path"];
 
 let tab = "surveys";
