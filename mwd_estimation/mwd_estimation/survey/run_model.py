@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,6 +46,14 @@ _NOTHING = Across(np.zeros(2), math.inf)
 _AGREES = 0.2
 
 
+class _Seek(NamedTuple):
+    """A seek of the gyro that may go on: what was known before its first station, and its stations without a gyro."""
+
+    began_ns: int
+    before: State
+    rows: list[Row]
+
+
 class RunModel:
     """
     Stations of one tool in one assembly, in the order they were taken.
@@ -61,6 +70,7 @@ class RunModel:
         self._seen: dict[bytes, int] = {}
         self._lay: list[tuple[Array, Array]] = []
         self._before: State | None = None
+        self._seek: _Seek | None = None
         self._count, self._agreed = 0, False
         self._told: dict[str, Across] = {}
 
@@ -99,6 +109,9 @@ class RunModel:
         if not (one["has_field"] or math.isfinite(one["gyro"])):
             return None
         model = self._model(measured)
+        began_ns = None if gyro is None else gyro.began_ns
+        if learn and math.isfinite(one["gyro"]):
+            self._forget_of_seek(model, began_ns)
         if turning is not None:
             self._take_turning(model, turning)
         model.pass_time(hours)
@@ -111,12 +124,32 @@ class RunModel:
         if learn and repeats is None and place is None:
             self._lay.append(_directions(one))
             self._before = copy.deepcopy(model.state)
+            self._add_to_seek(one, began_ns, self._before)
             model.learn(one, evidence)
         turn = _turn(station.north_correction, self._north(measured))
         found = self._finding(model, one, evidence, doubts, turn, repeats)
         outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
         self._agreed |= learn and found.of_gyro is not None and found.gyro_wrong < _AGREES and outside < _AGREES
         return found
+
+    def _forget_of_seek(self, model: RunFilter, began_ns: int | None) -> None:
+        """Forget the azimuths that a seek of the gyro had at earlier stations: it is one reading, the last."""
+        if self._seek is None or began_ns != self._seek.began_ns:
+            return
+        model.state = copy.deepcopy(self._seek.before)
+        for row in self._seek.rows:
+            if row["has_field"]:
+                model.learn(row, model.evidence(row))
+
+    def _add_to_seek(self, one: Row, began_ns: int | None, before: State) -> None:
+        if began_ns is None:
+            self._seek = None
+            return
+        if self._seek is None or began_ns != self._seek.began_ns:
+            self._seek = _Seek(began_ns, before, [])
+        row = one.copy()
+        row["gyro"] = row["gyro_other"] = math.nan
+        self._seek.rows.append(row)
 
     def shared(self) -> tuple[Array, Array] | None:
         """Mean and covariance of the shared errors, as `RunFilter.shared`; None before the first station."""
@@ -160,6 +193,7 @@ class RunModel:
             sigmas = field_model.nominal_sigmas(self._settings.errors, known, self._errors, magnetic)
             self._filter, self._of = RunFilter(self._settings.priors, sigmas), (reference, magnetic)
             self._seen, self._lay, self._count, self._agreed, self._told = {}, [], 0, False, {}
+            self._before = self._seek = None
         return self._filter
 
     def _take_turning(self, model: RunFilter, turning: Turning) -> None:

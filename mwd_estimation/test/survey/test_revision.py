@@ -65,6 +65,21 @@ def test_azimuths_of_one_seek_are_one_reading_of_the_gyro():
     assert {one.verdict for one, _ in apart[0]} == {"doubtful"}
 
 
+@pytest.mark.slow
+def test_the_second_azimuth_of_one_seek_does_not_bear_out_the_first():
+    """A wrong gyro beside a magnetometer in order, read before and after a turn in place; the next one is right."""
+    found = []
+    for began in (1, 2):
+        model = RunModel(SETTINGS)
+        taken = [station(0.8, 0.0, seek(1, 2.3)), station(0.8, 2.0, seek(began, 2.3)), station(0.9, 1.0, seek(3))]
+        stations = [judged(one.measured, model.take(*one), SETTINGS) for one in taken]
+        found.append([one.verdict for one in stations])
+        assert abs(wrap_pi(stations[-1].azimuth - AZIMUTH)) < stations[-1].sigma_azimuth
+    assert found[0] == ["doubtful", "doubtful", "accept"]
+    # Two seeks that agree are believed, rightly or not.
+    assert found[1] == ["doubtful", "accept", "accept"]
+
+
 def test_a_seek_without_a_beginning_is_that_of_its_station_alone():
     taken = [station(0.8 + 0.1 * k, 0.5 * k, seek(None)) for k in range(3)]
     apart = [one._replace(gyro=seek(k)) for k, one in enumerate(taken)]
