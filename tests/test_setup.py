@@ -105,3 +105,9 @@ def test_a_turn_is_held_against_other_processes_and_ends_with_it(setup):
         assert b"BlockingIOError" in subprocess.run(attempt, capture_output=True, check=False).stderr
         assert setup.TURN.read_text() == f"{os.getpid()}\n"
     assert subprocess.run(attempt, capture_output=True, check=False).returncode == 0
+
+
+def test_an_unknown_option_is_refused_before_anything_is_done():
+    done = subprocess.run([sys.executable, str(FILE), "--ubunto"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "setup: '--ubunto' is not known; the only option is --ubuntu.\n"
