@@ -16,7 +16,7 @@ import math
 from mwd_estimation.gravity.bounded import noise
 from mwd_estimation.gravity.bounded.measurement import hole_direction
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, TILT, Record, Scale
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, SCALE, TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
 OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time
@@ -24,12 +24,17 @@ OWN_AGE = 0.25  # the most of it for each time since the start, which had more t
 # Least expected variance of a correction over what an interval adds to the tilt; after clipping, that which is judged.
 LEAST_CORRECTION, SHARE_AFTER_CLIP = 0.3, 0.5
 SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, memory of the power, and so many times the filter's own time more
-SCALE_YOUNG, SCALE_AGE = 1.0, 0.15  # s and share: after a start it is no longer than these allow
+# After a start the memory is no longer than a second and the square of the time over this, s: that forgets the
+# corrections that find the sensors, which take some ten seconds, and not those behind them. The power must be the mean
+# of several of the filter's own times: from two the reciprocal of the scale, and with it the error over sigma, has no
+# finite mean.
+SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
 USUAL_TIME = 10.0  # s, memory of the usual innovation
 ROTATING = 1.5  # rad/s, mean rate about the axis beyond which the filter cannot follow what is fixed in the tool
 HALF = 0.5  # of the variance of calibration: biases; the other half is scales and axes out of square
 BIAS_SHARE = 0.4  # of the carried sigmas of gyro bias and misalignment, which are 2.5 times those of the tool
+LEAST_PRIOR = 1e-18  # variance, of sensors that are said to have no error
 CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning that no hole asks for
 
 
@@ -77,21 +82,32 @@ def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float,
     mean = nx * low[0, 0] + ny * low[0, 1]
     band = nx * (low[1, 0] - low[2, 0]) + ny * (low[1, 1] - low[2, 1])
     power = (mean * mean + BAND * band * band) / share
-    found.power += T / min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + SCALE_AGE * s.settled) * (power - found.power)
+    memory = min(SCALE_TIME + SCALE_OWN * own, SCALE_YOUNG + (s.settled / SCALE_SETTLED) ** 2)
+    found.power += T / memory * (power - found.power)
 
 
 @compiled
-def _cone(s: Record, rotating: float) -> float:
+def _cone(p: Params, s: Record, rotating: float) -> float:
     """
     Variance of the axis that a tool seems to rotate about, mean of y and z, rad^2.
 
     Gyros across the axis that are out of line, or have a bias, see the tool rotate about another axis than its own. A
-    lasting speed hides much of that, and no innovation shows it.
+    lasting speed hides much of that, and no innovation shows it. P / P0 of the error at switch-on is left of it, with
+    the tool's sigma; the rest of P is noise of what was found, and has the scale of inclination.
     """
-    total, slow = 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
+    P, total, slow = s.P, 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
+    scale2, bias2 = max(p.scale_sigma**2, LEAST_PRIOR), max(p.bias_sigma**2, LEAST_PRIOR)
+    askew2 = max(p.misalignment_sigma**2, LEAST_PRIOR)
     for j in range(2):
-        both = s.P[BIAS + 1 + j, BIAS + 1 + j] * slow + 2.0 * s.P[BIAS + 1 + j, ASKEW + j]
-        total += 0.5 * BIAS_SHARE**2 * (s.P[ASKEW + j, ASKEW + j] + slow * both)
+        y, k = BIAS + 1 + j, ASKEW + j
+        variance = P[k, k] + slow * (P[y, y] * slow + 2.0 * P[y, k])
+        left = (P[k, SCALE] + slow * P[y, SCALE]) ** 2 / scale2
+        for m in range(3):
+            left += (P[k, BIAS + m] + slow * P[y, BIAS + m]) ** 2 / bias2
+        for m in range(2):
+            left += (P[k, ASKEW + m] + slow * P[y, ASKEW + m]) ** 2 / askew2
+        left = min(left, variance)
+        total += 0.5 * (BIAS_SHARE**2 * left + s.innovations.along.power * (variance - left))
     return total
 
 
@@ -115,11 +131,12 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
     # Accelerometers that show another gravity than the place has are in error by as much across it as well.
     shown2 = s.down**2 - s.P[DOWN, DOWN] - p.gravity_sigma**2
     floor = max(p.calibration_sigma**2, shown2 / p.gravity**2)
-    askew = rotating * _cone(s, rotating)
-    # The pull of the circle that the sensor runs is across the axis; a share of it lies along the hole.
+    askew = rotating * _cone(p, s, rotating)
+    # The pull of the circle that the sensor runs is across the axis. A share of it seems to lie along the axis, where
+    # rotation does not average it out: that acts along the hole by the sine of inclination.
     pull2 = turn2 * turn2 * (s.lever[0] ** 2 + s.lever[1] ** 2) / p.gravity**2
     # Rotation averages out what is fixed across the axis, but for a turn of the accelerometers about it.
-    along = floor * (1.0 - rotating * (1.0 - HALF * across2)) + askew + (HALF * floor + askew) * pull2
+    along = floor * (1.0 - rotating * (1.0 - HALF * across2)) + askew + (HALF * floor + askew) * pull2 * across2
     aside = floor * (1.0 - rotating * (1.0 - 0.5 * HALF * across2)) + askew * upright2
     # On its way along a curve the tool is accelerated across the hole.
     bx, by = (C[0, 0] - s.slow_axis[0]) / CURVE_TIME, (C[1, 0] - s.slow_axis[1]) / CURVE_TIME
