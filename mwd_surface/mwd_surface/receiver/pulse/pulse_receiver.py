@@ -227,7 +227,7 @@ class PulseReceiver(SampledReceiver):
         if active is not None and active.expects_sync(position):
             active.offer_sync()
         elif active is not None and active.replaced_by(position, found.score):
-            self._active = self._begun(found, position)
+            self._begin(found, position)
         elif active is not None and (active.sound or found.score <= _SURER * active.score):
             # Data can look like a sync by chance: it counts once the transmission breaks off.
             if self._waiting is None or found.score > self._waiting[0].score:
@@ -236,8 +236,13 @@ class PulseReceiver(SampledReceiver):
             if active is not None:
                 self._add(done, active.close())
                 self._frame = active.frame
-            self._active = self._begun(found, position)
-            self._waiting = None
+            self._begin(found, position)
+
+    def _begin(self, found: synchronisation.SyncFound, position: float) -> None:
+        """Begin a transmission with a sync; the next best one waits."""
+        self._active = self._begun(found, position)
+        other, pace = found.other, STEPS_PER_TU // SAMPLES_PER_TU
+        self._waiting = None if other is None else (other, position + (other.at - found.at) * pace)
 
 
 def decode(

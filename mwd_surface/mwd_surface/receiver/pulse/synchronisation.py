@@ -72,6 +72,8 @@ class SyncFound:
         Prediction error filter of the noise.
     settled : int
         Samples before it that are past the start of the pumps.
+    other : SyncFound or None
+        Next best one. A sync is like itself 15 TU later, three pulses of five: the words behind tell the true one.
     """
 
     at: int
@@ -80,6 +82,12 @@ class SyncFound:
     scale: float
     whitener: Array
     settled: int
+    other: SyncFound | None = None
+
+    def later(self, samples: int) -> SyncFound:
+        """Same, in data that begin so many samples earlier."""
+        other = None if self.other is None else self.other.later(samples)
+        return dataclasses.replace(self, at=self.at + samples, other=other)
 
 
 def search(
@@ -117,7 +125,7 @@ def search(
     found = _found(pressure, known, tool, (begin, end), whitener, first)
     for least in others:
         found = None if found is None else _refined(pressure, known, tool, (begin, end), found, least)
-    return None if found is None else dataclasses.replace(found, at=found.at + moved)
+    return None if found is None else found.later(moved)
 
 
 def _refined(
@@ -161,19 +169,24 @@ def _found(
         return None
     count = last - first
     score = _scores(whitened, weight, _columns(shapes, edges), first, count)
-    at = int(np.argmax(score))
-    if score[at] < least:
-        return None
-    # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
-    found = _fitted(whitened, weight, shapes, edges, first + at)
-    early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
-    moved = min(max(at + early, 0), count - 1)
-    if moved != at:
-        at, found = moved, _fitted(whitened, weight, shapes, edges, first + moved)
-    if not _alike(whitened, weight, found[0] @ shapes, edges, first + at):
-        return None
-    response = found[0] @ components
-    return SyncFound(first + at, float(score[at]), response, found[1], whitener, first + at)
+    best: list[SyncFound] = []
+    for _ in range(2):
+        at = int(np.argmax(score))
+        if score[at] < least:
+            break
+        # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
+        found = _fitted(whitened, weight, shapes, edges, first + at)
+        early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
+        moved = min(max(at + early, 0), count - 1)
+        if moved != at:
+            found = _fitted(whitened, weight, shapes, edges, first + moved)
+        if _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
+            response = found[0] @ components
+            place = first + moved
+            best.append(SyncFound(place, float(score[moved]), response, found[1], whitener, place))
+        for taken in (at, moved):
+            score[max(taken - RESPONSE, 0) : taken + RESPONSE] = -np.inf
+    return dataclasses.replace(best[0], other=best[-1] if len(best) > 1 else None) if best else None
 
 
 def _columns(shapes: Array, edges: Array) -> Array:

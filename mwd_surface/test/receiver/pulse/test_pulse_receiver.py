@@ -70,6 +70,15 @@ def test_a_sync_behind_what_looked_like_one_is_found():
     assert survey == [word.raw for word in run.sent.words[: len(FAST.surveys[0])]]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [30012, 30015, 30186])
+def test_of_two_places_for_a_sync_the_words_choose(seed):
+    """6 dB: with a pulse of the first word, a sync is like itself 15 TU later in four pulses of five."""
+    sent = transmit(FAST, ((0.0, 140.0),), seed)
+    words = decode(FAST, *white(FAST, sent, 6.0, seed=seed)).words
+    assert words[0].start_s == pytest.approx(sent.words[0].start_s, abs=FAST.tu_s)
+
+
 def test_each_word_is_provisional_before_it_is_final():
     got = reception("0.5")
     provisional = {(word.frame, word.index): word for word in got.provisional}
