@@ -121,8 +121,8 @@ def revision_sentences(revised: Sequence[tuple[int, Station, Station]]) -> list[
     known = [move for move in moves if math.isfinite(move)]
     most = f", azimuth by {degrees(max(known), 1)} deg at most" if known else ""
     lines = [f"{numbered([number for number, _, _ in revised]):>4} revised by the stations after them{most}"]
-    for number, first, now in revised:
-        if first.verdict != now.verdict:
+    for (number, first, now), move in zip(revised, moves, strict=True):
+        if first.verdict != now.verdict or move > first.sigma_azimuth:
             lines.append(
                 f"{number:>4} was {first.verdict} at first: {_azimuth(first)}; now {now.verdict}: {_azimuth(now)}"
             )

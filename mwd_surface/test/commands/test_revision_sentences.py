@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of surveys on the terminal: which revised stations are named."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_estimation.survey.station_record import blind
+from mwd_surface.commands.survey_table import revision_sentences
+
+
+def station(azimuth_deg, sigma_deg, verdict="accept"):
+    whole = blind(np.zeros(3), np.zeros(3), None, ())
+    azimuth, sigma = math.radians(azimuth_deg), math.radians(sigma_deg)
+    return dataclasses.replace(whole, azimuth=azimuth, sigma_azimuth=sigma, verdict=verdict)
+
+
+def test_a_station_is_named_by_another_verdict_or_an_azimuth_more_than_its_sigma_away():
+    told = revision_sentences(
+        [
+            (1, station(136.6, 0.8), station(158.4, 3.3)),
+            (2, station(157.6, 3.0, "doubtful"), station(158.4, 3.3)),
+            (3, station(161.6, 3.0), station(162.0, 2.9)),
+        ]
+    )
+    assert told == [
+        " 1-3 revised by the stations after them, azimuth by 21.8 deg at most",
+        "   1 was accept at first: 136.6 ±0.8; now accept: 158.4 ±3.3",
+        "   2 was doubtful at first: 157.6 ±3.0; now accept: 158.4 ±3.3",
+    ]
