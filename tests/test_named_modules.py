@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comments and pages name is there, modules of a room (`survey.verdict`) and files; and maps are complete."""
+"""What comments and pages name is there, modules of a room (`survey.verdict`) and files; maps are complete."""
 
 import io
 import re
@@ -80,6 +80,13 @@ def test_the_maps_leave_no_room_out_and_that_of_the_sensors_no_module():
     modules = {path.stem for path in SOURCES if path.parent.parent == ROOT / "mwd_sensors" / "mwd_sensors"}
     assert {room for room in rooms if f"`{room}`" not in architecture} == set()
     assert {name for name in modules - {"__init__"} if f"`{name}`" not in sensors} == set()
+
+
+def test_a_page_of_a_method_is_at_most_1200_words_beside_code_tables_and_formulas():
+    other = re.compile(r"^```.*?^```|\$\$.*?\$\$|\$[^$]*\$|^\|[^\n]*", re.MULTILINE | re.DOTALL)
+    pages = (ROOT / "docs" / "methods").glob("*.md")
+    words = {page.name: len(other.sub(" ", page.read_text(encoding="utf-8")).split()) for page in pages}
+    assert {name: count for name, count in words.items() if count > 1200} == {}
 
 
 def test_a_name_that_nothing_has_is_found():
