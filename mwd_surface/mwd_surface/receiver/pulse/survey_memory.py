@@ -35,12 +35,13 @@ _CHANGE = {
 _AT_FIRST = {"Grav": (STANDARD_GRAVITY, 0.004 * STANDARD_GRAVITY)}
 # Probability that a word does not follow the survey before: disturbed magnetics, a new well, a tool that failed.
 _FREE = 0.05
-# Odds that two surveys are one sent twice, and how often words of different surveys have the same code: long words,
-# and short ones that change slowly.
+# Odds from which on two surveys are one sent twice, and how often words of different surveys have the same code: long
+# words, and short ones that change slowly.
 _LEAST_ODDS = math.log(20.0)
 _LONG_BITS = 10
 _ALIKE_LONG, _ALIKE_SHORT = 0.2, 0.7
-_SLIP = 1e-4
+_SLIP = 1e-4  # likelihood of what no code that is listed explains
+_EULER = 0.5772  # sum of 1/d up to n less log(n)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,6 +67,20 @@ class _Codes:
         both = {code: self.of(code) * other.of(code) for code in codes}
         total = sum(both.values()) + self.rest * other.rest * max(self.count - len(both), 0)
         return _Codes({code: p / max(total, 1e-300) for code, p in both.items()}, self.count), total
+
+    def sent_again(self, other: _Codes, alike: float) -> float:
+        """
+        Likelihood ratio of one code received twice to the codes of two surveys.
+
+        Of two surveys a share `alike` has the same code; the others differ by a number of steps whose logarithm is
+        uniform, as of a change of which not even the size is known. A word of which nothing was heard says nothing.
+        """
+        same = self.count * self.times(other)[1]
+        scale = self.count / (2.0 * (math.log(self.count / 2.0) + _EULER))
+        pairs = [(a, b, p * q) for a, p in self.listed.items() for b, q in other.listed.items()]
+        near = sum(p * scale / min(abs(a - b), self.count - abs(a - b)) for a, b, p in pairs if a != b)
+        apart = near + 1.0 - sum(p for _, _, p in pairs)
+        return (same + _SLIP) / (alike * same + (1.0 - alike) * apart + _SLIP)
 
 
 class SurveyMemory:
@@ -128,9 +143,8 @@ class SurveyMemory:
         odds = 0.0
         for name, one in codes.items():
             if self._comparable(name, one):
-                same = one.times(self._last[name][0])[1]
                 alike = _ALIKE_LONG if one.count >= 1 << _LONG_BITS else _ALIKE_SHORT
-                odds += math.log((same + _SLIP) / (alike * same + (1.0 - alike) * (1.0 - same) + _SLIP))
+                odds += math.log(one.sent_again(self._last[name][0], alike))
         return odds > _LEAST_ODDS
 
     def _shown(self, word: ReceivedWord, codes: _Codes, bits: int) -> ReceivedWord:

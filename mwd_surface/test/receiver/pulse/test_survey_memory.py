@@ -63,6 +63,18 @@ def test_a_survey_sent_again_has_the_posterior_of_both():
     assert memory.settle(survey(confidence=0.9, frame=2))[0].status == BELIEVED
 
 
+@pytest.mark.parametrize("alternatives", [(), ((CODES[2] + 700, 0.05),)])
+def test_a_word_that_was_not_heard_or_wrong_hides_no_repeat(alternatives):
+    memory = SurveyMemory(TOOL, at_once)
+    words = survey(confidence=0.9)
+    sure = 0.94 if alternatives else 1.0 / 4096
+    words[2] = dataclasses.replace(words[2], raw=3, confidence=sure, status=ERASED, alternatives=alternatives)
+    memory.settle(words)
+    second = memory.settle(survey(confidence=0.95, frame=1))
+    assert [word.raw for word in second] == list(CODES)
+    assert second[1].status == BELIEVED
+
+
 @pytest.mark.parametrize(("rested", "taken"), [(False, CODES[1]), (True, CODES[1] ^ 1)])
 def test_behind_a_rest_a_survey_that_differs_by_one_word_is_another_one(rested, taken):
     """In a straight hole: the azimuth, heard well enough, is not that of the survey before."""
