@@ -87,7 +87,7 @@ def leave_background_threads(status: int) -> None:
     """
     End this process at once if threads still work in the background: the node that wanted their results is gone.
 
-    Python's own end would wait for them.
+    Python's own end would wait for them. What must become whole (a recording, an export), the node has waited for.
     """
     if any(thread is not threading.main_thread() and not thread.daemon for thread in threading.enumerate()):
         sys.stdout.flush()

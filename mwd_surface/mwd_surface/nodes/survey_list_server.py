@@ -286,7 +286,7 @@ class SurveyListServer:
             deferred.send(response)
 
         deferred = DeferredResponse()
-        self._worker.submit(write, written)
+        self._worker.submit(write, written, writes=True)
         return deferred
 
     # Saving, publishing, reports.

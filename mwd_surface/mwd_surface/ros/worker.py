@@ -22,10 +22,25 @@ class BackgroundWorker:
     def __init__(self) -> None:
         self._executor = concurrent.futures.ThreadPoolExecutor(1, "surface-worker")
         self._jobs: list[_Job] = []
+        self._writing: set[concurrent.futures.Future[Any]] = set()
 
-    def submit(self, job: Callable[[], Any], callback: Callable[[concurrent.futures.Future[Any]], None]) -> None:
-        """Run `job` in the background; `callback` is called with its future in the node's thread."""
-        self._jobs.append((self._executor.submit(job), callback))
+    def submit(
+        self,
+        job: Callable[[], Any],
+        callback: Callable[[concurrent.futures.Future[Any]], None],
+        *,
+        writes: bool = False,
+    ) -> None:
+        """
+        Run `job` in the background; `callback` is called with its future in the node's thread.
+
+        writes: it writes a file that somebody asked for, so that the worker does not close in the midst of it.
+        """
+        future = self._executor.submit(job)
+        self._jobs.append((future, callback))
+        if writes:
+            self._writing.add(future)
+            future.add_done_callback(self._writing.discard)
 
     def run_callbacks(self) -> None:
         """Call the callbacks of finished jobs; the node's timer calls this."""
@@ -39,8 +54,9 @@ class BackgroundWorker:
             callback(job)
 
     def close(self) -> None:
-        """Start no further jobs."""
+        """Start no further jobs, and wait for one that writes a file; nobody takes what the others find any more."""
         self._executor.shutdown(wait=False, cancel_futures=True)
+        concurrent.futures.wait(set(self._writing))
 
 
 class RequestQueue:

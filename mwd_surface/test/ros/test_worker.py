@@ -79,3 +79,18 @@ def test_slow_work_tells_of_itself_only_when_the_node_asks():
         worker.run_callbacks()
     assert given == [True]
     worker.close()
+
+
+def test_a_file_under_way_is_written_before_the_worker_closes(tmp_path):
+    worker, begun, go = BackgroundWorker(), threading.Event(), threading.Event()
+
+    def write():
+        begun.set()
+        go.wait(5.0)
+        (tmp_path / "well.las").write_text("whole")
+
+    worker.submit(write, lambda _: None, writes=True)
+    assert begun.wait(5.0)
+    threading.Timer(0.2, go.set).start()
+    worker.close()
+    assert (tmp_path / "well.las").read_text() == "whole"
