@@ -8,6 +8,7 @@ no fault yet makes it doubtful for some seconds (`doubt`).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -88,7 +89,17 @@ RULES = {
     FaultCode.REPLAYED: Rule(2, 4),
     FaultCode.MOUNT: Rule(4, 2),
 }
-_RULES = np.array([RULES[code] for code in FaultCode], dtype=np.int64)
+
+
+def _in_order(rules: Mapping[FaultCode, Rule]) -> Indices:
+    """Rows of the codes in order. ValueError: a code has none."""
+    without = [code.name for code in FaultCode if code not in rules]
+    if without:
+        raise ValueError(f"RULES: no row for {', '.join(without)}")
+    return np.array([rules[code] for code in FaultCode], dtype=np.int64)
+
+
+_RULES = _in_order(RULES)
 # Mappings up to which a frame that does not fit accuses the accelerometer as well.
 _FEW_MAPPINGS = 4
 

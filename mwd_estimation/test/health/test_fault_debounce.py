@@ -26,6 +26,12 @@ def seen(checks, code, place, observations, which=(0, 0, 0)):
     return changes, states
 
 
+def test_a_code_without_a_rule_is_named():
+    rules = {code: rule for code, rule in RULES.items() if code != FaultCode.MOUNT}
+    with pytest.raises(ValueError, match="no row for MOUNT"):
+        debounce._in_order(rules)
+
+
 @pytest.mark.parametrize("code", list(FaultCode))
 def test_a_fault_needs_its_observations_in_a_row_and_goes_after_enough_against_it(code):
     rule = RULES[code]
