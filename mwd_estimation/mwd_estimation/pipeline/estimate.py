@@ -50,7 +50,6 @@ _STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
 # off (`time_jumps.BACK_NS`), even of a fast unit.
 _STANDS_STILL = 10_000
 _CLIPPED = int(Status.CLIPPED)
-_REMAINING = "raw"  # the gravity method that remains while the gyros are faulty
 
 
 class _Ahead:
@@ -121,7 +120,7 @@ class Estimate:
         self._gravity = GravityWithFallback(
             gravity.method(settings.gravity.method),
             derivation.gravity_params(settings, known),
-            derivation.gravity_params(settings, known, _REMAINING),
+            derivation.accelerometer_params(settings, known),
         )
         self._dynamics_params = derivation.dynamics_params(settings, known)
 

@@ -19,6 +19,7 @@ from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
 from mwd_estimation.gyrocompass.seek_params import TACTICAL, TACTICAL_NOISE_DEG_RTH, SeekParams
 from mwd_estimation.gyrocompass.session import SessionParams
@@ -47,12 +48,22 @@ _RAMP_PER_H = 0.6
 _LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
 
 
-def gravity_params(settings: EstimatorSettings, gravity: float | None, name: str = "") -> Any:
-    """Parameters of a gravity method, or of the selected one; gravity: local, m/s^2, None where not known."""
-    tool, chosen = settings.tool, method(name or settings.gravity.method)
-    default: Any = chosen.Params()
-    expert, usual = {} if name else dataclasses.asdict(settings.gravity.expert), Gyro()
-    calibration = accelerometer_tilt(tool)
+def gravity_params(settings: EstimatorSettings, gravity: float | None) -> Any:
+    """Parameters of the selected gravity method; gravity: local, m/s^2, None where not known."""
+    found = _of_tool(settings.tool, gravity, method(settings.gravity.method).Params())
+    expert = dataclasses.asdict(settings.gravity.expert)
+    return found._replace(**{name: expert[name] for name in found._fields if name in expert})
+
+
+def accelerometer_params(settings: EstimatorSettings, gravity: float | None) -> accelerometer_only.Params:
+    """Parameters of the direction of the accelerometer alone, which remains while the gyros are faulty."""
+    found: accelerometer_only.Params = _of_tool(settings.tool, gravity, accelerometer_only.Params())
+    return found
+
+
+def _of_tool(tool: Tool, gravity: float | None, default: Any) -> Any:
+    """Return the default parameters of a gravity method with what the facts of tool and place make of them."""
+    usual, calibration = Gyro(), accelerometer_tilt(tool)
     derived = {
         "gravity": gravity or STANDARD_GRAVITY,
         "gravity_sigma": _LOCAL_GRAVITY if gravity else getattr(default, "gravity_sigma", 0.0),
@@ -69,7 +80,6 @@ def gravity_params(settings: EstimatorSettings, gravity: float | None, name: str
         "calibration_sigma": calibration,
         # The simpler methods do not know their sigma so well: theirs has a floor of its own.
         "sigma_floor": max(getattr(default, "sigma_floor", 0.0), calibration),
-        **expert,
     }
     return default._replace(**{name: derived[name] for name in default._fields if name in derived})
 
