@@ -98,7 +98,7 @@ WORDS: dict[Code, str] = {
     "the readings without the axial magnetometer: horizontal hole, take a gyro",
     Code.CORRECTION_UNCERTAIN: "hole {values[0]:.0f deg} from horizontal and {values[1]:.0f deg} from magnetic "
     "east-west: corrected azimuth good only to {value:.1f deg}, limit {limit:.1f deg}; "
-    "use multi-station correction or a gyro",
+    "stations of the run in other directions help, or a gyro",
     Code.STATIONS_DO_NOT_FIT: "{value:.0f} of {values[0]:.0f} stations do not fit one set of errors: "
     "the disturbance changes along the run (casing, other wells) or the tool was changed",
     Code.STATIONS_IMPROBABLE: "the stations do not fit one set of errors and this reference: chi-square "

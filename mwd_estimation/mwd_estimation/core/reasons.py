@@ -73,7 +73,7 @@ class ReasonCode(StrEnum):
     TWO_AZIMUTHS_FIT_FIELD = "two_azimuths_fit_field"
     CORRECTION_UNCERTAIN = "correction_uncertain"
 
-    # Multi-station correction (surveys.multi_station_analysis of the surface).
+    # Multi-station analysis. One enum holds every code: a recording and the tables keep them by name.
     STATIONS_DO_NOT_FIT = "stations_do_not_fit"
     STATIONS_IMPROBABLE = "stations_improbable"
     MULTI_STATION_UNCERTAIN = "multi_station_uncertain"
