@@ -11,9 +11,6 @@ nonlinear least squares:
     b = B-true + bias + scale b,   f = F-true + bias + scale f
     residual = (|f|, H, V)(f - ..., b - ...) - reference - error of the reference
 
-Where a gyro has given azimuths too, they show what the field's size and dip cannot: axial interference in a hole that
-stays horizontal and east-west.
-
 An error the run's attitudes do not show keeps its prior sigma; it is named, and the azimuth's sigma carries it.
 """
 
@@ -33,13 +30,21 @@ from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import inclination
-from mwd_surface.surveys.multi_station_problem import MultistationSettings, Problem
+from mwd_surface.surveys.multi_station_problem import Problem
 from mwd_surface.surveys.multi_station_problem import corrected as corrected_readings
 
-__all__ = ["Multistation", "MultistationSettings", "analyse"]
+__all__ = ["Multistation", "analyse"]
 
 # Stations from which on their scatter is worth an estimate.
 _MANY = 8
+# A station whose misfit is beyond so many sigma is left out; where a larger share is, the analysis is refused.
+_OUTLIER_SIGMA = 4.5
+_MAX_OUTLIERS = 0.25
+# An error whose sigma stays above this share of its prior is called not observable.
+_OBSERVABLE = 0.7
+# Refused where chi-square is less probable, or the median sigma of the azimuth is larger, deg.
+_MIN_PROBABILITY = 0.001
+_MAX_SIGMA_DEG = 1.5
 
 
 @dataclass(frozen=True)
@@ -73,7 +78,6 @@ def analyse(
     b_t: ArrayLike,
     reference: Reference,
     errors: SensorErrors | None = None,
-    settings: MultistationSettings | None = None,
 ) -> Multistation:
     """
     Estimate the errors common to the stations of one run, and their azimuths without them.
@@ -85,8 +89,7 @@ def analyse(
     reference : Reference
         With a field; its sigmas are the prior of its own error, common to all stations.
     errors : SensorErrors, optional
-        Priors of bias and scale, such as `toolcode.sensor_errors(code)`.
-    settings : MultistationSettings, optional
+        Priors of bias, scale and axial interference, such as `tool_code.sensor_errors(code)`.
 
     Returns
     -------
@@ -98,12 +101,11 @@ def analyse(
         Shapes, fewer than two stations, readings that are not finite, a reference without field.
     """
     errors = SensorErrors() if errors is None else errors
-    settings = MultistationSettings() if settings is None else settings
     f, b = _readings(f_t, b_t)
     if not reference.has_field:
         raise ValueError("reference: a multi-station analysis needs the strength and dip of the field")
-    problem = Problem(f, b, reference, errors, settings)
-    return _result(problem, _fitted(problem, settings), settings)
+    problem = Problem(f, b, reference, errors)
+    return _result(problem, _fitted(problem))
 
 
 def _readings(f_t: ArrayLike, b_t: ArrayLike) -> tuple[Array, Array]:
@@ -129,7 +131,7 @@ class _Fit:
     probability: float
 
 
-def _fitted(problem: Problem, settings: MultistationSettings) -> _Fit:
+def _fitted(problem: Problem) -> _Fit:
     """Solve, leaving out one outlier after the other, and adapt the noise where there are stations enough."""
     n = len(problem.f)
     used = np.ones(n, dtype=bool)
@@ -137,20 +139,20 @@ def _fitted(problem: Problem, settings: MultistationSettings) -> _Fit:
         solution = problem.solve(used)
         misfit = problem.misfit(solution)
         worst = int(np.argmax(np.where(used, misfit, 0.0)))
-        if misfit[worst] <= settings.outlier_sigma or used.sum() <= max(3, (1.0 - settings.max_outliers) * n):
+        if misfit[worst] <= _OUTLIER_SIGMA or used.sum() <= max(3, (1.0 - _MAX_OUTLIERS) * n):
             break
         used[worst] = False
     degrees = int(3 * used.sum())
     chi_square = float(np.sum(problem.residual(solution, used) ** 2))
     # Few stations do not show the noise.
-    if settings.adapt_noise and used.sum() >= _MANY:
+    if used.sum() >= _MANY:
         for _ in range(2):
             problem.quieten(solution, used)
             solution = problem.solve(used)
     return _Fit(solution, used, misfit, chi_square, degrees, float(chi2.sf(chi_square, degrees)))
 
 
-def _result(problem: Problem, fit: _Fit, settings: MultistationSettings) -> Multistation:
+def _result(problem: Problem, fit: _Fit) -> Multistation:
     f, b, solution, used = problem.f, problem.b, fit.solution, fit.used
     slope = problem.slope(solution, used)
     covariance_x = np.asarray(np.linalg.inv(slope.T @ slope), dtype=float)
@@ -180,23 +182,23 @@ def _result(problem: Problem, fit: _Fit, settings: MultistationSettings) -> Mult
         chi_square=fit.chi_square,
         degrees=fit.degrees,
         probability=fit.probability,
-        observable=sigma / prior < settings.observable,
-        refused=_refusal(settings, fit, sigma_azimuth, sigma_raw),
+        observable=sigma / prior < _OBSERVABLE,
+        refused=_refusal(fit, sigma_azimuth, sigma_raw),
     )
 
 
-def _refusal(settings: MultistationSettings, fit: _Fit, sigma: Array, sigma_raw: Array) -> Reason | None:
+def _refusal(fit: _Fit, sigma: Array, sigma_raw: Array) -> Reason | None:
     """Why the corrected azimuths, of these 1 sigma, rad, must not be used; None where they may."""
     used, n = fit.used, float(len(fit.used))
     share = float(np.mean(~used))
-    if share > settings.max_outliers or (np.where(used, fit.misfit, 0.0).max() > settings.outlier_sigma):
-        return Reason(Code.STATIONS_DO_NOT_FIT, float((~used).sum()), settings.max_outliers * n, (n,))
-    if fit.probability < settings.min_probability:
+    if share > _MAX_OUTLIERS or (np.where(used, fit.misfit, 0.0).max() > _OUTLIER_SIGMA):
+        return Reason(Code.STATIONS_DO_NOT_FIT, float((~used).sum()), _MAX_OUTLIERS * n, (n,))
+    if fit.probability < _MIN_PROBABILITY:
         numbers = (fit.chi_square, float(fit.degrees))
-        return Reason(Code.STATIONS_IMPROBABLE, fit.probability, settings.min_probability, numbers)
+        return Reason(Code.STATIONS_IMPROBABLE, fit.probability, _MIN_PROBABILITY, numbers)
     typical, before = float(np.degrees(np.median(sigma))), float(np.degrees(np.median(sigma_raw)))
-    if typical > settings.max_sigma_deg:
-        most = math.radians(settings.max_sigma_deg)
+    if typical > _MAX_SIGMA_DEG:
+        most = math.radians(_MAX_SIGMA_DEG)
         return Reason(Code.MULTI_STATION_UNCERTAIN, math.radians(typical), most)
     if typical > before:
         return Reason(Code.MULTI_STATION_NO_BETTER, math.radians(typical), math.radians(before))

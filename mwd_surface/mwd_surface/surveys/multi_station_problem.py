@@ -8,13 +8,13 @@ The model and its source stand in `multi_station_analysis`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.magnetic import interference_state
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY
 
@@ -22,44 +22,30 @@ SENSORS = 12
 """Errors that are of the sensors; those of the reference come behind them."""
 
 
-@dataclass(frozen=True)
-class MultistationSettings:
-    """Priors beyond the tool code, noise of a station, and when to refuse."""
-
-    #: `axial_interference_nt`, `cross_axial_bias_nt`: axial interference, and cross-axial bias (a hot spot in the
-    #: collar beside the sensors' own), thought possible, 1 sigma, nT.
-    axial_interference_nt: float = 2000.0
-    cross_axial_bias_nt: float = 150.0
-    #: `magnetometer_noise_nt`, `accelerometer_noise_mps2`: noise of a station's mean field, nT, and force, m/s^2, of
-    #: each axis.
-    magnetometer_noise_nt: float = 20.0
-    accelerometer_noise_mps2: float = 0.002
-    adapt_noise: bool = True  #: less noise than set where the residuals show less (eight stations or more)
-    #: `field_variation_nt`, `dip_variation_deg`: what the field itself varies from station to station (MFIR, MDIR), nT
-    #: and deg.
-    field_variation_nt: float = 60.0
-    dip_variation_deg: float = 0.08
-    outlier_sigma: float = 4.5  #: a station whose misfit is beyond so many sigma is left out
-    max_outliers: float = 0.25  #: where a larger share of the stations is left out the analysis is refused
-    observable: float = 0.7  #: an error whose sigma stays above this share of its prior is called not observable
-    min_probability: float = 0.001  #: refused where chi-square is less probable
-    max_sigma_deg: float = 1.5  #: refused where the azimuth's median sigma is larger, deg
+# Axial interference thought possible, 1 sigma, as a ratio to what is expected: as the magnetic samples are read.
+_AXIAL = interference_state.Params().axial / (SensorErrors.axial_interference_nt * 1e-9)
+# Cross-axial bias of a hot spot in the collar, beside the sensors' own, 1 sigma, nT.
+_CROSS_AXIAL = 150.0
+# Noise of a station's mean field, T, and force, m/s^2, of each axis.
+_FIELD_NOISE = 20e-9
+_FORCE_NOISE = 0.002
+# What the field itself varies from station to station (MFIR, MDIR), T and rad.
+_FIELD_VARIATION = 60e-9
+_DIP_VARIATION = math.radians(0.08)
 
 
 class Problem:
     """Residuals of the stations against one reference, whitened, with the priors beneath them."""
 
-    def __init__(
-        self, f: Array, b: Array, reference: Reference, errors: SensorErrors, settings: MultistationSettings
-    ) -> None:
+    def __init__(self, f: Array, b: Array, reference: Reference, errors: SensorErrors) -> None:
         self.f, self.b = f, b
         gravity = STANDARD_GRAVITY if reference.gravity is None else reference.gravity
         self.reference = np.array([gravity, reference.horizontal, reference.vertical])
         bias = errors.magnetometer_bias_nt
         magnetometer = [
-            math.hypot(bias, settings.axial_interference_nt) * 1e-9,
-            math.hypot(bias, settings.cross_axial_bias_nt) * 1e-9,
-            math.hypot(bias, settings.cross_axial_bias_nt) * 1e-9,
+            math.hypot(bias, _AXIAL * errors.axial_interference_nt) * 1e-9,
+            math.hypot(bias, _CROSS_AXIAL) * 1e-9,
+            math.hypot(bias, _CROSS_AXIAL) * 1e-9,
             *([max(errors.magnetometer_scale, 1e-7)] * 3),
         ]
         accelerometer = [max(errors.accelerometer_bias_mps2, 1e-7)] * 3 + [max(errors.accelerometer_scale, 1e-8)] * 3
@@ -68,12 +54,10 @@ class Problem:
         self.scale[range(SENSORS), range(SENSORS)] = magnetometer + accelerometer
         self.scale[12:14, 12:14] = np.linalg.cholesky(reference.covariance + np.eye(2) * 1e-22)
         self.scale[14, 14] = GRAVITY_SPREAD if reference.gravity is None else max(reference.sigma_gravity, 1e-7)
-        self.noise = np.diag(
-            [settings.accelerometer_noise_mps2**2] * 3 + [(settings.magnetometer_noise_nt * 1e-9) ** 2] * 3
-        )
+        self.noise = np.diag([_FORCE_NOISE**2] * 3 + [_FIELD_NOISE**2] * 3)
         total, dip = float(np.hypot(*self.reference[1:])), math.atan2(self.reference[2], self.reference[1])
         turn = np.array([[math.cos(dip), -total * math.sin(dip)], [math.sin(dip), total * math.cos(dip)]])
-        varying = np.diag([settings.field_variation_nt * 1e-9, math.radians(settings.dip_variation_deg)]) ** 2
+        varying = np.diag([_FIELD_VARIATION, _DIP_VARIATION]) ** 2
         self.varying = turn @ varying @ turn.T
         self._weigh()
 

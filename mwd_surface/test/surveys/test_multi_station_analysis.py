@@ -11,10 +11,8 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core.frames import mat_nt, wrap_pi
-from mwd_surface.surveys.multi_station_analysis import (
-    MultistationSettings,
-    analyse,
-)
+from mwd_surface.surveys import multi_station_analysis
+from mwd_surface.surveys.multi_station_analysis import analyse
 from mwd_surface.surveys.multi_station_problem import Problem, corrected
 
 DEG = math.pi / 180.0
@@ -93,11 +91,10 @@ def test_the_azimuth_beats_the_figures_of_the_tool_compared_with(kind, raw, to_b
 
 @pytest.mark.parametrize("kind", ["build", "east-west"])
 def test_azimuth_inclination_and_every_estimated_error_err_by_their_sigma(kind):
-    settings = MultistationSettings(cross_axial_bias_nt=1.0)
     azimuth, inclination, estimates, chi = [], [], [], []
     for seed in range(40):
-        f_t, b_t, reference, inc, azi, biases, scales = drawn_run(kind, seed)
-        done = analyse(f_t, b_t, reference, settings=settings)
+        f_t, b_t, reference, inc, azi, biases, scales = drawn_run(kind, seed, bias=math.hypot(70e-9, 150e-9))
+        done = analyse(f_t, b_t, reference)
         azimuth.append(np.mean((wrap_pi(done.azimuth - azi) / done.sigma_azimuth) ** 2))
         inclination.append(np.mean(((done.inclination - inc) / done.sigma_inclination) ** 2))
         estimates.append((done.estimate[:6] - np.r_[biases, scales]) / done.sigma[:6])
@@ -124,7 +121,7 @@ def test_interference_is_found_with_its_sigma_and_the_readings_corrected():
 
 def test_slope_of_the_residuals_agrees_with_finite_differences():
     f_t, b_t, reference, *_ = drawn_run("build", 1, n=6)
-    problem = Problem(f_t, b_t, reference, SensorErrors(), MultistationSettings())
+    problem = Problem(f_t, b_t, reference, SensorErrors())
     used = np.ones(6, dtype=bool)
     x = np.random.default_rng(2).normal(0, 1, 15)
     slope = problem.slope(x, used)
@@ -135,17 +132,28 @@ def test_slope_of_the_residuals_agrees_with_finite_differences():
         assert slope[:, k] == pytest.approx(numeric, rel=1e-5, abs=1e-6), k
 
 
-def test_what_the_attitudes_do_not_show_is_named_and_keeps_its_prior():
-    # One attitude over and over, toolface fixed: nothing moves but noise.
+def hidden_string():
+    """Twelve stations beside magnetic east, horizontal, toolface fixed: nothing moves, the string does not show."""
     mat_tn = mat_nt(89 * DEG, 90 * DEG, 1.0).T
     reference = Reference(TOTAL, DIP, gravity=GRAVITY)
     b_t = np.tile(mat_tn @ np.array([reference.horizontal, 0, reference.vertical]) + [9e-7, 0, 0], (12, 1))
-    f_t = np.tile(mat_tn @ np.array([0, 0, -GRAVITY]), (12, 1))
-    done = analyse(f_t, b_t, reference)
+    return np.tile(mat_tn @ np.array([0, 0, -GRAVITY]), (12, 1)), b_t, reference
+
+
+def test_what_the_attitudes_do_not_show_is_named_and_keeps_its_prior():
+    done = analyse(*hidden_string())
     assert not done.observable[0]
     assert done.sigma[0] == pytest.approx(done.prior[0], rel=0.1)
     assert "gyro" in text(done.refused)
     assert (done.sigma_azimuth > 5 * DEG).all()
+
+
+def test_a_string_that_does_not_show_is_as_strong_as_the_tool_states():
+    usual, weaker = analyse(*hidden_string()), analyse(*hidden_string(), SensorErrors(axial_interference_nt=22.0))
+    bias = SensorErrors.magnetometer_bias_nt * 1e-9
+    assert usual.prior[0] == pytest.approx(math.hypot(bias, 2000e-9))
+    assert weaker.prior[0] == pytest.approx(math.hypot(bias, 200e-9))
+    assert (weaker.sigma_azimuth < 0.2 * usual.sigma_azimuth).all()
 
 
 def test_a_station_beside_casing_is_left_out_and_reported():
@@ -166,10 +174,11 @@ def test_a_disturbance_that_changes_along_the_run_is_refused():
     assert "do not fit one set of errors" in text(done.refused)
 
 
-def test_a_wrong_reference_beyond_its_sigma_is_refused_by_chi_square():
+def test_a_wrong_reference_beyond_its_sigma_is_refused_by_chi_square(monkeypatch):
     f_t, b_t, reference, *_ = drawn_run("build", 6, **QUIET)
     wrong = replace(reference, dip=reference.dip - 2 * DEG)
-    done = analyse(f_t, b_t, wrong, settings=MultistationSettings(outlier_sigma=100.0))
+    monkeypatch.setattr(multi_station_analysis, "_OUTLIER_SIGMA", 100.0)
+    done = analyse(f_t, b_t, wrong)
     assert "chi-square" in text(done.refused)
 
 
