@@ -258,10 +258,10 @@ def _lay(lanes: _Lanes, phase: Phase, rig: Rig, *, under_way: bool) -> None:
         lanes.step(phase.seconds, {"activity": float(STILL)})
     else:
         ramp = min(rig.ramp_s, 0.4 * phase.seconds)
-        speed = {"bit_rate": phase.rop_m_h / 3600.0, "e_sliding": phase.vibration, "activity": float(TRIPPING)}
+        speed = {"bit_rate": phase.rop_m_h / 3600.0, "e_moving": phase.vibration, "activity": float(TRIPPING)}
         lanes.step(ramp, speed | _pumps(rig, on=phase.pumps))
         lanes.step(phase.seconds - 2.0 * ramp, {})
-        lanes.step(ramp, {"bit_rate": 0.0, "e_sliding": 0.0})
+        lanes.step(ramp, {"bit_rate": 0.0, "e_moving": 0.0})
 
 
 def _at_rest(rig: Rig) -> Targets:

@@ -8,7 +8,7 @@ import dataclasses
 from mwd_sensors.core.settings import setting
 
 # When a vibration acts: an envelope of the schedule.
-WHEN = ("always", "rotating", "sliding", "drilling", "pumping")
+WHEN = ("always", "rotating", "sliding", "drilling", "pumping", "moving")
 # Driven by the rotary speed of the phase, rad/s, and by whirl bursts: internal envelopes.
 ENVELOPES = (*WHEN, "stick_slip", "burst")
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.simulator.schedule import ROTATING, SLIDING, STILL, TRIPPING, Phase, Rig, timeline
+from mwd_sensors.simulator.vibration import ENVELOPES
 
 RIG = Rig(ramp_s=2.0, pump_ramp_s=1.0, pick_up_m=0.5, stand_m=9.0)
 PHASES = (
@@ -88,6 +89,14 @@ def test_a_running_start_is_at_speed_at_once():
     assert line.envelopes[3](t)[0] == pytest.approx([1.0, 1.0])
     assert line.active("drilling") == [(0.0, 10.0)]
     assert line.still == []
+
+
+def test_a_move_shakes_by_its_own_envelope_and_is_no_slide():
+    line = laid((Phase("still", 5.0), Phase("move", 20.0, rop_m_h=3600.0, vibration=0.6), Phase("still", 5.0)))
+    moving = line.envelopes[ENVELOPES.index("moving")](np.arange(0.0, line.seconds, 0.1))[0]
+    assert (moving[0], moving.max(), moving[-1]) == pytest.approx((0.0, 0.6, 0.0))
+    assert line.active("moving") == [(8.0, 24.0)]
+    assert line.active("sliding") == []
 
 
 def test_whirl_comes_in_bursts_while_rotating_only():
