@@ -2,8 +2,8 @@
 """
 Parameters of before: where they are now, or the value that each has kept as a constant.
 
-A name here is refused with a sentence. A recorded one is read: `present` gives what has another name now, and leaves
-out a value that is the constant's.
+Set as a parameter, a name here is refused with a sentence. In recordings and files of settings it counts where its
+value can be kept: `present` gives what has another name now, and leaves out a value that is the constant's.
 """
 
 from __future__ import annotations
@@ -141,8 +141,11 @@ def present(recorded: Mapping[str, Any], usual: Mapping[str, Any]) -> dict[str, 
     for name, parts in MERGED.items():
         if name not in recorded and parts.keys() & recorded.keys():
             found[name] = [found.pop(part, default) for part, default in parts.items()]
-    if "transmit.rotation_switching_s" not in recorded and {_SWITCHING, _HOLD_S} & recorded.keys():
-        switching, hold_s = found.pop(_SWITCHING, False), found.pop(_HOLD_S, 10.0)
+    switching = recorded.get(_SWITCHING, False)
+    former_switching = isinstance(switching, bool) and {_SWITCHING, _HOLD_S} & recorded.keys()
+    if "transmit.rotation_switching_s" not in recorded and former_switching:
+        found.pop(_SWITCHING, None)
+        hold_s = found.pop(_HOLD_S, 10.0)
         found["transmit.rotation_switching_s"] = hold_s if switching else 0.0
     # The model counted beside a field of a model only.
     if found.get("place.model") == "igrf":

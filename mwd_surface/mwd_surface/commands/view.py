@@ -165,6 +165,8 @@ def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[tuple[Bag, Sur
     recorded = recorded_settings(bag)
     begin = read.estimator if read is not None else recorded.estimator or EstimatorSettings()
     estimator, remark = with_a_model(begin, bag.start_ns)
+    for former in read.remarks if read is not None else ():
+        terminal.warn(former)
     if read is not None and read.calibrated:
         terminal.warn("shown without the calibration of these results: `mwd process --format mcap` writes them to view")
     with tempfile.TemporaryDirectory(prefix="mwd_view_") as scratch, terminal.progress("processing") as progress:

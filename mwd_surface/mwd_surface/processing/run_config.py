@@ -15,6 +15,7 @@ from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.processing.bag_input import InputSettings, Topics
 from mwd_surface.processing.run_output import CONFIG, INPUT, OutputSettings
+from mwd_surface.surveys.recorded_settings import kept
 
 
 def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
@@ -53,12 +54,17 @@ class _InputFile:
 
 @dataclasses.dataclass(frozen=True)
 class ProcessedInput:
-    """What `mwd process` read for the results in a folder, and with which settings."""
+    """
+    What `mwd process` read for the results in a folder, and with which settings.
+
+    remarks: what of the settings of an earlier version this one cannot use, in words.
+    """
 
     recording: Path
     calibrated: bool
     given: InputSettings
     estimator: EstimatorSettings
+    remarks: tuple[str, ...] = ()
 
 
 def processed_input(folder: Path) -> ProcessedInput | None:
@@ -75,8 +81,10 @@ def processed_input(folder: Path) -> ProcessedInput | None:
     if not (folder / INPUT).is_file():
         return None
     table = settings_of.from_mapping(_InputFile, read_yaml(folder / INPUT), str(folder / INPUT))
-    estimator = estimator_config(folder / CONFIG)
-    return ProcessedInput(Path(table.recording), table.calibrated, table.input, estimator)
+    remarks: list[str] = []
+    written = {name: value for name, value in _present(folder / CONFIG).items() if value != {}}
+    estimator = kept(EstimatorSettings(), written, remarks, "results")
+    return ProcessedInput(Path(table.recording), table.calibrated, table.input, estimator, tuple(remarks))
 
 
 def estimator_config(path: Path) -> EstimatorSettings:
@@ -91,9 +99,12 @@ def estimator_config(path: Path) -> EstimatorSettings:
     OSError
         It cannot be read.
     """
-    recorded = _dotted(read_config(path))
-    present = former.present(recorded, settings_of.values(EstimatorSettings()))
-    return settings_of.from_mapping(EstimatorSettings, _nested(present))
+    return settings_of.from_mapping(EstimatorSettings, _nested(_present(path)))
+
+
+def _present(path: Path) -> dict[str, Any]:
+    """Settings of the estimator in a file, dotted name -> value, by their names of today where they can be kept."""
+    return former.present(_dotted(read_config(path)), settings_of.values(EstimatorSettings()))
 
 
 def read_config(path: Path) -> dict[str, Any]:
@@ -119,20 +130,25 @@ def read_config(path: Path) -> dict[str, Any]:
 
 
 def _dotted(table: dict[str, Any], block: str = "") -> dict[str, Any]:
-    """Tables in tables as one with dotted names."""
+    """Tables in tables as one with dotted names; an empty one stays, as a value."""
     out: dict[str, Any] = {}
     for name, value in table.items():
-        out |= _dotted(value, f"{block}{name}.") if isinstance(value, dict) else {f"{block}{name}": value}
+        inner = value and isinstance(value, dict)
+        out |= _dotted(value, f"{block}{name}.") if inner else {f"{block}{name}": value}
     return out
 
 
 def _nested(table: dict[str, Any]) -> dict[str, Any]:
     """Dotted names, as ROS writes them, as tables in tables."""
     out: dict[str, Any] = {}
-    for key, value in table.items():
-        *parents, leaf = str(key).split(".")
+    for name, value in _dotted(table).items():
+        *parents, leaf = name.split(".")
         place = out
         for parent in parents:
             place = place.setdefault(parent, {})
-        place[leaf] = _nested(value) if isinstance(value, dict) else value
+            if not isinstance(place, dict):
+                raise settings_of.SettingsError(f"{name}: {parent} is no table, but {place!r}")
+        if place.get(leaf):
+            raise settings_of.SettingsError(f"{name}: is a table of settings, and given as {value!r} too")
+        place[leaf] = value
     return out

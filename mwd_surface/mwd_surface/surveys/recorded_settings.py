@@ -97,12 +97,12 @@ def recorded_settings(bag: Bag) -> Recorded:
         )
     estimator = surface = None
     if before:
-        estimator = _settings(EstimatorSettings(), former.present(_values(before, usual), usual), remarks)
+        estimator = kept(EstimatorSettings(), former.present(_values(before, usual), usual), remarks, "recording")
     if SURFACE in tables:
         parts = settings.values(SurfacePart())
         # The surface has more sections than these.
         sections = {name: text for name, text in tables[SURFACE].items() if name in parts}
-        surface = _settings(SurfacePart(), _values(sections, parts), remarks)
+        surface = kept(SurfacePart(), _values(sections, parts), remarks, "recording")
     source = "those of the recording" if estimator is not None else ""
     if estimator is None:
         estimator, source = _by_receiver(bag)
@@ -158,8 +158,12 @@ def _changes(bag: Bag) -> dict[str, dict[str, str]]:
     return changes
 
 
-def _settings(usual: S, given: Mapping[str, Any], remarks: list[str]) -> S:
-    """Settings with the recorded values, name -> value; what is not allowed is left at its default, and named."""
+def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) -> S:
+    """
+    Settings with the values that an earlier version wrote; what is not allowed is left at its default, and named.
+
+    given: dotted name -> value. remarks: gets a sentence for each left out. source: what they were found in, in words.
+    """
     renamed = settings.former_names(type(usual))
     try:
         return settings.changed(usual, given)
@@ -170,7 +174,7 @@ def _settings(usual: S, given: Mapping[str, Any], remarks: list[str]) -> S:
                 made = settings.changed(made, {name: value})
             except settings.SettingsError:
                 why = f"it is now {renamed[name]}" if name in renamed else "this version does not have it"
-                remarks.append(f"{name} = {value} of the recording is not used: {why}")
+                remarks.append(f"{name} = {value} of the {source} is not used: {why}")
         return made
 
 

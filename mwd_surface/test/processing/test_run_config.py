@@ -45,6 +45,37 @@ def test_a_former_value_that_cannot_be_kept_is_refused_with_what_took_its_place(
         estimator_config(path)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("survay: {}", "survay: no such setting; did you mean survey"),
+        ("tool: {nonsense: {}}", r"tool\.nonsense: no such setting"),
+        ("{tool: 5, tool.latency_s: 0.03}", r"tool\.latency_s: tool is no table, but 5"),
+        ("{tool.latency_s: 0.03, tool: 5}", "tool: is a table of settings, and given as 5 too"),
+        ("transmit: {rotation_switching: 'False'}", r"rotation_switching is now transmit\.rotation_switching_s"),
+    ],
+)
+def test_a_file_that_says_something_else_than_it_means_is_refused(tmp_path, text, message):
+    path = tmp_path / "config.yaml"
+    path.write_text(text)
+    with pytest.raises(SettingsError, match=message):
+        estimator_config(path)
+
+
+def test_what_cannot_be_kept_of_results_of_an_earlier_version_is_left_out_and_named(tmp_path):
+    before = settings.to_mapping(settings.changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 5.0}))
+    before["tool"]["gyro"]["walk_deg_h_sqrt_h"] = 10.0
+    before["tool"]["calibration_mrad"] = 0.15
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(before, sort_keys=False))
+    (tmp_path / "input.yaml").write_text(input_text(Path("bag"), InputSettings(), calibrated=False))
+    found = processed_input(tmp_path)
+    assert found.estimator == settings.changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 5.0})
+    assert [remark.partition(" of the results is not used: it is now ")[0] for remark in found.remarks] == [
+        "tool.gyro.walk_deg_h_sqrt_h = 10.0",
+        "tool.calibration_mrad = 0.15",
+    ]
+
+
 def test_topics_and_what_was_asked_beside_the_settings_stand_in_comments():
     text = written(given=InputSettings(mag_unit="uT", end_s=9.0), wanted=OutputSettings(rate_hz=10.0))
     comments = [line for line in text.splitlines() if line.startswith("#")]
