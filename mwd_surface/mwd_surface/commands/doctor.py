@@ -32,24 +32,28 @@ def doctor(
     """
     import os
 
-    from mwd_estimation.gravity import methods as gravity
-    from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.commands import terminal
-    from mwd_surface.receiver import pressure_files
     from mwd_surface.runs.doctor import examine
-    from mwd_surface.runs.pressure_doctor import examine_pressure
 
     console = terminal.output()
     if file is not None:
+        from mwd_sensors.telemetry import tool_configuration
+        from mwd_surface.receiver import pressure_files
+        from mwd_surface.runs.pressure_doctor import examine_pressure
+
         configuration = tool_configuration.read(tool) if tool is not None else None
         results = examine_pressure(pressure_files.read(file), configuration)
         _show(results)
     else:
         results = examine(os.environ, output)
         _show(results)
+    missing = sum(result.level.name == "MISSING" for result in results)
+    if file is None and not missing:
+        # Imports what may be missing.
+        from mwd_estimation.gravity import methods as gravity
+
         methods = "; ".join(f"{method.name} ({method.doc})" for method in gravity.METHODS.values())
         console.print(f"gravity methods: {methods}", markup=False)
-    missing = sum(result.level.name == "MISSING" for result in results)
     console.print("everything that is needed is here" if not missing else f"{missing} things are missing")
     raise typer.Exit(1 if missing else 0)
 

@@ -2,6 +2,7 @@
 """What the doctor finds on machines that lack something."""
 
 import socket
+import subprocess
 import sys
 from pathlib import Path
 
@@ -77,3 +78,12 @@ def test_a_program_that_is_not_there_is_noted_with_its_package():
 
 def test_every_finding_that_asks_for_something_says_what():
     assert all(finding.remedy for finding in doctor.examine({}, Path()) if finding.level != Level.OK)
+
+
+def test_a_missing_numba_is_named():
+    hidden = "import importlib.util, sys\nfind = importlib.util.find_spec\nsys.modules['numba'] = None\n"
+    hidden += "importlib.util.find_spec = lambda name, *rest: None if name == 'numba' else find(name, *rest)\n"
+    hidden += "from mwd_surface.cli import main\nsys.argv = ['mwd', 'doctor']\nmain()"
+    done = subprocess.run([sys.executable, "-c", hidden], check=False, capture_output=True, text=True, timeout=120.0)
+    assert (done.returncode, done.stderr) == (1, "")
+    assert any("numba" in line and "missing" in line for line in done.stdout.splitlines())
