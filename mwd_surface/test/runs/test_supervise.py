@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mwd_sensors.core import stop_time
+from mwd_sensors.ros import stop_signals
 from mwd_surface.runs import supervise
 from mwd_surface.runs.supervise import Order, Supervisor
 
@@ -181,7 +181,7 @@ def test_processes_end_by_request_and_in_order(make, tmp_path):
 
 
 def test_a_node_that_hangs_has_time_to_end_itself():
-    assert supervise._PATIENCE > stop_time.STOP_PATIENCE
+    assert supervise._MARGIN > stop_signals._LOCK_PATIENCE
 
 
 def test_a_process_that_waits_for_a_processor_is_not_killed(make, tmp_path):
