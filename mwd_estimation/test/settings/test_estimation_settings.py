@@ -127,6 +127,15 @@ def test_the_gravity_filter_knows_how_well_the_accelerometers_are_calibrated(gra
     assert params.calibration_sigma == pytest.approx(tilt_mrad / 1e3, rel=0.03)
 
 
+def test_what_remains_without_gyros_is_the_method_raw_whatever_is_selected():
+    tool = {"tool.accelerometer.range_g": [8.0, 16.0, 16.0], "tool.accelerometer.misalignment_mrad": 5.0}
+    raw = derivation.gravity_params(changed(EstimatorSettings(), {"gravity.method": "raw", **tool}), 9.82)
+    assert raw != methods.METHODS["raw"].Params()
+    for name in methods.METHODS:
+        settings = changed(EstimatorSettings(), {"gravity.method": name, **tool})
+        assert derivation.accelerometer_params(settings, 9.82) == raw
+
+
 def test_the_bounded_filter_takes_the_gyro_of_the_tool():
     usual = derivation.gravity_params(EstimatorSettings(), None)
     better = {"tool.gyro.noise_deg_sqrt_h": 0.21, "tool.gyro.bias_deg_h": 100.0, "tool.gyro.misalignment_mrad": 0.15}
