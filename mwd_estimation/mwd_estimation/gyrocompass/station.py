@@ -167,7 +167,8 @@ class GyroStation:
         if not self._has_samples:
             return None
         if self._refusal is not None:
-            return Solution(self._refusal, self.unit.method)
+            # Surveys before and after a refusal may be of one seek.
+            return Solution(self._refusal, self.unit.method, began_ns=None if self._seek is None else self._began_ns)
         if self.params is None:
             return Solution(Reason(ReasonCode.LATITUDE_UNKNOWN), self.unit.method)
         if self._seek is None:

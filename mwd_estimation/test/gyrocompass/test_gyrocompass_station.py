@@ -9,7 +9,7 @@ import pytest
 
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reason_text import text
-from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Binner
 from mwd_estimation.gyrocompass.seek_params import TACTICAL, white_noise
@@ -221,6 +221,17 @@ def test_near_a_pole_every_station_is_refused_for_its_latitude(latitude_deg):
         _feed(station, tuple(stream[: 35 * RATE] for stream in _samples(inclination=inclination)), start)
         assert station.solution().reason.code is ReasonCode.LATITUDE_POLAR
         assert station.pending() is None
+
+
+def test_a_refusal_states_which_seek_goes_on_behind_it():
+    station = _station()
+    _rest(station, 70.0, 0.02, noise=0.01)
+    began_ns = station.solution().began_ns
+    station.refuse(Reason(ReasonCode.TOOL_NOT_STILL), forget=False)
+    assert began_ns is not None
+    assert station.solution().began_ns == began_ns
+    station.refuse(Reason(ReasonCode.TOOL_NOT_STILL), forget=True)
+    assert station.solution().began_ns is None
 
 
 def test_a_gyro_with_a_bias_gets_no_credit_for_fitting_the_latitude():
