@@ -27,7 +27,7 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.fault_history import Accusation, FaultHistory
 from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, measured
-from mwd_estimation.survey.revision import Taken, findings, is_revised
+from mwd_estimation.survey.revision import Taken, findings, is_revised, with_last_readings
 from mwd_estimation.survey.run_model import RunModel, declination_sigma, gyro_azimuth
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
@@ -238,10 +238,10 @@ def _judged_again(
     newest: int,
 ) -> dict[int, Survey]:
     """Return the newest surveys by number: as published, or what the run says now where that is something else."""
-    stations, before = [one for _, (one, _) in taken], [found for _, (_, found) in taken]
-    again = zip(taken, findings(stations, before, settings, newest), strict=True)
+    stations, before = with_last_readings([one for _, (one, _) in taken]), [found for _, (_, found) in taken]
+    again = zip((number for number, _ in taken), stations, findings(stations, before, settings, newest), strict=True)
     now, revised = dict[int, Survey](), set[int]()
-    for (number, (one, _)), finding in list(again)[-newest:]:
+    for number, one, finding in list(again)[-newest:]:
         if number not in published:
             continue
         first, known, above = published[number]
@@ -253,13 +253,20 @@ def _judged_again(
             finding = finding.continued(*known)
         station = judged(one.measured, finding, settings)
         if is_revised(first.station, station, first.station.sigma_azimuth):
-            station = dataclasses.replace(station, azimuths=first.station.azimuths)
+            station = dataclasses.replace(station, azimuths=_by_gyro(one.gyro, station, first.station.azimuths))
             unweighed = dict.fromkeys(first.weights, 0.0)
             now[number] = dataclasses.replace(
                 first, station=station, weights={**unweighed, **_weights(finding, one.gyro)}
             )
             revised.add(number)
     return now
+
+
+def _by_gyro(gyro: Solution | None, station: Station, azimuths: tuple[MethodAzimuth, ...]) -> tuple[MethodAzimuth, ...]:
+    """Azimuths by method with that of the gyro as it is now."""
+    if gyro is None:
+        return azimuths
+    return tuple(gyro_azimuth(gyro, station) if row.method == AzimuthMethod.GYRO else row for row in azimuths)
 
 
 def _known_of(provisional: Provisional, propagated: PropagatedAzimuth) -> tuple[float, float, float] | None:

@@ -51,15 +51,22 @@ def findings(
     first: what was found of each when it was taken; readings that came a second time keep that and tell nothing.
     newest: look at so many of the last ones only; the others keep what was found.
     """
-    found = dict(enumerate(first))
-    new = [k for k, one in found.items() if one is None or one.repeats is None]
-    model, begin = RunModel(settings), 0 if newest is None else max(len(taken) - newest, 0)
-    seeks = _seeks({k: taken[k] for k in new})
-    earlier = [seek for seek in seeks if max(seek) < begin]
-    for seek in earlier:
-        _learn(model, seek)
-    _without_each(model, seeks[len(earlier) :], found)
+    found, begin = dict(enumerate(first)), 0 if newest is None else max(len(taken) - newest, 0)
+    repeated = {k for k, one in found.items() if one is not None and one.repeats is not None}
+    new = {k: one for k, one in enumerate(with_last_readings(taken)) if k not in repeated}
+    seeks, model = _seeks(new), RunModel(settings)
+    for seek in seeks:
+        if max(seek) < begin:
+            _learn(model, seek)
+    _without_each(model, [seek for seek in seeks if max(seek) >= begin], found)
     return list(found.values())
+
+
+def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
+    """Stations of a run, each with the last azimuth that its seek of the gyro found."""
+    last = {one.gyro.began_ns: one.gyro for one in taken if one.gyro is not None and one.gyro.answers}
+    last.pop(None, None)
+    return [one if one.gyro is None else one._replace(gyro=last.get(one.gyro.began_ns, one.gyro)) for one in taken]
 
 
 def is_outlier(finding: Finding | None) -> bool:
@@ -78,19 +85,12 @@ def is_revised(first: Station, now: Station, least: float = _MOVED) -> bool:
 
 
 def _seeks(taken: dict[int, Taken]) -> list[dict[int, Taken]]:
-    """Stations by seek of the gyro, each seek with its last azimuth at the last station that has one, and no other."""
-    groups: list[dict[int, Taken]] = []
-    began = None
+    """Stations by seek of the gyro; without one, each by itself."""
+    groups: dict[tuple[str, int], dict[int, Taken]] = {}
     for k, one in taken.items():
-        before, began = began, None if one.gyro is None else one.gyro.began_ns
-        if began is None or began != before:
-            groups.append({})
-        groups[-1][k] = one
-    seeks = []
-    for group in groups:
-        last = max((k for k, one in group.items() if one.gyro is not None and one.gyro.answers), default=None)
-        seeks.append({k: one if k == last else one._replace(gyro=None) for k, one in group.items()})
-    return seeks
+        began_ns = None if one.gyro is None else one.gyro.began_ns
+        groups.setdefault(("station", k) if began_ns is None else ("seek", began_ns), {})[k] = one
+    return list(groups.values())
 
 
 def _learn(model: RunModel, seek: dict[int, Taken]) -> None:
@@ -115,9 +115,8 @@ def _without_each(model: RunModel, seeks: list[dict[int, Taken]], found: dict[in
 
 def _of_seek(model: RunModel, seek: dict[int, Taken], found: dict[int, Finding | None]) -> None:
     """Findings of the stations of one seek: each with its azimuth, and with the fields of the others."""
-    gyro = next((one.gyro for one in seek.values() if one.gyro is not None), None)
     fields = {k: one._replace(gyro=None) for k, one in seek.items()}
-    for k in seek:
+    for k, one in seek.items():
         aware = copy.deepcopy(model)
-        _learn(aware, {other: one for other, one in fields.items() if other != k})
-        found[k] = aware.take(*fields[k]._replace(gyro=gyro), learn=False)
+        _learn(aware, {other: field for other, field in fields.items() if other != k})
+        found[k] = aware.take(*one, learn=False)

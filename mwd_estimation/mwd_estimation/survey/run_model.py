@@ -46,12 +46,12 @@ _NOTHING = Across(np.zeros(2), math.inf)
 _AGREES = 0.2
 
 
-class _Seek(NamedTuple):
-    """A seek of the gyro that may go on: what was known before its first station, and its stations without a gyro."""
+class _Last(NamedTuple):
+    """The last station learned from, with the last reading of its seek of the gyro, and what was known before it."""
 
-    began_ns: int
+    row: Row
+    began_ns: int | None
     before: State
-    rows: list[Row]
 
 
 class RunModel:
@@ -69,8 +69,7 @@ class RunModel:
         self._of: tuple[Reference | None, bool] = (None, False)
         self._seen: dict[bytes, int] = {}
         self._lay: list[tuple[Array, Array]] = []
-        self._before: State | None = None
-        self._seek: _Seek | None = None
+        self._last: _Last | None = None
         self._count, self._agreed = 0, False
         self._told: dict[str, Across] = {}
 
@@ -110,46 +109,43 @@ class RunModel:
             return None
         model = self._model(measured)
         began_ns = None if gyro is None else gyro.began_ns
-        if learn and math.isfinite(one["gyro"]):
-            self._forget_of_seek(model, began_ns)
+        place, seek = self._lay_before(one), self._back_in_seek(model, began_ns)
+        # Measured again at rest: what the tool showed here a moment ago is nothing new of its lasting errors.
+        again = place is not None and place == len(self._lay) - 1
         if turning is not None:
             self._take_turning(model, turning)
         model.pass_time(hours)
-        place = self._lay_before(one)
-        # Measured again at rest: what the tool showed here a moment ago is nothing new of its lasting errors.
-        again = place is not None and place == len(self._lay) - 1
-        state = self._before if again and self._before is not None else model.state
+        if seek is not None:
+            # A seek is one reading of the gyro, which does not bear itself out.
+            self._last = seek = seek._replace(before=copy.deepcopy(model.state))
+            _learn(model, _with_gyro(seek.row, None))
+        state = self._last.before if again and self._last is not None else model.state
         evidence, doubts = model.evidence(one, state), model.gyro_doubts(state)
         repeats = self._repeats(one) if learn else None
         if learn and repeats is None and place is None:
             self._lay.append(_directions(one))
-            self._before = copy.deepcopy(model.state)
-            self._add_to_seek(one, began_ns, self._before)
+            self._last = _Last(one, began_ns, copy.deepcopy(model.state))
             model.learn(one, evidence)
+        if seek is not None and self._last is not None:
+            self._learn_last(model, self._last, one if learn and math.isfinite(one["gyro"]) else seek.row)
         turn = _turn(station.north_correction, self._north(measured))
         found = self._finding(model, one, evidence, doubts, turn, repeats)
         outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
         self._agreed |= learn and found.of_gyro is not None and found.gyro_wrong < _AGREES and outside < _AGREES
         return found
 
-    def _forget_of_seek(self, model: RunFilter, began_ns: int | None) -> None:
-        """Forget the azimuths that a seek of the gyro had at earlier stations: it is one reading, the last."""
-        if self._seek is None or began_ns != self._seek.began_ns:
-            return
-        model.state = copy.deepcopy(self._seek.before)
-        for row in self._seek.rows:
-            if row["has_field"]:
-                model.learn(row, model.evidence(row))
+    def _back_in_seek(self, model: RunFilter, began_ns: int | None) -> _Last | None:
+        """Go back to before the last station, where it is of the seek of the gyro that began then; else None."""
+        if began_ns is None or self._last is None or self._last.began_ns != began_ns:
+            return None
+        model.state = copy.deepcopy(self._last.before)
+        return self._last
 
-    def _add_to_seek(self, one: Row, began_ns: int | None, before: State) -> None:
-        if began_ns is None:
-            self._seek = None
-            return
-        if self._seek is None or began_ns != self._seek.began_ns:
-            self._seek = _Seek(began_ns, before, [])
-        row = one.copy()
-        row["gyro"] = row["gyro_other"] = math.nan
-        self._seek.rows.append(row)
+    def _learn_last(self, model: RunFilter, last: _Last, reading: Row) -> None:
+        """Learn from the last station, again where it is known, with the last reading of its seek."""
+        self._last = last._replace(row=_with_gyro(last.row, reading))
+        model.state = copy.deepcopy(last.before)
+        _learn(model, self._last.row)
 
     def shared(self) -> tuple[Array, Array] | None:
         """Mean and covariance of the shared errors, as `RunFilter.shared`; None before the first station."""
@@ -193,7 +189,7 @@ class RunModel:
             sigmas = field_model.nominal_sigmas(self._settings.errors, known, self._errors, magnetic)
             self._filter, self._of = RunFilter(self._settings.priors, sigmas), (reference, magnetic)
             self._seen, self._lay, self._count, self._agreed, self._told = {}, [], 0, False, {}
-            self._before = self._seek = None
+            self._last = None
         return self._filter
 
     def _take_turning(self, model: RunFilter, turning: Turning) -> None:
@@ -282,6 +278,19 @@ class RunModel:
 def _directions(one: Row) -> tuple[Array, Array]:
     """Unit vectors of force and field in tool axes."""
     return one["force"] / np.linalg.norm(one["force"]), one["field"] / max(float(np.linalg.norm(one["field"])), 1e-9)
+
+
+def _with_gyro(one: Row, other: Row | None) -> Row:
+    """A station with the gyro's reading at another; None: without any."""
+    row = one.copy()
+    for name in ("gyro", "gyro_other", "gyro_lasting", "gyro_variance"):
+        row[name] = other[name] if other is not None else math.nan if name == "gyro" else 0.0
+    return row
+
+
+def _learn(model: RunFilter, one: Row) -> None:
+    if one["has_field"] or math.isfinite(one["gyro"]):
+        model.learn(one, model.evidence(one))
 
 
 def _turn(correction: float, declination: float) -> float:

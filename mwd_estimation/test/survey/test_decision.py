@@ -17,6 +17,7 @@ from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Average
 from mwd_estimation.gyrocompass.solution import Solution
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.decision import SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
@@ -150,6 +151,23 @@ def test_the_newest_stations_of_a_run_are_revised_by_all_the_others():
     assert every[1].station.verdict == decide.revisions()[1].station.verdict == "doubtful"
     assert list(newest) == [2, 3, 4, 5]
     assert [every[n].station.verdict for n in newest] == [one.station.verdict for one in newest.values()]
+
+
+@pytest.mark.slow
+def test_a_revised_station_lists_the_azimuth_that_its_seek_of_the_gyro_had_in_the_end():
+    decide, unknown = decision(), Reason(ReasonCode.GYRO_BIAS_UNKNOWN, 0.5, 0.3)
+    for k in range(4):
+        inclination, seek = 0.8 + 0.05 * (k // 2), {"began_ns": k // 2}
+        found = Solution(None, "two_position", 1.9, 0.02, inclination, 0.0, 200.0, 0.02, **seek)
+        if k == 0:
+            found = Solution(unknown, "still", 2.4, 0.5, inclination, 0.0, 60.0, 0.5, **seek)
+        decide.complete(decide.begin(average(k + 1, inclination, 1.9, turned=0.4), k + 1, REFERENCE, found), NOTHING)
+    survey = decide.revisions()[1]
+    row = survey.station.by_method(AzimuthMethod.GYRO)
+    assert survey.weights[AzimuthMethod.GYRO] > 0.5
+    assert row.refused is None
+    assert math.isclose(row.azimuth, 1.9 - REFERENCE.convergence)
+    assert row.sigma == 0.02
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -12,9 +13,11 @@ from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.measurement import measured
+from mwd_estimation.survey.posterior.field_model import Shared
 from mwd_estimation.survey.revision import Taken, findings
 from mwd_estimation.survey.run_model import RunModel
 from mwd_estimation.survey.station import StationSettings
+from mwd_estimation.survey.turning_string import Across, Turning
 from mwd_estimation.survey.verdict import judged
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
@@ -23,15 +26,20 @@ FIELD_N = 5e-5 * np.array([math.cos(1.1), 0.0, math.sin(1.1)])
 AZIMUTH, SETTINGS = 1.9, StationSettings()
 
 
-def station(inclination, toolface, gyro, turned=0.0):
-    """A station of the azimuth `AZIMUTH`; turned: steel turns the field about the vertical, rad."""
+def station(inclination, toolface, gyro, turned=0.0, noise=0.0):
+    """A station of the azimuth `AZIMUTH`; turned: steel turns the field about the vertical, rad; noise: of it, T."""
     mat, c, s = mat_nt(inclination, AZIMUTH, toolface), math.cos(turned), math.sin(turned)
     field_n = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ FIELD_N
-    return Taken(measured(mat.T @ [0.0, 0.0, -9.81], mat.T @ field_n, REFERENCE, SETTINGS), gyro=gyro)
+    return Taken(measured(mat.T @ [0.0, 0.0, -9.81], mat.T @ field_n + noise, REFERENCE, SETTINGS), gyro=gyro)
 
 
 def seek(began_ns, azimuth=AZIMUTH, sigma=0.05, refused=None):
     return Solution(refused, "still", azimuth, sigma, 0.8, 0.0, 60.0, sigma, began_ns=began_ns)
+
+
+def live(taken):
+    model = RunModel(SETTINGS)
+    return [(judged(one.measured, found, SETTINGS), found) for one in taken for found in (model.take(*one),)]
 
 
 def revised(taken):
@@ -78,6 +86,47 @@ def test_the_second_azimuth_of_one_seek_does_not_bear_out_the_first():
     assert found[0] == ["doubtful", "doubtful", "accept"]
     # Two seeks that agree are believed, rightly or not.
     assert found[1] == ["doubtful", "accept", "accept"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [((0.0, 1e-9),), ((math.pi, 0.0), (0.0, 1e-9)), ((0.0, 0.0),)])
+def test_surveys_asked_for_in_a_seek_leave_its_reading_with_the_run(more):
+    """Steel at each station: again at rest, a turn there and back, and the same readings again."""
+    taken, places = [], (0.4, -0.3, 0.35)
+    for k, turned in enumerate(places):
+        for toolface, noise in ((0.0, 0.0), *more):
+            taken.append(station(0.8 + 0.05 * k, 0.3 + k + toolface, seek(k), turned, noise))
+    single = taken[:: len(more) + 1]
+    for judge in (live, revised):
+        first = judge(taken)[:: len(more) + 1]
+        assert [one.verdict for one, _ in first] == [one.verdict for one, _ in judge(single)]
+        for one, found in first:
+            assert abs(wrap_pi(one.azimuth - AZIMUTH)) < one.sigma_azimuth
+            assert found.by_gyro > 0.5
+    assert {one.verdict for one, found in revised(taken) if found.repeats is None} == {"accept"}
+
+
+@pytest.mark.slow
+def test_a_refusal_amid_a_seek_makes_no_second_reading_of_it():
+    refusal = Solution(Reason(ReasonCode.TOOL_NOT_STILL), "still")
+    for began_ns in (1, None):
+        refused = dataclasses.replace(refusal, began_ns=began_ns)
+        taken = [station(0.8, 2.0 * k, gyro) for k, gyro in enumerate((seek(1, 2.3), refused, seek(1, 2.3)))]
+        assert "accept" not in [one.verdict for one, found in revised(taken) if found.of_gyro is not None]
+        if began_ns is not None:
+            assert [one.verdict for one, _ in live(taken)][::2] == ["doubtful", "doubtful"]
+
+
+def test_what_the_turning_string_showed_during_a_seek_is_kept():
+    turning = Turning(mount=Across(np.zeros(2), 1e-4), field=Across(np.zeros(2), 2e-9))
+    sigmas = []
+    for began in ((1, 1, 1), (1, 1, 2)):
+        model = RunModel(SETTINGS)
+        for k, of_seek in enumerate(began):
+            model.take(*station(0.8, 0.3 + 1.3 * k, seek(of_seek))._replace(turning=turning if k else None))
+        at = int(Shared.FIELD_BIAS) + 1
+        sigmas.append(np.sqrt(np.diag(model.shared()[1])[at : at + 2]))
+    np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=0.1)
 
 
 def test_a_seek_without_a_beginning_is_that_of_its_station_alone():
