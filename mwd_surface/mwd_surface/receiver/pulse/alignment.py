@@ -10,6 +10,7 @@ from those one TU earlier and later, and again from the likeliest of these as lo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -63,14 +64,17 @@ def align(decode: Decoder, rows: Indices, start: Aligned) -> Aligned:
     Returns
     -------
     Aligned
-        `start` where the words stay.
+        `start` where the words stay. A packet moves by no more TU than its window has places.
     """
     stays = best = _from(decode, rows, start, 0)
-    while True:
+    # After as many moves as a window has places, nothing of the words decided is left in it.
+    for _ in range(int(rows[:, trellis.COUNT].max())):
         other = max((_from(decode, rows, best, by) for by in (-1, 1)), key=lambda one: one.evidence)
-        if other.evidence < best.evidence + _BETTER:
-            return start if best is stays else best
+        # Evidence that is no number decides nothing.
+        if not _BETTER <= other.evidence - best.evidence < math.inf:
+            break
         best = other
+    return start if best is stays else best
 
 
 def _from(decode: Decoder, rows: Indices, start: Aligned, by: int) -> Aligned:

@@ -106,6 +106,17 @@ class Pass:
         """Whether all its words are decoded."""
         return self.done == len(self.items)
 
+    @property
+    def heard(self) -> list[Part]:
+        """Its words so far that had pulses."""
+        return [part for part in self.parts if part.pulses]
+
+    def rows_from_sync(self, tool: ToolConfiguration) -> tuple[Indices, int]:
+        """As the function, once it is complete; words that had no pulses teach nothing, and are left out."""
+        rows, length = rows_from_sync(tool, self.items)
+        heard = np.repeat([part.pulses for part in self.parts], [len(part.rows) for part in self.parts])
+        return rows[np.append(np.ones(len(rows) - len(heard), dtype=bool), heard)], length
+
     def following(self) -> tuple[SequenceItem, ...]:
         """Words that are decoded next."""
         return stretch_of(self.items, self.done)

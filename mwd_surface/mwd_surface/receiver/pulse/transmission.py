@@ -176,13 +176,13 @@ class Transmission:
         now = self._pass
         if now is None or not now.parts or not self.confirmed:
             return Reception()
-        heard = [part for part in now.parts if part.pulses]
+        heard = now.heard
         if self.lost or not now.complete:
             del now.parts[max([now.shown, *(k + 1 for k, part in enumerate(now.parts) if part.pulses)]) :]
         if not (heard or now.shown):
             self._forget(now)
             return Reception()
-        if now.complete and not self._aligned:
+        if now.complete and heard and not self._aligned:
             self._align(now)
         self._aligned = True
         self._decode_again(now, heard)
@@ -221,8 +221,8 @@ class Transmission:
 
     def _align(self, now: Pass) -> None:
         """Move the pulses of the first pass, where sync and words together say so."""
-        rows, length = rows_from_sync(self._tool, now.items)
-        words = np.concatenate([part.probability for part in now.parts])
+        rows, length = now.rows_from_sync(self._tool)
+        words = np.concatenate([part.probability for part in now.heard])
         first = len(rows) - len(words)
         given = np.concatenate([trellis.uniform(rows[:first]), words])
 
@@ -234,7 +234,7 @@ class Transmission:
 
         found = align(decode, rows, Aligned(self._clock, self._channel, given))
         self._clock, self._channel = found.clock, found.channel
-        for part in now.parts:
+        for part in now.heard:
             part.probability = found.probability[first : first + len(part.rows)]
             first += len(part.rows)
 

@@ -2,17 +2,19 @@
 """Words behind a sync that noise has widened."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
-from link_runs import TOOLS
+from link_runs import TOOLS, white
 
 from mwd_sensors.simulator.mud_channel import MudChannel
-from mwd_sensors.simulator.pulse_tool import link_run, transmit
-from mwd_surface.receiver.pulse import trellis
-from mwd_surface.receiver.pulse.alignment import moved
+from mwd_sensors.simulator.pulse_tool import Transmission, link_run, transmit
+from mwd_surface.receiver.pulse import segment, transmission, trellis
+from mwd_surface.receiver.pulse.alignment import Aligned, align, moved
 from mwd_surface.receiver.pulse.passes import rows_from_sync
 from mwd_surface.receiver.pulse.pulse_receiver import decode
+from mwd_surface.receiver.pulse.tool_clock import ToolClock
 from mwd_surface.receiver.words import packet_rows
 
 TOOL = TOOLS["0.5"]
@@ -39,3 +41,54 @@ def test_pulses_moved_by_one_place_and_back_are_where_they_were():
     assert np.all(moved(rows, later, -1) == one)
     # What leaves its window may be anywhere in it.
     assert moved(rows, moved(rows, later, 1), 1) == pytest.approx(trellis.uniform(rows))
+
+
+@pytest.mark.parametrize(
+    ("evidence", "decoded"),
+    [
+        (itertools.repeat(np.nan), 3),
+        (itertools.repeat(np.inf), 3),
+        (itertools.chain([1.0] * 2, itertools.repeat(np.nan)), 3),
+        (itertools.chain([1.0] * 2, itertools.repeat(np.inf)), 3),
+        (itertools.count(0.0, 100.0), 1 + 2 * 8),
+    ],
+    ids=["nan", "inf", "from a number to nan", "from a number to inf", "ever better"],
+)
+def test_words_move_by_their_window_at_most_whatever_the_evidence(evidence, decoded):
+    """8 values a packet: 8 moves, each of which weighs two places, decoded twice each."""
+    rows, _ = rows_from_sync(TOOL, TOOL.surveys[0])
+    given, calls = trellis.uniform(rows), 0
+    channel = segment.Channel(np.ones(8), 1.0, np.ones(1), np.ones(1), np.ones((1, 8)), 1.0)
+
+    def decoder(clock, probability, found):
+        nonlocal calls
+        calls += 1
+        assert calls <= 2 * decoded, "words move without end"
+        unused = np.zeros(0)
+        timing = (0.0, 1.0, 0.0)
+        return segment.Decision(unused, unused, unused, probability, found, 0.0, timing, next(evidence), 0.0, 0.0)
+
+    start = Aligned(ToolClock(0.0), channel, given)
+    found = align(decoder, rows, start)
+    assert calls == 2 * decoded
+    assert np.isfinite(found.evidence)
+
+
+@pytest.mark.slow
+def test_words_without_pulses_are_not_aligned(monkeypatch):
+    """A tool that is silent for three words of its survey: each packet of the joint decision had a pulse."""
+    given = []
+
+    def aligned(decoder, rows, start):
+        given.append(rows)
+        return align(decoder, rows, start)
+
+    monkeypatch.setattr(transmission, "align", aligned)
+    sent = transmit(TOOL, ((0.0, 420.0),), 0)
+    begin, end = sent.words[2].start_s, sent.words[5].start_s
+    pulses = sent.pulses[(sent.pulses[:, 0] < begin) | (sent.pulses[:, 0] >= end)]
+    decode(TOOL, *white(TOOL, Transmission((), pulses), 14.0))
+    assert len(given) == 1
+    at = np.rint((pulses[:, 0] - pulses[0, 0]) / TOOL.tu_s)
+    first, count = given[0][:, trellis.START], given[0][:, trellis.COUNT]
+    assert np.all([np.any((at >= a) & (at < a + n)) for a, n in zip(first, count, strict=True)])
