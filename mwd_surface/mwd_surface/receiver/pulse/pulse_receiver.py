@@ -33,6 +33,9 @@ _SURER = 1.5
 # Samples a TU that the pulse code needs: 2 for each edge of a pulse that is 2 TU wide, and some for the filter.
 LEAST_PER_TU = 2.5
 
+# A sync and its position on the grid.
+Waiting = tuple[synchronisation.SyncFound, float]
+
 
 class PulseReceiver(SampledReceiver):
     """
@@ -71,8 +74,8 @@ class PulseReceiver(SampledReceiver):
         self._frame = 0
         self._last = math.inf
         self._active: Transmission | None = None
-        self._last_sync: float | None = None
-        self._waiting: tuple[synchronisation.SyncFound, float] | None = None
+        self._last_sync = -math.inf
+        self._waiting: Waiting | None = None
         self._lowest, self._highest = math.inf, -math.inf
         self._reason = ""
         self._syncs = 0
@@ -215,34 +218,43 @@ class PulseReceiver(SampledReceiver):
         # Before there are words, a transmission knows no more of the noise than this search learns.
         whitener = active.channel.stepwise if active is not None and active.confirmed else None
         found = synchronisation.search(pressure, known, self._tool, low - guard, high + guard, whitener)
+        if found is None:
+            return
         # What lies farther behind the hop may be the flank of a sync beyond the range: it is left to the next one.
-        if found is None or found.at >= high + guard // 2:
+        least, most = self._last_sync + STEPS_PER_TU * _GUARD_TU, STEPS_PER_TU * (end_tu + _GUARD_TU // 2)
+        start = float(STEPS_PER_TU * first_tu)
+        position = start + found.at * pace
+        if not least <= position < most:
             return
-        position = float(STEPS_PER_TU * first_tu + found.at * pace)
-        if self._last_sync is not None and position < self._last_sync + STEPS_PER_TU * _GUARD_TU:
-            return
+        other = None if found.other is None else (found.other, start + found.other.at * pace)
+        other = other if other is not None and least <= other[1] < most else None
         self._last_sync = position
         self._syncs += 1
         self.last_sync_s = self._grid.seconds(position)
         if active is not None and active.expects_sync(position):
             active.offer_sync()
         elif active is not None and active.replaced_by(position, found.score):
-            self._begin(found, position)
+            waiting = self._waiting
+            self._begin(found, position, other)
+            if waiting is not None and abs(waiting[1] - position) >= STEPS_PER_TU * _GUARD_TU:
+                self._wait(*waiting)
         elif active is not None and (active.sound or found.score <= _SURER * active.score):
             # Data can look like a sync by chance: it counts once the transmission breaks off.
-            if self._waiting is None or found.score > self._waiting[0].score:
-                self._waiting = (found, position)
+            self._wait(found, position)
         else:
             if active is not None:
                 self._add(done, active.close())
                 self._frame = active.frame
-            self._begin(found, position)
+            self._begin(found, position, other)
 
-    def _begin(self, found: synchronisation.SyncFound, position: float) -> None:
-        """Begin a transmission with a sync; the next best one waits."""
-        self._active = self._begun(found, position)
-        other, pace = found.other, STEPS_PER_TU // SAMPLES_PER_TU
-        self._waiting = None if other is None else (other, position + (other.at - found.at) * pace)
+    def _begin(self, found: synchronisation.SyncFound, position: float, other: Waiting | None) -> None:
+        """Begin a transmission with a sync at a position of the grid; the next best one waits."""
+        self._active, self._waiting = self._begun(found, position), other
+
+    def _wait(self, found: synchronisation.SyncFound, position: float) -> None:
+        """Keep the best sync that waits until the transmission breaks off."""
+        if self._waiting is None or found.score > self._waiting[0].score:
+            self._waiting = (found, position)
 
 
 def decode(

@@ -180,10 +180,11 @@ def _found(
         moved = min(max(at + early, 0), count - 1)
         if moved != at:
             found = _fitted(whitened, weight, shapes, edges, first + moved)
-        if _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
-            response = found[0] @ components
-            place = first + moved
-            best.append(SyncFound(place, float(score[moved]), response, found[1], whitener, place))
+        if not _alike(whitened, weight, found[0] @ shapes, edges, first + moved):
+            break
+        response = found[0] @ components
+        place = first + moved
+        best.append(SyncFound(place, float(score[moved]), response, found[1], whitener, place))
         for taken in (at, moved):
             score[max(taken - RESPONSE, 0) : taken + RESPONSE] = -np.inf
     return dataclasses.replace(best[0], other=best[-1] if len(best) > 1 else None) if best else None

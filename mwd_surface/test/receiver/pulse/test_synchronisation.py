@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.pulse import synchronisation
 from mwd_surface.receiver.pulse.synchronisation import search
 
 RESPONSE = np.convolve(np.ones(8), [1.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.3])
@@ -86,6 +87,20 @@ def test_pumps_that_start_shortly_before_hide_no_sync(size):
     found = search(pressure, np.ones(900), ToolConfiguration(), 300, 550)
     assert found is not None
     assert abs(found.at - 400) <= 4
+
+
+def test_no_second_place_is_found_where_the_best_is_no_sync(monkeypatch):
+    """Of the places whose pulses are unlike each other, none is passed over for the next best one."""
+    pressure = data([400 + 4 * e for e in (0, 5, 15, 20, 30)])
+    places = []
+
+    def alike(whitened, weight, response, edges, at):
+        places.append(at)
+        return len(places) > 1
+
+    monkeypatch.setattr(synchronisation, "_alike", alike)
+    assert search(pressure, np.ones(900), ToolConfiguration(), 300, 550) is None
+    assert places == [pytest.approx(400, abs=4)]
 
 
 @pytest.mark.parametrize(("edge", "hidden"), [(400, slice(414, 560)), (520, slice(390, 515)), (480, slice(494, 900))])
