@@ -114,7 +114,9 @@ def test_gravity_is_followed_while_drilling_from_a_start_in_motion(case, most):
     late = stamps - stamps[0] > 10_000_000_000
     assert rms(error_deg(got, down)[late]) < most
     inclination = np.arctan2(np.hypot(down[:, 1], down[:, 2]), down[:, 0])
-    assert_consistent((got.inclination - inclination)[late], got.sigma_inclination[late], correlated=True)
+    found = consistency([((got.inclination - inclination)[late], got.sigma_inclination[late])], confidence=0.999)
+    # One tool whose calibration happens to be good does not show that sigma is too large: several tools do, below.
+    assert found.nees <= found.high, found
 
 
 @pytest.mark.slow
@@ -122,7 +124,8 @@ def test_gravity_is_followed_while_drilling_from_a_start_in_motion(case, most):
 def test_sigma_lies_in_its_band_over_several_tools(case):
     errors: list[list[np.ndarray]] = [[], []]
     sigmas: list[list[np.ndarray]] = [[], []]
-    for seed in (11, 12, 13):
+    # In stick-slip errors differ most from tool to tool.
+    for seed in range(11, 41 if case == "stickslip" else 14):
         stamps, gyro, accel, down = drilled(case, 40.0, seed)
         p = bounded.Params()
         got = bounded.run(p, bounded.initial(p), stamps, gyro, accel)
