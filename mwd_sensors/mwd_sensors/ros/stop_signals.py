@@ -69,18 +69,23 @@ def end_within(seconds: float) -> None:
     seconds: without the time in which the main thread waits for a processor.
     """
     allowed = StopTime(seconds, STOP_LIMIT)
+    _end_without_lock(allowed)  # what comes next may hold the interpreter's lock before the thread has begun
     threading.Thread(target=_end_when_late, args=(allowed,), name="stop limit", daemon=True).start()
 
 
 def _end_when_late(allowed: StopTime) -> None:
     while (left := allowed.left()) > 0.0:
-        # Where native code holds the interpreter's lock, this thread stands still; the timer needs no lock.
-        faulthandler.dump_traceback_later(left + _LOCK_PATIENCE, exit=True)
+        _end_without_lock(allowed)
         time.sleep(min(_LOOK_PERIOD, left))
     sys.stderr.write(f"still running {allowed.elapsed():.1f} s after the request to stop; what its threads do:\n")
     sys.stderr.flush()
     faulthandler.dump_traceback(all_threads=True)
     os._exit(1)
+
+
+def _end_without_lock(allowed: StopTime) -> None:
+    """End this process by a timer that needs no lock, for where native code holds the interpreter's."""
+    faulthandler.dump_traceback_later(max(allowed.left(), 0.0) + _LOCK_PATIENCE, exit=True)
 
 
 def leave_background_threads(status: int) -> None:
