@@ -215,9 +215,13 @@ class PulseReceiver(SampledReceiver):
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
         active = self._active
-        # Before there are words, a transmission knows no more of the noise than this search learns.
-        whitener = active.channel.stepwise if active is not None and active.confirmed else None
-        found = synchronisation.search(pressure, known, self._tool, low - guard, high + guard, whitener)
+        # Before there are words, the noise that a transmission knows may be that of pulses which were none, so that the
+        # noise is also learnt anew.
+        known_noise = () if active is None else (active.channel.stepwise,)
+        learnt = (None,) if active is None or not active.confirmed else ()
+        spans = (low - guard, high + guard)
+        searches = (synchronisation.search(pressure, known, self._tool, *spans, w) for w in (*known_noise, *learnt))
+        found = max((one for one in searches if one is not None), key=lambda one: one.score, default=None)
         if found is None:
             return
         # What lies farther behind the hop may be the flank of a sync beyond the range: it is left to the next one.
