@@ -3,9 +3,10 @@
 Monte Carlo of the survey decision on stations drawn from physics and the OWSG tool code, as Markdown.
 
 Single stations of any attitude, healthy and disturbed; runs of thirty stations, decided one after the other; runs
-analysed together. By itself ``bench_surveys.py`` takes four minutes on one core; ``--small`` less, with shares
-of rare errors that say little; ``--full`` draws 20 000 disturbed stations. Other seeds by ``--seed``, some kinds by
-``--only`` and a part of their name.
+analysed together; gyro azimuths of one position a station. By itself ``bench_surveys.py`` takes six minutes on one
+core; ``--small`` less, with shares of rare errors that say little; ``--full`` draws 20 000 disturbed stations. Other
+seeds by ``--seed``, some kinds by ``--only`` and a part of their name. ``--drawn 20 --only connections`` takes surveys
+in twenty drawn runs with steel, from raw samples, a minute each.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from __future__ import annotations
 import argparse
 import dataclasses
 
-from stations import connections, judge, runs, singles, together
+from stations import connections, judge, runs, seeks, singles, together
 
-# Stations of each kind, runs of each kind.
+# Stations of each kind, runs of each kind; runs of each gyro for each of those.
 SMALL, USUAL, FULL = (300, 3), (500, 6), (4000, 40)
+GYROS = 4
 
 
 def main() -> None:
@@ -25,6 +27,7 @@ def main() -> None:
     parser.add_argument("--small", action="store_true", help="a quick look, half a minute")
     parser.add_argument("--full", action="store_true", help="20 000 disturbed stations")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--drawn", type=int, default=0, help="drawn runs from raw samples, too")
     parser.add_argument("--only", default="", help="kinds whose name contains this")
     options = parser.parse_args()
     count, length = SMALL if options.small else FULL if options.full else USUAL
@@ -42,15 +45,34 @@ def main() -> None:
     if pooled:
         show(judge.row("all disturbed but sensor defects", pooled))
     head(f"{length} runs of {runs.STATIONS} stations each", judge.HEAD)
+    pooled = []
     for name in chosen(runs.KINDS):
-        show(*runs.rows(name, length, options.seed))
+        for words, found in runs.parts(name, length, options.seed).items():
+            show(judge.row(f"{name}{words and f': {words}'}", found))
+            pooled += found if runs.POOLED.get(name) == words else []
+    if pooled:
+        show(judge.row("all runs with interference, steel, storms, wrong references", pooled))
     head(f"{2 * length} runs analysed together, declination known; deg", together.HEAD)
     for name in chosen(together.RUNS):
         show(together.row(name, 2 * length, options.seed))
+    head(f"Gyro azimuths, one position of a minute, {GYROS * length} runs of {seeks.STATIONS} stations", seeks.HEAD)
+    for name in chosen(seeks.UNITS):
+        show(*seeks.rows(name, GYROS * length, options.seed))
     if options.only in "connections":
-        head("Simulated sondes, a survey at each connection, from raw samples", connections.HEAD)
-        for run in connections.RUNS:
-            show(connections.row(dataclasses.replace(run, seed=run.seed + 100 * (options.seed - 1))))
+        from_samples(options.seed, options.drawn)
+
+
+def from_samples(seed: int, drawn: int) -> None:
+    """Surveys of simulated sondes; drawn: number of runs that are drawn, from a seed on."""
+    head("Simulated sondes, a survey at each connection, from raw samples", connections.HEAD)
+    for run in connections.RUNS:
+        show(connections.row(connections.outcome(dataclasses.replace(run, seed=run.seed + 100 * (seed - 1)))))
+    found = []
+    for k in range(drawn):
+        found.append(connections.outcome(connections.drawn(1000 * seed + k)))
+        show(connections.row(found[-1]))
+    if found:
+        show(connections.all_rows(found))
 
 
 def show(*lines: str) -> None:

@@ -84,39 +84,113 @@ def story(run: Run) -> Scenario:
     return from_mapping(Scenario, table)
 
 
-def row(run: Run) -> str:
-    """Row under `HEAD`."""
+def drawn(seed: int) -> Run:
+    """A run with steel whose rest, sway and conventional unit are drawn."""
+    rng = np.random.default_rng(seed)
+    grade = str(rng.choice(["mti3_calibrated", "owsg_mwd"]))
+    return Run(round(float(rng.uniform(27.0, 50.0))), round(float(rng.uniform(0.0, 0.2)), 2), grade, True, seed)
+
+
+@dataclasses.dataclass(frozen=True)
+class Outcome:
+    """
+    Surveys of a run.
+
+    Attributes
+    ----------
+    run : Run
+    clean, at_steel : int
+        Stations away from steel and beside it.
+    accepted, accepted_at_steel : int
+        Of them.
+    beyond, beyond_at_steel : int
+        Of the accepted, with an azimuth more than 3 sigma off.
+    error : ndarray, shape (accepted,)
+        Of the azimuths accepted away from steel, rad.
+    best : float
+        Root mean square error, rad, of the single method that errs least away from steel.
+    method : str
+        Its name.
+    first_after : str
+        Verdict of the first station after steel.
+    """
+
+    run: Run
+    clean: int
+    at_steel: int
+    accepted: int
+    accepted_at_steel: int
+    beyond: int
+    beyond_at_steel: int
+    error: Array
+    best: float
+    method: str
+    first_after: str
+
+
+def outcome(run: Run) -> Outcome:
+    """Take the surveys of a run."""
     found = surveys(story(run))
     md = np.array([one.measured_depth for one in found])
     at = run.steel & (md > _STEEL_M[0]) & (md < _STEEL_M[1])
     accepted = np.array([one.accepted for one in found])
     error = np.array([one.azimuth_error for one in found])
-    beyond = np.abs(error) > 3.0 * np.array([one.sigma_azimuth for one in found])
-    clean = accepted & ~at
-    words = [f"{run.rest_s:g}", f"{run.sway_deg:g}", run.grade, "yes" if run.steel else "no", str((~at).sum())]
-    words += [f"{100.0 * clean.sum() / max((~at).sum(), 1):.0f}", str((beyond & clean).sum()), _rms(error[clean])]
-    words += [_best([one for one, out in zip(found, at, strict=True) if not out])]
+    beyond = accepted & (np.abs(error) > 3.0 * np.array([one.sigma_azimuth for one in found]))
+    best, method = _best([one for one, out in zip(found, at, strict=True) if not out])
     after = [one.survey.station.verdict for one, depth in zip(found, md, strict=True) if depth > _STEEL_M[1]]
-    words += (
-        [f"{(accepted & at).sum()} of {at.sum()}", str((beyond & accepted & at).sum()), after[0]]
-        if run.steel
-        else [""] * 3
+    return Outcome(
+        run,
+        int((~at).sum()),
+        int(at.sum()),
+        int((accepted & ~at).sum()),
+        int((accepted & at).sum()),
+        int((beyond & ~at).sum()),
+        int((beyond & at).sum()),
+        error[accepted & ~at],
+        best,
+        method,
+        after[0] if run.steel else "",
     )
-    return "| " + " | ".join(words) + " |"
 
 
-def _best(found: Sequence[Beside]) -> str:
-    """Root mean square error of the single method that errs least over the stations, with its name."""
+def row(one: Outcome) -> str:
+    """Row of a run under `HEAD`."""
+    run = one.run
+    words = [f"{run.rest_s:g}", f"{run.sway_deg:g}", run.grade, "yes" if run.steel else "no"]
+    return _row(words, [one], f"{one.best / DEG:.2f} {one.method}", one.first_after)
+
+
+def all_rows(found: Sequence[Outcome]) -> str:
+    """Row of several runs with steel together, and in how many an azimuth errs more than 1.1 times the best method."""
+    best = math.sqrt(np.mean([one.best**2 for one in found]))
+    above = sum(_rms(one.error) > 1.1 * one.best for one in found)
+    normal = sum(one.first_after == "accept" for one in found)
+    words = [f"all {len(found)}", "", "", "yes"]
+    return _row(words, found, f"{best / DEG:.2f}; exceeded by a tenth in {above}", f"{normal} of {len(found)} accept")
+
+
+def _row(words: list[str], found: Sequence[Outcome], best: str, first_after: str) -> str:
+    def total(name: str) -> int:
+        return sum(getattr(one, name) for one in found)
+
+    error = np.concatenate([one.error for one in found])
+    words = [*words, str(total("clean")), f"{100.0 * total('accepted') / max(total('clean'), 1):.0f}"]
+    words += [str(total("beyond")), f"{_rms(error) / DEG:.2f}", best]
+    at_steel = total("at_steel")
+    words += [f"{total('accepted_at_steel')} of {at_steel}", str(total("beyond_at_steel"))] if at_steel else [""] * 2
+    return "| " + " | ".join([*words, first_after]) + " |"
+
+
+def _best(found: Sequence[Beside]) -> tuple[float, str]:
+    """Root mean square error, rad, of the single method that errs least over the stations, and its name."""
     errors: dict[str, list[float]] = {}
     for one in found:
         for azimuth in (two for two in one.survey.station.azimuths if two.method != AzimuthMethod.GYRO_PROPAGATED):
             turned = float(wrap_pi(azimuth.azimuth - one.survey.station.azimuth))
             errors.setdefault(str(azimuth.method), []).append(turned + one.azimuth_error)
     whole = {name: _rms(np.array(values)) for name, values in errors.items() if len(values) > 0.8 * len(found)}
-    whole = {name: text for name, text in whole.items() if text != "nan"}
-    name = min(whole, key=lambda one: float(whole[one]))
-    return f"{whole[name]} {name}"
+    return min((size, name) for name, size in whole.items() if math.isfinite(size))
 
 
-def _rms(values: Array) -> str:
-    return f"{math.sqrt(np.mean(values**2)) / DEG:.2f}" if len(values) else "nan"
+def _rms(values: Array) -> float:
+    return math.sqrt(np.mean(values**2)) if len(values) else math.nan

@@ -23,7 +23,7 @@ from stations.tool_code import DEG, FIELD_NOISE, FORCE_NOISE
 
 HEAD = (
     "| stations | number | accepted % | not determined % | > 3 sigma % | > 10 deg % | > 45 deg % | rms deg "
-    "| NEES | NEES, all | inclination > 3 sigma % |"
+    "| NEES | NEES, all | inclination > 3 sigma % | of > 3 sigma: revised |"
 )
 UNKNOWN = PropagatedAzimuth(*[math.nan] * 5)
 _SECOND, _AVERAGED, _SAMPLES = 10**9, 10 * 10**9, 1000
@@ -35,6 +35,7 @@ class Judged:
     Of one station, rad: azimuth error and 1 sigma as published, whether accepted; of the inclination.
 
     undetermined: the attitude does not determine the azimuth, and the station is accepted for its inclination.
+    revised: once its run was over, another verdict or an azimuth more than a sigma away was proposed.
     """
 
     error: float
@@ -43,6 +44,17 @@ class Judged:
     undetermined: bool
     inclination_error: float
     inclination_sigma: float
+    revised: bool = False
+
+    @property
+    def leans(self) -> bool:
+        """Whether the inclination is beyond 3 sigma."""
+        return abs(self.inclination_error) > 3.0 * self.inclination_sigma
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it was accepted, and azimuth or inclination are beyond 3 sigma."""
+        return self.accepted and (abs(self.error) > 3.0 * self.sigma or self.leans)
 
 
 def new_decision(settings: StationSettings | None = None) -> SurveyDecision:
@@ -85,7 +97,7 @@ def decide(
 
 def row(name: str, found: list[Judged]) -> str:
     """Markdown row under `HEAD`; shares of > 3 sigma, > 10 and > 45 deg are those of the accepted."""
-    leaning = [abs(one.inclination_error) > 3.0 * one.inclination_sigma for one in found if one.accepted]
+    leaning = [one.leans for one in found if one.accepted]
     error, sigma = np.array([one.error for one in found]), np.array([one.sigma for one in found])
     known, accepted = np.isfinite(error), np.array([one.accepted for one in found], dtype=bool)
     off, limit = np.abs(error[accepted]), sigma[accepted]
@@ -101,4 +113,6 @@ def row(name: str, found: list[Judged]) -> str:
     words += [share(off > 3.0 * limit), share(off > 10.0 * DEG)]
     words += [share(off > 45.0 * DEG), f"{math.sqrt(np.mean(off**2)) / DEG:.2f}" if len(off) else ""]
     words += [mean((off / limit) ** 2), mean((error[known] / sigma[known]) ** 2), share(np.array(leaning))]
+    wrong = [one.revised for one in found if one.wrong]
+    words += [f"{sum(wrong)} of {len(wrong)}" if wrong else ""]
     return f"| {name} | " + " | ".join(words) + " |"

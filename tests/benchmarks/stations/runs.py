@@ -144,6 +144,16 @@ KINDS = {
     "accelerometers turned 2 deg": Kind(_curve, disturbances.turned_accelerometers),
     "each station played twice": Kind(_curve, twice=True),
     "readings of an earlier station again": Kind(_curve, replayed=True, parts={"those": REPLAYED}),
+    "hot collar, .1-3 uT across": Kind(_curve, disturbances.cross_axial),
+    "string and hot collar, .3-5 uT along, .1-3 uT across": Kind(_curve, disturbances.axial_and_cross),
+}
+# What the table's row of all disturbed runs holds, of each kind one part: interference, steel, storms, references.
+POOLED = {
+    "hot collar, .1-3 uT across": "",
+    "string and hot collar, .3-5 uT along, .1-3 uT across": "",
+    "steel .5-4 uT at six stations, no gyro": "at it",
+    "storm, 150-400 nT, drifting": "",
+    "reference off 400 nT, .5, 1 deg": "",
 }
 
 
@@ -197,14 +207,14 @@ def decided(
         propagated = PropagatedAzimuth(
             float(wrap_tau(known[0] + turned)), math.hypot(known[1], _PROPAGATED), known[2], math.nan, math.nan
         )
+    if any(one.wrong for one in found):
+        revised = decision.revisions()
+        found = [dataclasses.replace(one, revised=k + 1 in revised) for k, one in enumerate(found)]
     return found
 
 
-def rows(name: str, count: int, seed: int) -> list[str]:
-    """Rows of so many runs of a kind, one for each part that is judged."""
+def parts(name: str, count: int, seed: int) -> dict[str, list[Judged]]:
+    """Stations of so many runs of a kind, by the part of the run that is judged."""
     kind, rng = KINDS[name], np.random.default_rng([seed, 100 + list(KINDS).index(name)])
     done = [run(kind, rng) for _ in range(count)]
-    return [
-        judge.row(f"{name}{words and f': {words}'}", [one for found in done for one in found[part]])
-        for words, part in kind.parts.items()
-    ]
+    return {words: [one for found in done for one in found[part]] for words, part in kind.parts.items()}
