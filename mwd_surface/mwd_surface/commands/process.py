@@ -224,7 +224,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
             terminal.warn(f"no depth of survey {numbers}: {why}")
         # Where the hole comes from to the first of them a recording does not say.
         flagged: dict[str, list[int]] = {}
-        for record in summary.listed.records[1:] if summary.topics.rig is not None else ():
+        for record in [r for r in rows if r.measured_depth >= 0.0 or not r.comment][1:]:
             for flag in record.flags:
                 flagged.setdefault(flag, []).append(record.survey.sequence)
         for flag, which in flagged.items():

@@ -120,7 +120,7 @@ def revision_sentences(revised: Sequence[tuple[int, Station, Station]]) -> list[
     moves = [abs(float(wrap_pi(now.azimuth - first.azimuth))) for _, first, now in revised]
     known = [move for move in moves if math.isfinite(move)]
     most = f", azimuth by {degrees(max(known), 1)} deg at most" if known else ""
-    lines = [f"{numbered([number for number, _, _ in revised]):>4} revised by the stations after them{most}"]
+    lines = [f"{numbered([number for number, _, _ in revised]):>4} revised by the other stations of the run{most}"]
     for (number, first, now), move in zip(revised, moves, strict=True):
         if first.verdict != now.verdict or move > first.sigma_azimuth:
             lines.append(

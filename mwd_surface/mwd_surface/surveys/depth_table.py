@@ -46,7 +46,7 @@ class DepthTable:
         """
         if self.by_number:
             if sequence not in self.by_number:
-                return DepthReading(reason=f"the table of depths has no survey {sequence}")
+                return DepthReading(reason="the table of depths does not have this survey")
             return DepthReading(self.by_number[sequence], 0.0)
         after = bisect.bisect_left(self.by_time, (stamp_ns, -math.inf))
         if after == len(self.by_time) or (after == 0 and self.by_time[0][0] != stamp_ns):
