@@ -16,7 +16,7 @@ RATE_HZ = 100.0
 def tool_of(modulation="qpsk", **changes):
     """Tool on a carrier, phases shifted at once."""
     plain = starting("psk")
-    carrier = dataclasses.replace(plain.carrier, modulation=modulation, medium="earth", **changes)
+    carrier = dataclasses.replace(plain.carrier, **{"modulation": modulation, "medium": "earth", **changes})
     return dataclasses.replace(plain, carrier=carrier, transmit_delay_s=10.0)
 
 

@@ -42,6 +42,22 @@ class SampledReceiver(abc.ABC):
         """
         return self._take(*self._resampler.push(time_s, value))
 
+    def strokes(self, pump: int, time_s: Array) -> None:
+        """
+        Take strokes that a counter saw: pressure is cleared of pumps by them, lines on a carrier are named by them.
+
+        Words depend on no stroke that comes later than their pressure: for the same words, give the strokes up to a
+        time before the pressure of that time, as `decode` does.
+
+        Parameters
+        ----------
+        pump : int
+            Number of the pump.
+        time_s : ndarray, shape (n,)
+            Rising times, s, on the clock of the pressure.
+        """
+        self._grid.strokes.add(pump, time_s)
+
     def _take(self, values: Array, known: Array) -> Reception:
         """Take values of the grid; known, shape (n,): 0 in a gap."""
         done = Reception()

@@ -41,6 +41,16 @@ class Strokes:
         for pump, time in self._times.items():
             self._times[pump] = time[max(int(np.searchsorted(time, before_s)) - 1, 0) :]
 
+    def rates(self, from_s: float, until_s: float) -> dict[int, float]:
+        """Strokes a second of each pump between two times, s; a pump that stands is left out."""
+        rows = {}
+        for pump in sorted(self._times):
+            time = self._times[pump]
+            inside = time[(time >= from_s) & (time <= until_s)]
+            if len(inside) >= _LEAST:
+                rows[pump] = (len(inside) - 1) / float(inside[-1] - inside[0])
+        return rows
+
     def angles(self, time_s: Array) -> Array:
         """
         Crank angles.

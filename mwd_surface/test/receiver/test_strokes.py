@@ -45,3 +45,10 @@ def test_times_that_do_not_rise_are_left_out():
     twice = counted(np.repeat(times, 2))
     twice.add(1, times[:5])
     assert np.array_equal(twice.angles(TIME), counted(times).angles(TIME))
+
+
+def test_rates_are_those_of_the_time_asked_for():
+    strokes = counted(np.concatenate([np.arange(0.0, 30.0, 0.7), np.arange(30.0, 60.0, 0.5)]))
+    strokes.add(2, np.arange(0.0, 3.0, 0.8))
+    assert strokes.rates(0.0, 29.0) == pytest.approx({1: 1.0 / 0.7})
+    assert strokes.rates(31.0, 60.0) == pytest.approx({1: 2.0})

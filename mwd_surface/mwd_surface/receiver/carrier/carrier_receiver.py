@@ -79,6 +79,7 @@ class CarrierReceiver(SampledReceiver):
         self._markers = 0
         self.last_sync_s = -math.inf
         self._clock_error = 0.0
+        self._line = ""
 
     def finish(self) -> Reception:
         """Words of what is left at the end of the samples."""
@@ -95,14 +96,20 @@ class CarrierReceiver(SampledReceiver):
         if self._grid.end == 0:
             return "no words: there are no samples with rising times"
         if not self._markers:
-            return (
-                f"no words: no marker of this tool on {self._carrier.frequency_hz:g} Hz; check frequency_hz,"
-                " symbol_rate_hz and modulation of the tool configuration, and that the flow was on long enough"
+            reason = (
+                f"no marker of this tool on {self._carrier.frequency_hz:g} Hz; check frequency_hz, symbol_rate_hz and"
+                " modulation of the tool configuration, and that the flow was on long enough"
             )
-        return (
-            f"no words: {self._markers} times something like a marker, but no block whose check holds: noise, or the"
-            " tool sends other sequences, words or block_bits than this configuration has"
-        )
+        else:
+            reason = (
+                f"{self._markers} times something like a marker, but no block whose check holds: noise, or the tool"
+                " sends other sequences, words or block_bits than this configuration has"
+            )
+        return f"no words: {self._beside_line(reason)}"
+
+    def _beside_line(self, reason: str) -> str:
+        """Reason, behind the line that is on the carrier."""
+        return f"{self._line}; {reason}" if self._line else reason
 
     def _check(self, spacing_s: float) -> None:
         top = self._carrier.frequency_hz + self._carrier.symbol_rate_hz
@@ -163,8 +170,27 @@ class CarrierReceiver(SampledReceiver):
         value, known, first = self._window(at, at + count * symbol / PER_SYMBOL)
         middle = at - first + 0.5 * symbol / PER_SYMBOL
         found, whole = baseband.envelope(value, known, self._band, middle, count, symbol)
-        columns = baseband.line_columns(baseband.lines(value, self._band), self._band, count, symbol)
-        return marker_score(found, whole, columns)
+        lines = baseband.lines(value, self._band)
+        if known.all():
+            self._line = self._named(lines, first, len(value))
+        return marker_score(found, whole, baseband.line_columns(lines, self._band, count, symbol))
+
+    def _named(self, lines: Array, first: int, count: int) -> str:
+        """Strongest line on the carrier, by the pump that makes it; lines, shape (k,): radians a step."""
+        carrier, step_s = self._carrier, self._grid.step_s
+        hertz = lines / (2.0 * math.pi * step_s)
+        near = hertz[np.abs(hertz - carrier.frequency_hz) < carrier.symbol_rate_hz]
+        if not len(near):
+            return ""
+        line = float(near[0])
+        # Half the width of a line under the Hann window.
+        wide = 2.0 / (count * step_s)
+        rates = self._grid.strokes.rates(self._grid.seconds(first), self._grid.seconds(first + count))
+        for pump, rate in rates.items():
+            harmonic = round(line / rate)
+            if abs(line - harmonic * rate) < wide:
+                return f"harmonic {harmonic} of pump {pump} ({line:.2f} Hz) is on the carrier"
+        return f"a line of {line:.2f} Hz is on the carrier"
 
     def _data(self, start: float, symbol: float) -> BlockData:
         begin = start - MARGIN * symbol
@@ -268,7 +294,9 @@ class CarrierReceiver(SampledReceiver):
     def _unlock(self, lock: _Lock, done: Reception) -> None:
         """Search again from the end of the last good block on."""
         self._lock = None
-        done.frames += self._end_pass("no carrier any more: flow off, too weak, or the tool began anew")
+        done.frames += self._end_pass(
+            self._beside_line("no carrier any more: flow off, too weak, or the tool began anew")
+        )
         self._hop = max(math.floor((lock.good_end - self._band.symbol) / self._hop_steps), 0)
 
     def _span(self, lock: _Lock) -> tuple[float, float]:
@@ -290,7 +318,7 @@ class CarrierReceiver(SampledReceiver):
         last, self._pass = self._pass, None
         if last is None:
             return []
-        failed = f"the check of {last.failed} of {len(last.ebn0)} blocks failed" if last.failed else ""
+        failed = f"the check of {last.failed} of {len(last.ebn0)} blocks failed"
         report = FrameReport(
             self._frame,
             last.name.kind,
@@ -298,7 +326,7 @@ class CarrierReceiver(SampledReceiver):
             last.end_s,
             float(np.mean(last.ebn0)),
             self._clock_error,
-            reason or failed,
+            reason or (self._beside_line(failed) if last.failed else ""),
         )
         self._frame += 1
         return [report]

@@ -94,22 +94,6 @@ class PulseReceiver(SampledReceiver):
             self._flow.push(time_s, value)
         return super().push(time_s, value)
 
-    def strokes(self, pump: int, time_s: Array) -> None:
-        """
-        Take strokes that a counter saw; without a counter the lines of the pumps are found in the pressure.
-
-        Words depend on no stroke that comes later than their pressure: for the same words, give the strokes up to a
-        time before the pressure of that time, as `decode` does.
-
-        Parameters
-        ----------
-        pump : int
-            Number of the pump.
-        time_s : ndarray, shape (n,)
-            Rising times, s, on the clock of the pressure.
-        """
-        self._grid.strokes.add(pump, time_s)
-
     def finish(self) -> Reception:
         """Words of what is left at the end of the samples."""
         done = self._take(*self._resampler.finish())

@@ -2,6 +2,7 @@
 """The receiver of a carrier: near the coded limit in white noise, any cut, and what must not be believed."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -100,6 +101,23 @@ def test_a_siren_is_read_beside_pumps_whose_harmonic_is_on_its_carrier():
     assert 1.0 < late < 4.0
     shifted = [dataclasses.replace(word, start_s=word.start_s - late) for word in got.words]
     assert np.mean(block_errors(sent, shifted)) < 0.15
+
+
+@pytest.mark.parametrize(
+    ("counted", "said"), [(True, r"harmonic 3 of pump [12] \(4\.\d+ Hz\) is on"), (False, r"a line of 4\.\d+ Hz is on")]
+)
+def test_a_pump_s_harmonic_on_a_carrier_that_is_not_heard_is_named(counted, said):
+    tool = tool_of(frequency_hz=4.0, symbol_rate_hz=1.25, medium="mud")
+    channel = MudChannel(
+        well=Well(depth_m=9000.0), pumps=(Pump(1.45), Pump(1.335, leak=0.2)), flow_off_s=((-100.0, 20.0),)
+    )
+    run = siren_run(channel, transmit(tool, ((20.0, 190.0),), 2), 200.0, 2)
+    receiver = CarrierReceiver(tool)
+    for pump, times in enumerate(run.strokes_s if counted else ()):
+        receiver.strokes(pump + 1, times)
+    words = receiver.push(run.time_s, run.pressure_pa).words + receiver.finish().words
+    assert not words
+    assert re.match(rf"no words: {said} the carrier; ", receiver.why_nothing())
 
 
 def test_samples_too_far_apart_are_refused():
