@@ -23,18 +23,10 @@ class Transmit:
         "none.",
         expert=True,
     )
-    flow_threshold_lpm: float = setting(
-        600.0,
-        "Flow above which the tool takes the pumps for on. Raise it where the flow between connections stays high; the "
-        "tool is silent below it.",
-        unit="l/min",
-        low=1.0,
-        high=20000.0,
-    )
     flow_hold_s: float = setting(
         2.0,
-        "Time for which the flow has to stay above or below the threshold. Raising it ignores longer interruptions and "
-        "delays each transmission by as much.",
+        "Time for which the flow has to stay above or below the threshold of the tool configuration. Raising it "
+        "ignores longer interruptions and delays each transmission by as much.",
         unit="s",
         low=0.0,
         high=60.0,

@@ -40,7 +40,6 @@ _STEP_NS = NANOSECONDS // 10
 _CONTINUOUS_S = 10.0
 # Attitude that waits longer for its flow is dropped: a flow that never comes must not fill the memory.
 _KEPT_NS = 60 * NANOSECONDS
-_LPM = 1e-3 / 60.0
 Row = TypeVar("Row", bound=tuple[Any, ...])
 
 
@@ -219,7 +218,7 @@ class Transmitter:
             flow = _newest(self._flows, now)
             if flow is None:
                 return []
-            if self._flow.update(now, flow[1] > self._settings.flow_threshold_lpm * _LPM):
+            if self._flow.update(now, flow[1] > self.tool.flow_threshold):
                 self._switch_flow()
         elif self.state == TransmitterState.SILENT:
             self._begin_sending(now)

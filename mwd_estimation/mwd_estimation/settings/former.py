@@ -36,6 +36,7 @@ CONSTANT: Mapping[str, float | str] = {
     "verdict.max_gyro_sigma_deg": 20.0,  # beyond it an azimuth hardly weighs (SeekParams)
     "dynamics.period_s": 1.0,  # (drilling_dynamics.py)
     "transmit.continuous_s": 10.0,  # (transmitter.py)
+    "transmit.flow_threshold_lpm": 600.0,  # that of a tool configuration without it
     "tool.possible_axial_nt": 2000.0,  # in proportion to tool.axial_interference_nt (derivation.py)
     "place.gravity_mps2": 0.0,  # by the latitude
     "gravity.expert.max_bridged_gap_s": 10.0,  # (bounded.Params)
@@ -121,6 +122,7 @@ FORMER: Mapping[str, str] = {
         (_SWITCHING, _HOLD_S),
         "transmit.rotation_switching_s, the time for which the string has to turn or stand; 0: no switching",
     ),
+    "transmit.flow_threshold_lpm": "flow_threshold_lpm of the tool configuration (transmit.tool_file)",
     "tool.sag_deg": "derived: 0.2 deg, or 0.08 with tool.sag_correction_deg or tool.assembly_file",
 }
 

@@ -189,6 +189,7 @@ def test_only_the_parameters_of_the_selected_gravity_method_are_there():
         ("tool.precision.gyro.scale_ppm", "a constant (500.0)"),
         ("transmit.rotation_switching", "transmit.rotation_switching_s"),
         ("health.watch", "always on"),
+        ("transmit.flow_threshold_lpm", "flow_threshold_lpm of the tool configuration"),
     ],
 )
 def test_a_former_name_is_refused_and_the_new_one_named(old, new):

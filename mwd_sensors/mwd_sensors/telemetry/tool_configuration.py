@@ -27,6 +27,7 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.serial_frames import SerialLine
 from mwd_sensors.telemetry.words import COMMON, Word
 
+LPM = 1e-3 / 60.0  #: m^3/s in a litre a minute
 PULSE_CODES = {"mary": pulse_position.encode, "combinatorial": combinatorial.encode}
 _SURVEY = "Inc:12:P Azm:12:P DipA:12:P Temp:8:P Grav:12:P MagF:12:P BatV:8:P"
 _TOOLFACE = "3{2{aTFA:6:P} Gama:8:P aTFA:6:P Gama:8:P} RINC:11:P RAZM:11:P"
@@ -77,6 +78,14 @@ class ToolConfiguration:
         False,
         "Whether the highest code of each word says that the tool has no measurement, and the other codes share the "
         "range. Without it the tool sends 0, as many kits do, and the surface takes that for a value.",
+    )
+    flow_threshold_lpm: float = setting(
+        600.0,
+        "Flow above which the tool takes the pumps for on. Raise it where the flow between connections stays high; a "
+        "tool without a wire is silent below it.",
+        unit="l/min",
+        low=1.0,
+        high=20000.0,
     )
     transmit_delay_s: float = setting(45.0, "From flow-on to the sync.", unit="s", low=0.0, high=3600.0)
     downlink: Downlink | None = setting(None, "How the tool takes commands from the surface; none: it takes none.")
@@ -156,6 +165,11 @@ class ToolConfiguration:
     def tu_s(self) -> float:
         """Time unit, s."""
         return self.pulse_width_s / PULSE_TU
+
+    @property
+    def flow_threshold(self) -> float:
+        """Flow above which the tool takes the pumps for on, m^3/s."""
+        return self.flow_threshold_lpm * LPM
 
     @property
     def medium(self) -> str:

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from mwd_surface.receiver.words import Reception
 
 
+# Of a file without words so much is tried with other pulse widths, s: a quarter of an hour has a flow-on in it.
+_TRIED_S = 900.0
+
+
 def decode(
     file: Annotated[
         Path,
@@ -68,21 +72,34 @@ def decode(
     names = _write(output, configuration, read, got)
     _print_words(got, wired)
     if not any(word.status == BELIEVED for word in got.words):
-        terminal.warn(receiver.why_nothing())
+        terminal.warn(_why_nothing(receiver, configuration, read))
     terminal.output().print(f"written: {output}/{names} ({read.origin})", markup=False)
+
+
+def _why_nothing(receiver: Receiver, configuration: ToolConfiguration, read: PressureFile) -> str:
+    """Reason why no word is believed; of pulses also whether they have another width."""
+    from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
+    from mwd_surface.receiver.link import other_width
+
+    if configuration.code in PULSE_CODES and len(read.time_s):
+        first = read.time_s < read.time_s[0] + _TRIED_S
+        width = other_width.sent_width(configuration, read.time_s[first], read.pressure_pa[first])
+        if width is not None:
+            return other_width.sentence(configuration, width)
+    return receiver.why_nothing()
 
 
 def _received(receiver: Receiver, read: PressureFile, strokes: Path | None) -> Reception:
     """What a receiver hears in a file; strokes: of the pumps, where they stand in a file of their own."""
     from mwd_surface.receiver import pressure_files
-    from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
+    from mwd_surface.receiver.sampled_receiver import SampledReceiver
 
     counted = pressure_files.read_strokes(strokes) if strokes else read.strokes
-    if isinstance(receiver, PulseReceiver):
+    if isinstance(receiver, SampledReceiver):
         for pump, times in counted.items():
             receiver.strokes(pump, times)
     elif strokes:
-        raise ValueError("--strokes: only the receiver of pulses takes strokes; leave it out")
+        raise ValueError("--strokes: a serial line has no pumps; leave it out")
     got = receiver.push(read.time_s, read.pressure_pa)
     got.add(receiver.finish())
     return got

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from mwd_surface.live.pressure_picture import PressurePicture
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
-STATE_WORDS = ("no pressure", "pumps off", "searching", "locked", "doubtful")
+STATE_WORDS = ("no pressure", "no flow", "searching", "locked", "doubtful")
 SURVEY, TOOLFACE = 2, 3
 STATUS_WORDS = ("believed", "erased", "by consistency")
 _FRAMES, _WORDS = 20, 40

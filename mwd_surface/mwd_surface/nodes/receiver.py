@@ -43,7 +43,6 @@ _PERIOD_S = 0.05
 _SILENT_S = 5.0
 _QUALITY_S, _ATTITUDE_S = 1.0, 0.5
 _WAVE_SPEED = 1250.0  # m/s of pressure waves in mud (Korteweg), for the age of a word
-_LEAST_FLOW = 0.005  # m^3/s of the pumps; less does not turn a tool's generator
 _DEEPEST_M = 20_000.0  # no hole is deeper
 _TURNING = 0.5  # rad/s of the top drive; slower is sliding
 _TYPES: dict[str, Any] = {
@@ -164,8 +163,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             deep = message.valid & msg.RigState.BIT_DEPTH and 0.0 <= message.bit_depth <= _DEEPEST_M
             if deep and through_mud:
                 link.attitude.travel_s = message.bit_depth / _WAVE_SPEED
-            if message.valid & msg.RigState.FLOW_RATE and not through_mud and seconds is not None:
-                link.flow.switch(seconds, message.flow_rate > _LEAST_FLOW)
+            if message.valid & msg.RigState.FLOW_RATE and seconds is not None:
+                link.take_flow(seconds, message.flow_rate)
             known = bool(message.valid & msg.RigState.RATE_OF_PENETRATION)
             link.attitude.speed = abs(message.rate_of_penetration) if known else None
             if message.valid & msg.RigState.ROTARY_SPEED:

@@ -63,7 +63,7 @@ def test_toolface_words_do_not_end_the_survey_shown():
 def test_what_is_unknown_is_none_and_the_state_is_said_in_words():
     quiet = dataclasses.replace(QUALITY, state=NO_FLOW, has_signal=False, reason="the pumps are off", goodput=-1.0)
     table = link_table(quiet)
-    assert (table["state"], table["reason"]) == ("pumps off", "the pumps are off")
+    assert (table["state"], table["reason"]) == ("no flow", "the pumps are off")
     assert table["margin_db"] is None
     assert table["goodput"] is None
     assert table["survey_age"] is None
@@ -76,7 +76,7 @@ def test_each_link_in_use_is_named_with_its_own_words():
     second = dataclasses.replace(collector.status(QUALITY), link="em", state=NO_FLOW)
     table = link_table(dataclasses.replace(QUALITY, others=(second,)))
     assert (table["name"], table["words"]) == ("mud pulse", [])
-    assert [(one["name"], one["state"], len(one["words"])) for one in table["others"]] == [("em", "pumps off", 1)]
+    assert [(one["name"], one["state"], len(one["words"])) for one in table["others"]] == [("em", "no flow", 1)]
 
 
 def test_the_page_gets_it_as_json():

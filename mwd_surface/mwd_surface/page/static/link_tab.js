@@ -3,7 +3,7 @@
 import { byId, el, mark, pill, setText } from "./dom.js";
 import * as units from "./units.js";
 
-const KINDS = { locked: "good", doubtful: "doubtful", searching: "info", "pumps off": "idle", "no pressure": "reject" };
+const KINDS = { locked: "good", doubtful: "doubtful", searching: "info", "no flow": "idle", "no pressure": "reject" };
 const UNITS = { rad: "angle", T: "field" };
 const HARMONICS = [1, 2, 3, 6];
 

@@ -17,12 +17,15 @@ from collections.abc import Callable
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import LPM, PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.flow_spans import SURVEY_S, FlowSpans
+from mwd_surface.receiver.link import other_width
 from mwd_surface.receiver.link.link_attitude import AgeRules, LinkAttitude
 from mwd_surface.receiver.link.link_survey import SETTLE_S, HeardSurvey, SurveyTime
+from mwd_surface.receiver.link.other_width import OtherWidth
 from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
+from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
@@ -30,6 +33,8 @@ NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 NEEDED_DB = 6.0
 # The same of carriers, whose blocks are coded (docs/benchmarks.md, link).
 _NEEDED_DB = {"psk": 3.5}
+# Share of the tool's threshold of flow below which the pumps are off, and not slow: what a flow meter at rest shows.
+_PUMPING = 0.1
 _GOODPUT_S = 300.0
 _JUDGED_WORDS = 40
 _NO_INPUT = {
@@ -114,6 +119,10 @@ class Link:
         self._last_word: ReceivedWord | None = None
         self._final: deque[ReceivedWord] = deque(maxlen=_JUDGED_WORDS)
         self._good: deque[tuple[float, int]] = deque()
+        # Flow that the rig reports, m^3/s, and since when it is on this side of the tool's threshold, s.
+        self._flow_rate: float | None = None
+        self._flow_since_s = -math.inf
+        self._other = OtherWidth(tool) if tool.code in PULSE_CODES else None
         self.now_s = -math.inf
 
     @property
@@ -126,6 +135,7 @@ class Link:
         after = Link(tool, self.name, self._rules, self._stamp_ns)
         after.flow, after.attitude = copy.deepcopy(self.flow), copy.deepcopy(self.attitude)
         after.now_s, after._last_survey = self.now_s, self._last_survey
+        after._flow_rate, after._flow_since_s = self._flow_rate, self._flow_since_s
         if isinstance(self._receiver, PulseReceiver) and tool.code in PULSE_CODES:
             after._receiver = self._receiver.successor(tool, after.flow)
         else:
@@ -139,12 +149,29 @@ class Link:
         if self._tool.medium == "mud":
             self.flow.push(time_s, pressure_pa)
         self.now_s = max(self.now_s, float(time_s[-1]))
-        return self._take(self._receiver.push(np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)))
+        time, value = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
+        out = self._take(self._receiver.push(time, value))
+        if self._other is not None:
+            _, last, final = self._heard()
+            if any(word.usable for word in (last, *final) if word is not None):
+                self._other.found_s = None
+            else:
+                self._other.push(time, value, self.flow.on_since(self.now_s), self._expected_s)
+        return out
 
     def take_strokes(self, pump: int, time_s: Array) -> None:
-        """Take strokes that a counter saw, shape (n,), s; only pulses are cleared of pumps by them."""
-        if isinstance(self._receiver, PulseReceiver):
+        """Take strokes that a counter saw, shape (n,), s; a line has no pumps."""
+        if isinstance(self._receiver, SampledReceiver):
             self._receiver.strokes(pump, time_s)
+
+    def take_flow(self, at_s: float, flow_rate: float) -> None:
+        """Take the flow that the rig reports at a time, s: m^3/s. Pressure tells itself when the pumps are on."""
+        threshold = self._tool.flow_threshold
+        if self._flow_rate is None or (self._flow_rate > threshold) != (flow_rate > threshold):
+            self._flow_since_s = at_s
+        self._flow_rate = flow_rate
+        if self._tool.medium == "earth":
+            self.flow.switch(at_s, flow_rate > threshold)
 
     def finish(self) -> LinkOutput:
         """Give what is left when no more pressure comes."""
@@ -234,22 +261,40 @@ class Link:
     def _state(self, silent: bool) -> tuple[int, str]:
         if silent or math.isinf(self.now_s):
             return NO_INPUT, _NO_INPUT[self._tool.medium]
-        if not self._wired and self.flow.flowing(self.now_s) is False:
-            return NO_FLOW, "the pumps are off: the tool is silent"
         frame, word, _ = self._heard()
-        on_since = self.flow.on_since(self.now_s)
-        longest = max(self._longest_s(), 1.0)
+        if not self._wired and (reason := self._silence(word)):
+            return NO_FLOW, reason
+        if self._other is not None and self._other.found_s is not None:
+            return DOUBTFUL, other_width.sentence(self._tool, self._other.found_s)
+        on_since = max(self.flow.on_since(self.now_s), self._flow_since_s)
+        longest = self._longest_s
         if word is not None and self.now_s - word.end_s < 4.0 * longest:
             return self._locked()
         if self._receiver.last_sync_s > on_since and self.now_s - self._receiver.last_sync_s < 4.0 * longest:
             return LOCKED, "sync found, the first words follow"
-        waited = self.now_s - on_since
-        expected = self._tool.transmit_delay_s + self._tool.head_s + 2.0 * longest
-        if waited < expected:
+        if self.now_s - on_since < self._expected_s:
             return SEARCHING, f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
         if frame is not None and frame.reason:
             return SEARCHING, frame.reason
         return SEARCHING, self._receiver.why_nothing().removeprefix("no words: ")
+
+    def _silence(self, word: ReceivedWord | None) -> str:
+        """Why a tool without a wire sends nothing now, by pressure and rig; empty: it may send. word: the last one."""
+        rate, threshold = self._flow_rate, self._tool.flow_threshold
+        low = rate is not None and rate <= threshold
+        off = self.flow.flowing(self.now_s) is False
+        since = max(self.flow.spans[-1].start_s if off else -math.inf, self._flow_since_s if low else -math.inf)
+        # Words that arrive refute a threshold, or a usual pressure, that is too high for this well.
+        if not (off or low) or (word is not None and word.usable and word.start_s > since):
+            return ""
+        if rate is None or rate > threshold:
+            return "the pumps are off, or their flow is below the tool's threshold: the tool is silent"
+        if rate < _PUMPING * threshold:
+            return "the pumps are off: the tool is silent"
+        return (
+            f"the flow of {rate / LPM:.0f} l/min is below the tool's threshold of"
+            f" {self._tool.flow_threshold_lpm:g} l/min: the tool is silent"
+        )
 
     def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
         """Last pass, last word and the final words since the flow came on: those before say nothing of now."""
@@ -270,8 +315,14 @@ class Link:
             return LOCKED, f"the signal is {self._needed_db - frame.ebn0_db:.1f} dB too weak for most words"
         return LOCKED, ""
 
+    @property
     def _longest_s(self) -> float:
         """Longest time from one decoded word to the next, s."""
         items = [item for items in (*self._tool.surveys, *self._tool.toolfaces) for item in items]
         # Words are decoded some at a time, behind the response of the channel.
-        return 4.0 * max(self._tool.seconds((item,)) for item in items)
+        return max(4.0 * max(self._tool.seconds((item,)) for item in items), 1.0)
+
+    @property
+    def _expected_s(self) -> float:
+        """Time after flow-on within which words have come, s."""
+        return self._tool.transmit_delay_s + self._tool.head_s + 2.0 * self._longest_s

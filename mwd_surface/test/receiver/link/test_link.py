@@ -11,7 +11,7 @@ from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
-from mwd_surface.receiver.link.link import LOCKED, NO_FLOW, NO_INPUT, SEARCHING, Link
+from mwd_surface.receiver.link.link import DOUBTFUL, LOCKED, NO_FLOW, NO_INPUT, SEARCHING, Link
 from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_surveys import LinkSurveys
 
@@ -62,13 +62,46 @@ def test_the_state_follows_the_pumps_and_the_words(run):
     assert link.quality().state == NO_INPUT
     _, _, states = pushed(link, run.time_s, run.pressure_pa)
     by_second = [(state.state, state.reason) for state in states]
-    assert by_second[10] == (NO_FLOW, "the pumps are off: the tool is silent")
+    assert by_second[10] == (
+        NO_FLOW,
+        "the pumps are off, or their flow is below the tool's threshold: the tool is silent",
+    )
     assert by_second[70][0] == SEARCHING
     assert "waiting for the sync" in by_second[70][1]
     assert by_second[-1][0] == LOCKED
     assert states[-1].has_signal
     assert states[-1].toolface_age > 0.0
     assert link.quality(silent=True).state == NO_INPUT
+
+
+def test_a_flow_below_the_threshold_of_the_tool_is_said(run):
+    link = link_of()
+    pushed(link, run.time_s[:8500], run.pressure_pa[:8500])
+    for flow, state, reason in (
+        (0.5, NO_FLOW, "the flow of 300 l/min is below the tool's threshold of 600 l/min: the tool is silent"),
+        (0.0, NO_FLOW, "the pumps are off: the tool is silent"),
+        (1.5, SEARCHING, "waiting for the sync, 30 s after flow-on"),
+    ):
+        link.take_flow(link.now_s, flow * TOOL.flow_threshold)
+        assert (link.quality().state, link.quality().reason) == (state, reason)
+
+
+def test_words_refute_a_threshold_that_is_too_high(run):
+    link = link_of()
+    link.push(run.time_s[:1], run.pressure_pa[:1])
+    link.take_flow(70.0, 0.5 * TOOL.flow_threshold)
+    _, _, states = pushed(link, run.time_s[1:], run.pressure_pa[1:])
+    assert states[70].state == NO_FLOW
+    assert states[-1].state == LOCKED
+
+
+@pytest.mark.parametrize("here", [0.3, 0.6])
+def test_another_pulse_width_in_the_tool_is_named(run, here):
+    link = link_of(dataclasses.replace(TOOL, pulse_width_s=here))
+    words, _, states = pushed(link, run.time_s, run.pressure_pa)
+    assert not [word for word in words if word.usable]
+    assert states[-1].state == DOUBTFUL
+    assert states[-1].reason.startswith(f"the tool sends pulses of 0.5 s, not of {here:g} s as set here")
 
 
 def test_pumps_of_which_nothing_is_known_are_not_called_off():

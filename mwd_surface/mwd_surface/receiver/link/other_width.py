@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether a tool sends pulses of another width than its configuration says: the usual widths are tried.
+
+A width counts once a word is believed by it, which takes sync and parities.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
+from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
+from mwd_surface.receiver.words import BELIEVED
+
+
+def other_widths(tool: ToolConfiguration) -> list[float]:
+    """Usual pulse widths but the tool's own, s, the nearest first."""
+    others = [one for one in WIDTHS_S if not math.isclose(one, tool.pulse_width_s)]
+    return sorted(others, key=lambda one: abs(math.log(one / tool.pulse_width_s)))
+
+
+def believed_with(tool: ToolConfiguration, width_s: float, time_s: Array, pressure_pa: Array) -> bool:
+    """Whether a word is believed with another pulse width; arrays of shape (n,): s, Pa."""
+    receiver = PulseReceiver(dataclasses.replace(tool, pulse_width_s=width_s))
+    try:
+        got = receiver.push(time_s, pressure_pa)
+    except ValueError:
+        # The samples are too far apart for such pulses.
+        return False
+    got.add(receiver.finish())
+    return any(word.status == BELIEVED for word in got.words)
+
+
+def sent_width(tool: ToolConfiguration, time_s: Array, pressure_pa: Array) -> float | None:
+    """Pulse width by which words of a recording are believed, s, arguments as `believed_with`; None: none is."""
+    return next((one for one in other_widths(tool) if believed_with(tool, one, time_s, pressure_pa)), None)
+
+
+def sentence(tool: ToolConfiguration, width_s: float) -> str:
+    """What is said of a pulse width that was found."""
+    return (
+        f"the tool sends pulses of {width_s:g} s, not of {tool.pulse_width_s:g} s as set here: change pulse_width_s of"
+        " the tool configuration"
+    )
+
+
+class OtherWidth:
+    """
+    Search for another pulse width in the pressure since flow-on, one width for each block of samples.
+
+    Parameters
+    ----------
+    tool : ToolConfiguration
+
+    Attributes
+    ----------
+    found_s : float or None
+        Pulse width that the tool sends, s.
+    """
+
+    def __init__(self, tool: ToolConfiguration) -> None:
+        self._tool = tool
+        self._since_s = -math.inf
+        self._due: list[float] = []
+        self._untried: list[float] = []
+        self._kept: list[tuple[Array, Array]] = []
+        self.found_s: float | None = None
+
+    def push(self, time_s: Array, pressure_pa: Array, since_s: float, first_s: float) -> None:
+        """
+        Take a block while no word is believed.
+
+        Parameters
+        ----------
+        time_s, pressure_pa : ndarray, shape (n,)
+            Rising times, s, and Pa.
+        since_s : float
+            When the flow came on; -inf: it is not known, and the sync may have gone by.
+        first_s : float
+            How long after that the first search begins, s; a second one, for wider pulses, after twice the time.
+        """
+        if since_s != self._since_s:
+            self._since_s, self._due = since_s, [since_s + first_s, since_s + 2.0 * first_s]
+            self._untried, self._kept = [], []
+        if self.found_s is not None or not math.isfinite(since_s) or not (self._due or self._untried):
+            self._kept = []
+            return
+        self._kept.append((time_s, pressure_pa))
+        if self._due and time_s[-1] >= self._due[0]:
+            self._due.pop(0)
+            self._untried = other_widths(self._tool)
+        if self._untried:
+            width = self._untried.pop(0)
+            time, pressure = (np.concatenate(rows) for rows in zip(*self._kept, strict=True))
+            self.found_s = width if believed_with(self._tool, width, time, pressure) else None
