@@ -7,15 +7,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_estimation.attitude.gyro_azimuth_state import AzimuthRow, MagneticAzimuth
-from mwd_estimation.attitude.rejected_samples import PropagatedRow
+from mwd_estimation.attitude.sample import Sample
 from mwd_estimation.attitude.time_alignment_state import AttitudeRow
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
-from mwd_estimation.core.track import Track
-from mwd_sensors.core.arrays import Samples, Stamps
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
@@ -33,37 +31,6 @@ class LastMagnetic:
     sigma: float
 
 
-class Sources(NamedTuple):
-    """What the samples of a stretch are written from, n samples and k magnetic azimuths."""
-
-    stamp_ns: Stamps  #: int64, shape (n,)
-    track: Track
-    suspect: NDArray[np.uint8]  #: uint8, shape (n,); sensors in doubt
-    plain: Samples  #: dtype `time_alignment_state.ATTITUDE_ROW`, shape (n,)
-    azimuth: Samples  #: dtype `gyro_azimuth_state.AZIMUTH_ROW`, shape (n,)
-    propagated: Samples  #: dtype `rejected_samples.PROPAGATED_ROW`, shape (n,)
-    magnetic: Samples  #: dtype `gyro_azimuth_state.MAGNETIC_AZIMUTH`, shape (k,); taken in the stretch
-
-
-class GravitySample(NamedTuple):
-    """Gravity and status of one sample, by their numbers, as `time_alignment_state.Gravity`."""
-
-    stamp_ns: int
-    #: `x`, `y`, `z`: unit vector down in tool axes.
-    x: float
-    y: float
-    z: float
-    #: `sigma_inclination`, `sigma_toolface`: 1 sigma, rad.
-    sigma_inclination: float
-    sigma_toolface: float
-    #: `non_gravity`, `rotary_speed`: as in `core.track.Track`.
-    non_gravity: float
-    rotary_speed: float
-    #: `status`, `suspect`: bits of `Status`; sensors in doubt.
-    status: int
-    suspect: int
-
-
 class Stretch(NamedTuple):
     """What holds for all samples of a stretch."""
 
@@ -77,34 +44,40 @@ LAST_MAGNETIC = dtype_of(LastMagnetic)
 
 
 @compiled
-def write(stretch: Stretch, last: LastMagnetic, sources: Sources, attitude: Samples, gravity: Samples) -> int:
+def write(
+    stretch: Stretch,
+    last: LastMagnetic,
+    samples: Samples,
+    plain: Samples,
+    azimuth: Samples,
+    magnetic: Samples,
+    attitude: Samples,
+    gravity: Samples,
+) -> int:
     """
-    Fill the samples of a stretch, dtypes `wire.ATTITUDE` and `wire.GRAVITY`; returns how many were rejected.
+    Fill the samples of the wire for a stretch of n samples; returns how many were rejected.
 
     Unknown values are 0 with a sigma of -1; what rests on a sensor in doubt has a sigma of pi.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    last : LastMagnetic
+        Changed in place.
+    samples, plain, azimuth : ndarray, shape (n,)
+        Dtypes `sample.SAMPLE`, `time_alignment_state.ATTITUDE_ROW` and `gyro_azimuth_state.AZIMUTH_ROW`.
+    magnetic : ndarray of dtype `gyro_azimuth_state.MAGNETIC_AZIMUTH`, shape (k,)
+        Taken in the stretch.
+    attitude, gravity : ndarray, shape (n,)
+        Dtypes `wire.ATTITUDE` and `wire.GRAVITY`; filled.
     """
     rejected, pair = 0, 0
-    # Kernels called for each sample are given numbers and rows: numba counts the references of an array at each call.
-    stamps, track, suspect, plain, azimuth, propagated, magnetic = sources
-    g_t, sigma_inclination, sigma_toolface, non_gravity, rotary_speed, status_of = track
-    for i in range(len(stamps)):
+    for i in range(len(samples)):
         while pair < len(magnetic) and magnetic[pair].place - stretch.start <= i:
             _take(last, magnetic[pair])
             pair += 1
-        sample = GravitySample(
-            stamps[i],
-            g_t[i, 0],
-            g_t[i, 1],
-            g_t[i, 2],
-            sigma_inclination[i],
-            sigma_toolface[i],
-            non_gravity[i],
-            rotary_speed[i],
-            int(np.int64(status_of[i])),
-            int(np.int64(suspect[i])),
-        )
-        status = _write_attitude(stretch, last, sample, plain[i], azimuth[i], propagated[i].turned, attitude[i])
-        _write_gravity(sample, propagated[i], status, gravity[i])
+        status = _write_attitude(stretch, last, samples[i], plain[i], azimuth[i], attitude[i])
+        _write_gravity(samples[i], status, gravity[i])
         rejected += status & _REJECTED != 0
     return rejected
 
@@ -150,26 +123,25 @@ def _magnetic_toolface(
 def _write_attitude(
     stretch: Stretch,
     last: LastMagnetic,
-    sample: GravitySample,
+    sample: Sample,
     plain: AttitudeRow,
     azimuth: AzimuthRow,
-    turned: float,
     row: Samples,
 ) -> int:
-    """Fill the attitude of a sample; turned: `rejected_samples.PropagatedRow.turned`, rad. Returns its status."""
+    """Fill the attitude of a sample; returns its status."""
     has_gravity = math.isfinite(plain.inclination)
     # Near vertical is decided by the attitude, by its settings, not the gravity method by its own.
     status = (sample.status & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
     status |= int(np.int64(azimuth.status)) | (last.status & _DISTURBED)
     near_vertical = status & _NEAR_VERTICAL != 0
     has_azimuth, angle, sigma = _azimuth(plain, azimuth, status, last.sigma)
-    toolface, sigma_toolface = _magnetic_toolface(plain, azimuth, sample.x, near_vertical)
+    toolface, sigma_toolface = _magnetic_toolface(plain, azimuth, sample.down[0], near_vertical)
     # Of a rejected sample: how far the tool may have turned by its stamp.
-    has_turn = turned < math.inf
+    has_turn = sample.turned < math.inf
     has_north = (has_azimuth or (math.isfinite(plain.azimuth) and near_vertical)) and has_turn
     has_high_side = has_gravity and has_turn
-    if turned > 0.0:
-        sigma_toolface = min(math.hypot(sigma_toolface, turned), math.pi)
+    if sample.turned > 0.0:
+        sigma_toolface = min(math.hypot(sigma_toolface, sample.turned), math.pi)
     if has_azimuth:
         status |= last.status & ~_DISTURBED
     if stretch.gyro_only and status & _AIDED == 0:
@@ -198,15 +170,14 @@ def _sigma(sigma: float, known: bool, unsure: bool) -> float:
 
 
 @compiled
-def _write_gravity(sample: GravitySample, propagated: PropagatedRow, status: int, row: Samples) -> None:
+def _write_gravity(sample: Sample, status: int, row: Samples) -> None:
     """Fill the gravity of a sample."""
-    known = math.isfinite(sample.x + sample.y + sample.z) and propagated.turned < math.inf
-    vector = row["gravity"]
-    vector[0] = sample.x if known else 0.0
-    vector[1] = sample.y if known else 0.0
-    vector[2] = sample.z if known else 0.0
+    down, vector = sample.down, row["gravity"]
+    known = math.isfinite(down[0] + down[1] + down[2]) and sample.turned < math.inf
+    for i in range(3):
+        vector[i] = down[i] if known else 0.0
     row["stamp_ns"] = sample.stamp_ns
-    row["sigma"] = _sigma(propagated.sigma_down, known, sample.suspect & _LEVEL_SENSORS != 0)
+    row["sigma"] = _sigma(sample.sigma_down, known, sample.suspect & _LEVEL_SENSORS != 0)
     row["non_gravity"] = sample.non_gravity if math.isfinite(sample.non_gravity) else 0.0
     row["rotary_speed"] = sample.rotary_speed if math.isfinite(sample.rotary_speed) else 0.0
     row["status"] = status

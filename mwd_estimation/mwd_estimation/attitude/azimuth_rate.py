@@ -15,14 +15,13 @@ import math
 
 from mwd_estimation.attitude.gyro_azimuth_state import (
     BINS,
-    RING,
     BinSums,
     Error,
-    GyroSample,
     Params,
     PrecisionRates,
     State,
 )
+from mwd_estimation.attitude.sample import Sample
 from mwd_estimation.core import ring
 from mwd_estimation.core.track import GAP_NS
 from mwd_sensors.core.compiled import compiled
@@ -61,25 +60,31 @@ def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: 
 
 
 @compiled
-def add_sample(p: Params, s: State, sample: GyroSample, earth_north: float) -> None:
+def _spin(sample: Sample) -> float:
+    """Rate about the axis, rad/s; 0 where the x gyro gives none: it counts only for its leakage into y and z."""
+    return sample.gyro[0] if math.isfinite(sample.gyro[0]) else 0.0
+
+
+@compiled
+def add_sample(p: Params, s: State, sample: Sample, earth_north: float) -> None:
     """
     Take in a sample of the conventional unit: later than the last one, its y and z rates and vertical finite.
 
     earth_north: rate of the azimuth by the Earth's northward rotation per unit of `BinSums.earth`, rad/s.
     """
-    stamp, wx, wy, wz, dx, dy, dz, sigma_tilt = sample
-    wx = wx if math.isfinite(wx) else 0.0
+    stamp, wx, wy, wz = sample.stamp_ns, _spin(sample), sample.gyro[1], sample.gyro[2]
+    dx, dy, dz = sample.down[0], sample.down[1], sample.down[2]
     across2 = dy * dy + dz * dz
     sums = s.sums[s.bins_opened % BINS]
     if across2 < p.vertical_sin2:
         sums.vertical = True
-    elif s.ring_length > 0:
+    elif s.recent.length > 0:
         dt = (stamp - s.last_ns) * 1e-9
         if stamp - s.last_ns <= GAP_NS:
             inverse = 1.0 / across2
             share = dt * inverse
             earth = dx * math.sqrt(across2) * share
-            mistaken = (wy * dz - wz * dy) * inverse * sigma_tilt
+            mistaken = (wy * dz - wz * dy) * inverse * sample.sigma_inclination
             turn = _add_rate(sums, dt, share, dy, dz, wx, wy, wz)
             sums.time += dt
             sums.earth += earth
@@ -92,19 +97,15 @@ def add_sample(p: Params, s: State, sample: GyroSample, earth_north: float) -> N
         else:
             sums.gap += dt
     sums.gyro_turn = s.gyro_turn
-    kept = s.ring[s.ring_head]
-    kept.stamp_ns, kept.gyro_turn, kept.spin_rate = stamp, s.gyro_turn, wx
-    kept.down[0], kept.down[1], kept.down[2] = dx, dy, dz
-    s.ring_head = ring.next_head(s.ring, s.ring_head)
-    s.ring_length = min(s.ring_length + 1, RING)
-    s.last_ns = stamp
+    sample.gyro_turn, s.last_ns = s.gyro_turn, stamp
+    s.recent.rows[ring.next_place(s.recent)] = sample
 
 
 @compiled
 def gyro_turn_at(s: State, at: int) -> float:
     """Turn of the axis by the conventional gyros at a time, rad; beyond the ends of the ring that of the end."""
-    earlier, later, share = ring.around(s.ring, s.ring_head, s.ring_length, at)
-    turn: float = (1.0 - share) * s.ring[earlier].gyro_turn + share * s.ring[later].gyro_turn
+    earlier, later, share = ring.around(s.recent, at)
+    turn: float = (1.0 - share) * s.recent.rows[earlier].gyro_turn + share * s.recent.rows[later].gyro_turn
     return turn
 
 
@@ -141,19 +142,19 @@ def precision_sums(p: Params, s: State, sums: BinSums, precision: PrecisionRates
             usable = False
             continue
         if back == 0:
-            back = ring.first_from(s.ring, s.ring_head, s.ring_length, stamp)
-        while back > 1 and s.ring[ring.place(s.ring, s.ring_head, back)].stamp_ns < stamp:
+            back = ring.first_from(s.recent, stamp)
+        while back > 1 and s.recent.rows[ring.place(s.recent, back)].stamp_ns < stamp:
             back -= 1
         if back == 0:
             usable = False
             break
-        near = s.ring[ring.place(s.ring, s.ring_head, back)]
+        near = s.recent.rows[ring.place(s.recent, back)]
         dy, dz = near.down[1], near.down[2]
         across2 = dy * dy + dz * dz
         if across2 < p.vertical_sin2 or dt > _MAX_STEP * 1e-9 * p.bin_ns:
             usable = False
             continue
-        _add_rate(fine, dt, dt / across2, dy, dz, near.spin_rate, wy, wz)
+        _add_rate(fine, dt, dt / across2, dy, dz, _spin(near), wy, wz)
         covered += dt
     usable = usable and covered > _MIN_COVERED * sums.time and sums.time > 0.0
     if usable:

@@ -7,25 +7,16 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from mwd_estimation.attitude.time_alignment_state import FieldModel
-from mwd_estimation.core.track import Track
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Samples
 
 
 @dataclasses.dataclass(frozen=True)
 class Block:
-    """Samples of the AHRS, laid out for the kernels, the gravity followed through them, and what is wrong with them."""
+    """Samples of the AHRS with the gravity followed through them, and what is wrong with all of them."""
 
-    #: `stamps`, `gyro`, `accel`: shapes (n,), (n, 3) and (n, 3); ns, rad/s (nan where the gyros are unusable), m/s^2.
-    stamps: Stamps
-    gyro: Array
-    accel: Array
-    track: Track
-    suspect: NDArray[np.uint8]  #: uint8, shape (n,); sensors in doubt at each sample, bits of `core.sensor_fault`
-    unusable: int = 0  #: sensors known to be faulty throughout the block, as such bits
+    samples: Samples  #: dtype `sample.SAMPLE`, shape (n,)
+    unusable: int = 0  #: sensors known to be faulty throughout the block, bits of `core.sensor_fault`
     contaminated: bool = False  #: whether the azimuth has taken in wrong values of a faulty sensor
 
 

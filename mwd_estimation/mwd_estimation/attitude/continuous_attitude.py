@@ -25,20 +25,19 @@ from mwd_estimation.attitude import (
     time_alignment,
     time_alignment_state,
 )
-from mwd_estimation.attitude.attitude_rows import LAST_MAGNETIC, Sources, Stretch
+from mwd_estimation.attitude.attitude_rows import LAST_MAGNETIC, Stretch
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce
 from mwd_estimation.attitude.gyro_azimuth_filter import GATE
 from mwd_estimation.attitude.gyro_azimuth_state import (
     BIN_EVENT,
     MAGNETIC_AZIMUTH,
-    GyroBlock,
     PrecisionRates,
     PropagatedAzimuth,
     at_latitude,
 )
 from mwd_estimation.attitude.gyro_azimuth_state import initial as initial_azimuth
 from mwd_estimation.attitude.magnetic_azimuth import MagneticAzimuths
-from mwd_estimation.attitude.time_alignment_state import PAIR, GravityBlock, MagBlock
+from mwd_estimation.attitude.time_alignment_state import PAIR, MagBlock
 from mwd_estimation.attitude.time_alignment_state import initial as initial_alignment
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.innovations import Innovation
@@ -157,6 +156,7 @@ class AttitudeStream:
         Parameters
         ----------
         block : Block
+            Rejected samples are propagated to their stamps, in place.
         models : list of (place, MagneticModelInForce)
             In force from a sample of the block on; the first from the block's start.
         events : list of BinEvent
@@ -173,48 +173,43 @@ class AttitudeStream:
         rejected : int
             Samples not used.
         """
-        stops = [place for place, _ in models[1:]] + [len(block.stamps)]
+        stops = [place for place, _ in models[1:]] + [len(block.samples)]
         stretches = [(slice(start, stop), model) for (start, model), stop in zip(models, stops, strict=True)]
         before = time_alignment.last_totals(self._alignment_state) or (math.nan, math.nan)
-        timed = rejected_samples.run(self._rejected_state, block.stamps, block.gyro, block.track)
-        plain, magnetic = self._align(block, stretches, timed)
+        rejected_samples.run(self._rejected_state, block.samples)
+        plain, magnetic = self._align(block, stretches)
         azimuth = self._propagate(block, events, magnetic, precision)
         rejected = 0
         for part, model in stretches:
             taken = slice(*np.searchsorted(magnetic["place"], [part.start, part.stop]))
-            sources = Sources(
-                block.stamps[part],
-                block.track.part(part),
-                block.suspect[part],
+            rejected += attitude_rows.write(
+                self._stretch(block, part.start, model),
+                self._last[0],
+                block.samples[part],
                 plain[part],
                 azimuth[part],
-                timed[part],
                 magnetic[taken],
+                attitude[part],
+                gravity[part],
             )
-            stretch = self._stretch(block, part.start, model)
-            rejected += attitude_rows.write(stretch, self._last[0], sources, attitude[part], gravity[part])
         interference = self._interference(events, magnetic, plain, before)
         if len(magnetic):
             self._last_magnetic = magnetic[-1:].copy()
         return interference, rejected
 
-    def _align(
-        self, block: Block, stretches: list[tuple[slice, MagneticModelInForce]], timed: Samples
-    ) -> tuple[Samples, Samples]:
+    def _align(self, block: Block, stretches: list[tuple[slice, MagneticModelInForce]]) -> tuple[Samples, Samples]:
         """Plain attitude of the block's samples, and the magnetic azimuths taken in it."""
         plain: list[Samples] = []
         magnetic: list[Samples] = []
         handed_on: list[Samples] = []
-        rate_x, sigma_down = np.ascontiguousarray(timed["rate_x"]), np.ascontiguousarray(timed["sigma_down"])
         for k, (part, in_force) in enumerate(stretches):
             if k > 0:
                 time_alignment.restart_smoothing(self._alignment_state)
                 self._magnetic.update(in_force.update)
                 # An azimuth that was certain before is so no longer.
                 self._magnetic.withdrawn |= in_force.unresolved > stretches[k - 1][1].unresolved
-            samples = GravityBlock(block.stamps[part], block.track.g_t[part], rate_x[part], sigma_down[part])
             rows, pairs, used = time_alignment.run(
-                self._alignment, self._alignment_state, in_force.model, samples, self._mag
+                self._alignment, self._alignment_state, in_force.model, block.samples[part], self._mag
             )
             self._mag = MagBlock(self._mag.stamp_ns[used:], self._mag.b_t[used:])
             plain.append(rows)
@@ -229,10 +224,8 @@ class AttitudeStream:
     def _propagate(self, block: Block, events: list[BinEvent], magnetic: Samples, precision: PrecisionRates) -> Samples:
         """Azimuth of every sample, by the gyros and the magnetic azimuths of the bins that close."""
         known = _joined([self._waiting, magnetic]) if len(self._waiting) else magnetic
-        track = block.track
-        samples = GyroBlock(block.stamps, block.gyro, track.g_t, track.sigma_inclination)
         rows, propagated, used = gyro_azimuth.run(
-            self._azimuth, self._azimuth_state, samples, np.array(events, dtype=BIN_EVENT), known, precision
+            self._azimuth, self._azimuth_state, block.samples, np.array(events, dtype=BIN_EVENT), known, precision
         )
         self._waiting = known[used:]
         self.propagated = [PropagatedAzimuth(*row) for row in propagated.tolist()]

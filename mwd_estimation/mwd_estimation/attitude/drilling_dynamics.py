@@ -17,10 +17,9 @@ from collections.abc import MutableSequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of
@@ -79,16 +78,6 @@ class State:
 STATE = dtype_of(State)
 
 
-class _Block(NamedTuple):
-    """Arguments of `run`."""
-
-    stamp_ns: Stamps
-    gyro_t: Array
-    accel_t: Array
-    g_t: Array
-    status: NDArray[np.uint32]
-
-
 def initial() -> Samples:
     """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
     state = np.zeros(1, dtype=STATE)
@@ -96,15 +85,7 @@ def initial() -> Samples:
     return state
 
 
-def run(
-    params: Params,
-    state: Samples,
-    stamp_ns: Stamps,
-    gyro_t: Array,
-    accel_t: Array,
-    g_t: Array,
-    status: NDArray[np.uint32],
-) -> Samples:
+def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> Samples:
     """
     Take in a block of n samples.
 
@@ -113,14 +94,10 @@ def run(
     params : Params
     state : ndarray, shape (1,)
         From `initial`; changed in place.
-    stamp_ns : ndarray of int64, shape (n,)
-        Samples whose stamp does not advance are left out.
-    gyro_t, accel_t : ndarray, shape (n, 3)
-        Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes; not finite: left out.
-    g_t : ndarray, shape (n, 3)
-        Unit vector down in tool axes, as a gravity method gives it; NaN before it has one.
-    status : ndarray of uint32, shape (n,)
-        Attitude bits.
+    samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
+        Left out where the stamp does not advance, or rate, force or gravity is not finite.
+    attitude : ndarray of dtype `wire.ATTITUDE`, shape (n,)
+        Of these samples, for its status.
 
     Returns
     -------
@@ -128,11 +105,10 @@ def run(
         One summary for each period that is over, stamped with its end: index and share of sticking are -1 where the
         tool does not turn.
     """
-    # One layout, and so one compilation.
-    block = _Block._make(np.ascontiguousarray(column) for column in (stamp_ns, gyro_t, accel_t, g_t, status))
-    span = int(stamp_ns.max() - stamp_ns.min()) if len(stamp_ns) else 0
-    out = wire.DYNAMICS.empty(min(len(stamp_ns), span // PERIOD_NS + 2))
-    count = _run(params, state[0], block, out)
+    stamps = samples["stamp_ns"]
+    span = int(stamps.max() - stamps.min()) if len(stamps) else 0
+    out = wire.DYNAMICS.empty(min(len(stamps), span // PERIOD_NS + 2))
+    count = _run(params, state[0], samples, attitude, out)
     return out[:count]
 
 
@@ -231,17 +207,18 @@ def _add(s: State, rate: float, axial2: float, lateral2: float) -> None:
 
 
 @compiled
-def _run(p: Params, s: State, block: _Block, out: Samples) -> int:
+def _run(p: Params, s: State, samples: Samples, attitude: Samples, out: Samples) -> int:
     """Arguments as in `run`; fills `out` and returns how many periods closed."""
     closed = 0
     # Where the open period ends: a division for each sample would cost more than its sums.
     end_ns = (s.open.index + 1) * PERIOD_NS if s.open.index != _NONE else _NONE
-    for i in range(len(block.stamp_ns)):
-        stamp, rate = block.stamp_ns[i], block.gyro_t[i, 0]
+    for i in range(len(samples)):
+        sample = samples[i]
+        stamp, rate = sample.stamp_ns, sample.gyro[0]
         # Force is acceleration less gravity (f = a - g down), so that what is not gravity is f + g.
-        x = block.accel_t[i, 0] + p.gravity * block.g_t[i, 0]
-        y = block.accel_t[i, 1] + p.gravity * block.g_t[i, 1]
-        z = block.accel_t[i, 2] + p.gravity * block.g_t[i, 2]
+        x = sample.accel[0] + p.gravity * sample.down[0]
+        y = sample.accel[1] + p.gravity * sample.down[1]
+        z = sample.accel[2] + p.gravity * sample.down[2]
         axial2, lateral2 = x * x, y * y + z * z
         if stamp <= s.last_ns or not math.isfinite(rate + axial2 + lateral2):
             continue
@@ -253,7 +230,7 @@ def _run(p: Params, s: State, block: _Block, out: Samples) -> int:
                 closed += 1
             _begin_period(s, stamp // PERIOD_NS)
             end_ns = (s.open.index + 1) * PERIOD_NS
-        s.last_ns, s.status = stamp, block.status[i]
+        s.last_ns, s.status = stamp, attitude[i].status
         slot = min((stamp - (end_ns - PERIOD_NS)) // _SLOT_NS, SLOTS - 1)
         if slot != s.slot:
             _end_slot(s)

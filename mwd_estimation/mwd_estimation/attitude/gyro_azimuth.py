@@ -31,8 +31,6 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     PROPAGATED_AZIMUTH,
     AzimuthRow,
     Error,
-    GyroBlock,
-    GyroSample,
     MagneticAzimuth,
     Params,
     PrecisionRates,
@@ -49,7 +47,7 @@ _AIDED = int(Status.GYRO_AIDED)
 def run(
     p: Params,
     state: Samples,
-    block: GyroBlock,
+    samples: Samples,
     steps: Samples,
     magnetic: Samples,
     precision: PrecisionRates,
@@ -62,7 +60,8 @@ def run(
     p : Params
     state : ndarray, shape (1,)
         From `gyro_azimuth_state.initial`; changed in place. Blocks of any length give the same numbers.
-    block : GyroBlock
+    samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
+        `gyro_turn` is filled where gravity and rates are known.
     steps : ndarray of dtype BIN_EVENT, shape (m,)
         The bins that close within the block.
     magnetic : ndarray of dtype MAGNETIC_AZIMUTH, shape (k,)
@@ -78,11 +77,11 @@ def run(
     used : int
         Magnetic azimuths taken; the rest is to be given again with the next block.
     """
-    rows = np.zeros(len(block.stamp_ns), dtype=AZIMUTH_ROW)
+    rows = np.zeros(len(samples), dtype=AZIMUTH_ROW)
     propagated = np.full(len(steps), np.nan, dtype=PROPAGATED_AZIMUTH)
     # One layout, and so one compilation: of a few columns, a single row is contiguous and several are not.
     precision = PrecisionRates(precision.stamp_ns, np.ascontiguousarray(precision.rate_t))
-    used: int = _run(p, state[0], block, steps, magnetic, precision, rows, propagated)
+    used: int = _run(p, state[0], samples, steps, magnetic, precision, rows, propagated)
     return rows, propagated, used
 
 
@@ -183,7 +182,7 @@ def _write(p: Params, s: State, sigma: float, across2: float, row: AzimuthRow) -
 def _run(
     p: Params,
     s: State,
-    block: GyroBlock,
+    samples: Samples,
     steps: Samples,
     magnetic: Samples,
     precision: PrecisionRates,
@@ -194,9 +193,8 @@ def _run(
     used, precision_used, step = 0, 0, 0
     sigma = math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
     earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])
-    end = (s.last_ns // p.bin_ns + 1) * p.bin_ns if s.ring_length > 0 else NO_BIN
-    stamps, gyro_t, g_t, sigma_tilt = block
-    for i in range(len(stamps)):
+    end = (s.last_ns // p.bin_ns + 1) * p.bin_ns if s.recent.length > 0 else NO_BIN
+    for i in range(len(samples)):
         while step < len(steps) and steps[step].place <= i:
             has_azimuth, precision_used = _step(p, s, steps[step], precision, precision_used)
             bin_end = (steps[step].bin + 1) * p.bin_ns
@@ -208,17 +206,16 @@ def _run(
             sigma = math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
             earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])
             step += 1
-        stamp, d_x, d_y, d_z = stamps[i], g_t[i, 0], g_t[i, 1], g_t[i, 2]
-        w_x, w_y, w_z = gyro_t[i, 0], gyro_t[i, 1], gyro_t[i, 2]
-        across2 = d_y * d_y + d_z * d_z
-        fresh = s.ring_length == 0 or stamp > s.last_ns
-        if fresh and math.isfinite(w_y + w_z + d_x + across2):
+        sample = samples[i]
+        stamp, down = sample.stamp_ns, sample.down
+        across2 = down[1] * down[1] + down[2] * down[2]
+        fresh = s.recent.length == 0 or stamp > s.last_ns
+        if fresh and math.isfinite(sample.gyro[1] + sample.gyro[2] + down[0] + across2):
             if stamp >= end:
                 # A division for each sample would cost more than its sums.
                 end = (stamp // p.bin_ns + 1) * p.bin_ns
                 s.bins_opened += 1
                 azimuth_rate.clear_sums(s.sums[s.bins_opened % BINS], stamp // p.bin_ns)
-            sample = GyroSample(stamp, w_x, w_y, w_z, d_x, d_y, d_z, sigma_tilt[i])
             azimuth_rate.add_sample(p, s, sample, earth_north)
         _write(p, s, sigma, across2, rows[i])
     return used

@@ -12,13 +12,15 @@ about the vertical that g-sensitivity makes, and their lag behind the gravity ve
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import MutableSequence, Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from mwd_estimation.attitude import time_alignment_state
 from mwd_estimation.attitude.block import BinEvent
+from mwd_estimation.attitude.sample import Sample
+from mwd_estimation.core.ring import Ring
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.records import dtype_of
@@ -137,22 +139,17 @@ class BinSums:
     lag: float  #: of w_x (w_y d_z - w_z d_y) / across^2, rad/s: what a second of lag turns
 
 
-class RingSample:
-    """A sample kept for pairing: stamp, unit vector down, `State.gyro_turn` and rate about the axis, rad/s."""
+class Recent(Ring):
+    """The last samples whose gravity and rates are known."""
 
-    stamp_ns: int
-    down: Annotated[Array, 3]
-    gyro_turn: float
-    spin_rate: float
+    rows: Annotated[MutableSequence[Sample], RING]
 
 
 class State:
     """All that changes."""
 
-    #: `last_ns`, `ring_head`, `ring_length`, `bins_opened`: clock of the samples.
+    #: `last_ns`, `bins_opened`: clock of the samples.
     last_ns: int
-    ring_head: int
-    ring_length: int
     bins_opened: int
     gyro_turn: float  #: turn of the axis as the conventional gyros integrate it, rad
     #: `x`, `P`: Kalman states and covariance.
@@ -181,7 +178,7 @@ class State:
     station_disagreed: bool  #: the last station did not agree with it
     sums: Annotated[Sequence[BinSums], BINS]  #: of the last bins
     precision_sums: BinSums  #: of the last closed bin, by the precision unit
-    ring: Annotated[Sequence[RingSample], RING]  #: the last samples
+    recent: Recent
 
 
 class MagneticAzimuth:
@@ -225,30 +222,6 @@ class AzimuthRow:
     sigma: float
     #: GYRO_AIDED: propagated by the gyros alone. MAG_DISTURBED: the last magnetic azimuth was not used.
     status: np.uint32
-
-
-class GyroSample(NamedTuple):
-    """One sample of the conventional unit, by its numbers, as `time_alignment_state.Gravity`."""
-
-    stamp_ns: int
-    #: `w_x`, `w_y`, `w_z`: angular rate in tool axes, rad/s.
-    w_x: float
-    w_y: float
-    w_z: float
-    #: `d_x`, `d_y`, `d_z`: unit vector down in tool axes.
-    d_x: float
-    d_y: float
-    d_z: float
-    sigma_tilt: float  #: its 1 sigma, rad
-
-
-class GyroBlock(NamedTuple):
-    """Samples of the conventional unit, n of them."""
-
-    stamp_ns: Stamps  #: int64, shape (n,)
-    gyro_t: Array  #: shape (n, 3); angular rate, rad/s, in tool axes; x counts only for its leakage into y and z
-    g_t: Array  #: shape (n, 3); unit vector down in tool axes; nan before a gravity method has one
-    sigma_tilt: Array  #: shape (n,); its 1 sigma, rad
 
 
 class PrecisionRates(NamedTuple):

@@ -15,14 +15,12 @@ import math
 
 import numpy as np
 
+from mwd_estimation.attitude.sample import Sample
 from mwd_estimation.attitude.time_alignment_state import (
     ATTITUDE_ROW,
     PAIR,
-    RING,
     AttitudeRow,
     FieldModel,
-    Gravity,
-    GravityBlock,
     MagBlock,
     Pair,
     Params,
@@ -49,9 +47,7 @@ def restart_smoothing(state: Samples) -> None:
     state["restart"] = True
 
 
-def run(
-    p: Params, state: Samples, model: FieldModel, block: GravityBlock, mag: MagBlock
-) -> tuple[Samples, Samples, int]:
+def run(p: Params, state: Samples, model: FieldModel, samples: Samples, mag: MagBlock) -> tuple[Samples, Samples, int]:
     """
     Attitude of a block of samples.
 
@@ -61,7 +57,8 @@ def run(
     state : ndarray, shape (1,)
         From `time_alignment_state.initial`; changed in place. Blocks of any length give the same numbers.
     model : FieldModel
-    block : GravityBlock
+    samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
+        `turn` is filled where gravity is known.
     mag : MagBlock
 
     Returns
@@ -72,9 +69,9 @@ def run(
     used : int
         How many of the waiting magnetic samples were taken; the rest waits for the next block.
     """
-    rows = np.zeros(len(block.stamp_ns), dtype=ATTITUDE_ROW)
+    rows = np.zeros(len(samples), dtype=ATTITUDE_ROW)
     pairs = np.zeros(len(mag.stamp_ns), dtype=PAIR)
-    used, handed_on = _run(p, state[0], model, block, mag, rows, pairs)
+    used, handed_on = _run(p, state[0], model, samples, mag, rows, pairs)
     return rows, pairs[:handed_on].copy(), used
 
 
@@ -90,16 +87,16 @@ def _wrap(angle: float) -> float:
 @compiled
 def _turn_at(s: State, at: int) -> float:
     """Turn about the axis at a time, rad."""
-    earlier, later, share = ring.around(s.ring, s.ring_head, s.ring_length, at)
-    turn: float = (1.0 - share) * s.ring[earlier].turn + share * s.ring[later].turn
+    earlier, later, share = ring.around(s.recent, at)
+    turn: float = (1.0 - share) * s.recent.rows[earlier].turn + share * s.recent.rows[later].turn
     return turn
 
 
 @compiled
 def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
     """Fill the vector down at a time, shape (3,), not of unit length; returns its length and the turn, rad."""
-    earlier, later, share = ring.around(s.ring, s.ring_head, s.ring_length, at)
-    first, second = s.ring[earlier], s.ring[later]
+    earlier, later, share = ring.around(s.recent, at)
+    first, second = s.recent.rows[earlier], s.recent.rows[later]
     turn = (1.0 - share) * first.turn + share * second.turn
     # Both neighbours are turned to the time of the sample before they are mixed: the string may turn fast.
     c_0, s_0 = math.cos(turn - first.turn), math.sin(turn - first.turn)
@@ -181,19 +178,15 @@ def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
 
 
 @compiled
-def _keep(s: State, sample: Gravity) -> None:
-    """Put a sample whose gravity is known and whose stamp advances into the ring."""
+def _keep(s: State, sample: Sample) -> None:
+    """Keep a sample whose gravity is known and whose stamp advances."""
     step = (sample.stamp_ns - s.last_ns) * 1e-9
-    if s.ring_length > 0 and step <= 0.0:
+    if s.recent.length > 0 and step <= 0.0:
         return
-    if s.ring_length > 0 and step < _MAX_GAP and math.isfinite(sample.rate_x):
+    if s.recent.length > 0 and step < _MAX_GAP and math.isfinite(sample.rate_x):
         s.turn += sample.rate_x * step
-    kept = s.ring[s.ring_head]
-    kept.stamp_ns, kept.turn = sample.stamp_ns, s.turn
-    kept.down[0], kept.down[1], kept.down[2] = sample.x, sample.y, sample.z
-    s.ring_head = ring.next_head(s.ring, s.ring_head)
-    s.ring_length = min(s.ring_length + 1, RING)
-    s.last_ns = sample.stamp_ns
+    sample.turn, s.last_ns = s.turn, sample.stamp_ns
+    s.recent.rows[ring.next_place(s.recent)] = sample
 
 
 @compiled
@@ -217,12 +210,12 @@ def _follow_vertical(p: Params, s: State, inclination: float) -> None:
 
 
 @compiled
-def _write(p: Params, s: State, model: FieldModel, sample: Gravity, across_axis: float, row: AttitudeRow) -> None:
+def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: float, row: AttitudeRow) -> None:
     """Row of a sample; across_axis: axial interference across the azimuth of now, T, in a horizontal hole."""
     row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
     row.azimuth = row.magnetic_toolface = math.nan
     row.sigma_azimuth = row.sigma_magnetic_toolface = math.pi
-    d_x, d_y, d_z = sample.x, sample.y, sample.z
+    d_x, d_y, d_z = sample.down[0], sample.down[1], sample.down[2]
     across = math.sqrt(d_y * d_y + d_z * d_z)
     size = math.sqrt(across * across + d_x * d_x)
     if not (math.isfinite(size) and size > 0.0):
@@ -250,8 +243,8 @@ def _write(p: Params, s: State, model: FieldModel, sample: Gravity, across_axis:
         else:
             row.magnetic_toolface = _wrap(s.azimuth + math.atan2(-d_y / across, -d_z / across * d_x))
         sine, cosine = across / size, d_x / size
-        row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, sample.sigma_tilt)
-        row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, sample.sigma_tilt)
+        row.sigma_azimuth = _sigma_azimuth(model, s, across_axis * sine, sine, cosine, sample.sigma_down)
+        row.sigma_magnetic_toolface = _sigma_magnetic_toolface(model, s, sample.sigma_down)
     else:
         status |= _NO_MAG
     row.status = np.uint32(status)
@@ -259,19 +252,18 @@ def _write(p: Params, s: State, model: FieldModel, sample: Gravity, across_axis:
 
 @compiled
 def _run(
-    p: Params, s: State, model: FieldModel, block: GravityBlock, mag: MagBlock, rows: Samples, pairs: Samples
+    p: Params, s: State, model: FieldModel, samples: Samples, mag: MagBlock, rows: Samples, pairs: Samples
 ) -> tuple[int, int]:
     """Arguments as in `run`, the last two are filled; returns how many samples were used and handed on."""
     used, handed_on = 0, 0
     across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
-    stamps, g_t, rate_x, sigma_tilt = block
-    for i in range(len(stamps)):
-        sample = Gravity(stamps[i], g_t[i, 0], g_t[i, 1], g_t[i, 2], rate_x[i], sigma_tilt[i])
-        if math.isfinite(sample.x + sample.y + sample.z):
+    for i in range(len(samples)):
+        sample = samples[i]
+        if math.isfinite(sample.down[0] + sample.down[1] + sample.down[2]):
             _keep(s, sample)
         while used < len(mag.stamp_ns) and mag.stamp_ns[used] <= sample.stamp_ns - p.mag_lag_ns:
             at = mag.stamp_ns[used]
-            if s.ring_length > 0 and (not s.have_mag or at > s.mag_ns):
+            if s.recent.length > 0 and (not s.have_mag or at > s.mag_ns):
                 pair = pairs[handed_on]
                 for c in range(3):
                     pair.b_t[c] = mag.b_t[used, c]
@@ -280,7 +272,7 @@ def _run(
                 if taken and at // p.interval_ns != s.last_interval:
                     s.last_interval = at // p.interval_ns
                     pair.place = i
-                    _hand_on(s, model, at, sample.sigma_tilt, pair)
+                    _hand_on(s, model, at, sample.sigma_down, pair)
                     handed_on += 1
             used += 1
         _write(p, s, model, sample, across_axis, rows[i])

@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import MutableSequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from mwd_estimation.attitude.sample import Sample
+from mwd_estimation.core.ring import Ring
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.records import dtype_of
 
@@ -41,22 +43,17 @@ class FieldModel(NamedTuple):
     sigma_north: float = 0.0  #: its 1 sigma, rad
 
 
-class GravitySample:
-    """A sample kept for pairing: stamp, unit vector down in tool axes, and `State.turn`."""
+class Recent(Ring):
+    """The last samples whose gravity is known."""
 
-    stamp_ns: int
-    down: Annotated[Array, 3]
-    turn: float
+    rows: Annotated[MutableSequence[Sample], RING]
 
 
 class State:
     """All that changes."""
 
-    #: `ring`, `ring_head`, `ring_length`: the last samples of gravity.
-    ring: Annotated[Sequence[GravitySample], RING]
-    ring_head: int
-    ring_length: int
-    last_ns: int  #: stamp of the last one
+    recent: Recent
+    last_ns: int  #: stamp of the last of these
     turn: float  #: about the tool axis since the start, rad
     near_vertical: bool  #: the hole is near vertical, with hysteresis
     #: `have_mag`, `mag_ns`: whether a magnetic sample has been taken in, and the stamp of the last.
@@ -109,32 +106,6 @@ class Pair:
     #: `azimuth`, `sigma`: by the field model, from its north, and 1 sigma, rad.
     azimuth: float
     sigma: float
-
-
-class Gravity(NamedTuple):
-    """
-    One sample of gravity.
-
-    Its numbers, and not the columns of its block, are passed from kernel to kernel: numba counts the references of an
-    array at each call, which costs more than most calls do.
-    """
-
-    stamp_ns: int
-    #: `x`, `y`, `z`: unit vector down in tool axes, nan while unknown.
-    x: float
-    y: float
-    z: float
-    rate_x: float  #: rate about the axis, rad/s
-    sigma_tilt: float  #: 1 sigma of the tilt, rad
-
-
-class GravityBlock(NamedTuple):
-    """Samples of gravity, n of them."""
-
-    stamp_ns: Stamps  #: int64, shape (n,)
-    g_t: Array  #: shape (n, 3); unit vector down in tool axes, nan while unknown
-    rate_x: Array  #: shape (n,); rate about the axis, rad/s
-    sigma_tilt: Array  #: shape (n,); 1 sigma of the tilt, rad
 
 
 class MagBlock(NamedTuple):

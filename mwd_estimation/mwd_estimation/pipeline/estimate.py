@@ -21,6 +21,7 @@ from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
+from mwd_estimation.attitude.sample import samples_of
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reasons import Reason
@@ -274,7 +275,8 @@ class Estimate:
         gyro = without_faulty(unusable, stretch.gyro)
         self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
-        block = Block(stamps, gyro, accel, track, stretch.suspect, unusable, stretch.contaminated)
+        samples = samples_of(stamps, gyro, accel, track, stretch.suspect)
+        block = Block(samples, unusable, stretch.contaminated)
         rates = PrecisionRates(*self.bin_stage.precision.rates)
         output.interference, rejected = self._attitude.follow(
             block, bins.models, bins.events, rates, output.attitude, output.gravity
@@ -284,7 +286,7 @@ class Estimate:
         self._statuses.add(output.attitude["status"], [(event.place, event.end_ns) for event in bins.events])
         propagated = self._attitude.propagated
         output.surveys += [self._completed(taken, propagated[at]) for at, taken in bins.taken]
-        ended = self.bin_stage.requests.average(block, self._attitude.handed_on)
+        ended = self.bin_stage.requests.average(samples, self._attitude.handed_on)
         if ended is not None:
             average, rotary_speed = ended
             if isinstance(average, Refusal):
@@ -292,9 +294,7 @@ class Estimate:
             else:
                 output.rotary.append(self._with_status(self.bin_stage.rotary(average, rotary_speed)))
         # Dynamics.
-        output.dynamics = drilling_dynamics.run(
-            self._dynamics_params, self._dynamics_state, stamps, gyro, accel, track.g_t, output.attitude["status"]
-        )
+        output.dynamics = drilling_dynamics.run(self._dynamics_params, self._dynamics_state, samples, output.attitude)
         self.last_imu_ns = int(stamps[-1])
         return output
 

@@ -7,7 +7,6 @@ import dataclasses
 
 import numpy as np
 
-from mwd_estimation.attitude.block import Block
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
@@ -108,11 +107,15 @@ class Requests:
         """Progress of the rotary survey; None where there is none."""
         return self._rotary.progress() if self._rotary is not None else None
 
-    def average(self, block: Block, pairs: Samples) -> tuple[StillAverage | Refusal, float] | None:
-        """Give a block to the rotary survey; its average or refusal and the rotary speed, rad/s, where it ends."""
+    def average(self, samples: Samples, pairs: Samples) -> tuple[StillAverage | Refusal, float] | None:
+        """
+        Give a block, dtype `attitude.sample.SAMPLE`, to the rotary survey.
+
+        Its average or refusal and the rotary speed, rad/s, where it ends.
+        """
         if self._rotary is None:
             return None
-        result = self._rotary.add(block.stamps, block.gyro, block.accel, block.track, pairs)
+        result = self._rotary.add(samples, pairs)
         if result is None:
             return None
         ended, self._rotary = self._rotary, None

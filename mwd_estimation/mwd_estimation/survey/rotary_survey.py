@@ -17,9 +17,9 @@ import numpy as np
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.time_bins import Average
-from mwd_estimation.core.track import ROTATING_ABOVE, Track
+from mwd_estimation.core.track import ROTATING_ABOVE
 from mwd_estimation.survey.static_survey import Refusal, StillAverage
-from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.arrays import Array, Samples
 
 # Share of the samples in which the string may not turn.
 _STOPS = 0.2
@@ -77,29 +77,28 @@ class RotarySurvey:
         words = "averaging" if turns else "the string hardly turns"
         return Progress(elapsed, max(self.duration - elapsed, 0.0), self._samples, words)
 
-    def add(
-        self, stamps: Stamps, gyro: Array, accel: Array, track: Track, pairs: Samples
-    ) -> StillAverage | Refusal | None:
+    def add(self, samples: Samples, pairs: Samples) -> StillAverage | Refusal | None:
         """
-        Take a block of samples, and the magnetic ones paired with gravity in its time.
+        Take a block of samples, dtype `attitude.sample.SAMPLE`, and the magnetic ones paired with gravity in its time.
 
         Returns
         -------
         StillAverage or Refusal or None
             The average, or why there is none, with the sample that ends the time.
         """
+        stamps, gyro, accel, down = (samples[name] for name in ("stamp_ns", "gyro", "accel", "down"))
         if self._begin is None:
             self._begin = int(stamps[0])
         end_ns = self._begin + round(self.duration * 1e9)
-        known = np.isfinite(track.g_t).all(axis=1) & np.isfinite(accel).all(axis=1) & np.isfinite(gyro).all(axis=1)
+        known = np.isfinite(down).all(axis=1) & np.isfinite(accel).all(axis=1) & np.isfinite(gyro).all(axis=1)
         use = known & (stamps < end_ns)
-        down = track.g_t[use]
+        down = down[use]
         self._down.append(_turned_back(down, down))
         self._along.append(-np.einsum("ij,ij->i", accel[use], down))
-        self._sigma.append(track.sigma_inclination[use])
+        self._sigma.append(samples["sigma_inclination"][use])
         self._rates.append(gyro[use])
         self._samples += int(use.sum())
-        self._turning += int((np.abs(track.rotary_speed[use]) > ROTATING_ABOVE).sum())
+        self._turning += int((np.abs(samples["rotary_speed"][use]) > ROTATING_ABOVE).sum())
         if len(pairs["stamp_ns"]):
             within = pairs["stamp_ns"] < end_ns
             self._field.append(_turned_back(pairs["b_t"][within], pairs["g_t"][within]))

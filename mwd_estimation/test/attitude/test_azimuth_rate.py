@@ -17,9 +17,9 @@ def ring(times_ns: list[int], down: tuple[float, float, float], turns: list[floa
     """A state that has taken in samples at these times, with the same vertical and a rate of 2 rad/s about the axis."""
     state = initial()
     s, n = state[0], len(times_ns)
-    s.ring["stamp_ns"][:n], s.ring["down"][:n], s.ring["gyro_turn"][:n] = times_ns, down, turns
-    s.ring["spin_rate"][:n] = 2.0
-    s.ring_head, s.ring_length, s.last_ns = n, n, times_ns[-1]
+    rows = s.recent.rows[:n]
+    rows["stamp_ns"], rows["down"], rows["gyro_turn"], rows["gyro"] = times_ns, down, turns, (2.0, 0.0, 0.0)
+    s.recent.head, s.recent.length, s.last_ns = n, n, times_ns[-1]
     return state
 
 

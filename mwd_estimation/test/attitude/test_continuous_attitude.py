@@ -11,6 +11,7 @@ from mwd_estimation.attitude import gyro_azimuth_state, time_alignment_state
 from mwd_estimation.attitude.block import BinEvent, Block, MagneticModelInForce, StationUpdate
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, gyro_unit
+from mwd_estimation.attitude.sample import samples_of
 from mwd_estimation.attitude.time_alignment_state import FieldModel
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
@@ -48,13 +49,13 @@ def samples(n, inclination, azimuth=1.0, rate=0.0, own=(0.0, 0.0, 0.0), sigma_ti
     one = np.full(n, sigma_tilt)
     track = Track(down, one, one, np.zeros(n), np.full(n, rate), np.full(n, int(Status.ROTATING), dtype=np.uint32))
     b_t = np.einsum("kji,j->ki", mat, FIELD_N) + own
-    return Block(stamps, gyro, -9.81 * down, track, np.zeros(n, dtype=np.uint8)), b_t
+    return Block(samples_of(stamps, gyro, -9.81 * down, track, np.zeros(n, dtype=np.uint8))), b_t
 
 
 def follow(made, block, b_t, updates=(), seeks=(), external_from=None, open_from=None):
     """All samples as one block; bin events as the bins close, one bin late."""
-    n = len(block.stamps)
-    made.take_mag(block.stamps, b_t)
+    n = len(block.samples)
+    made.take_mag(block.samples["stamp_ns"], b_t)
     attitude, gravity = wire.ATTITUDE.empty(n), wire.GRAVITY.empty(n)
     model = FieldModel((0.0, 0.0, 0.0), 2e-7, 7e-8)
     models = [
@@ -85,7 +86,7 @@ def test_a_turning_tool_gives_its_own_field_in_three_axes_and_an_azimuth_free_of
     assert found["cross_axial"] == pytest.approx(own[1:], abs=2e-8)
     assert (found["sigma_cross_axial"] > 0.0).all()
     assert last["status"] & Status.CORRECTED
-    assert gravity["gravity"][-1] == pytest.approx(block.track.g_t[-1])
+    assert gravity["gravity"][-1] == pytest.approx(block.samples["down"][-1])
 
 
 @pytest.mark.fault_case(30)
@@ -101,7 +102,7 @@ def test_a_horizontal_east_west_hole_hides_the_axial_field_and_sigma_and_status_
 
 def test_a_gyro_azimuth_there_teaches_both_azimuth_and_axial_field():
     block, b_t = samples(3000, math.pi / 2, azimuth=math.pi / 2, rate=6.0, own=(2e-6, 0.0, 0.0))
-    update = StationUpdate(None, block.track.g_t[2000], b_t[2000], math.pi / 2, math.radians(0.4))
+    update = StationUpdate(None, block.samples["down"][2000], b_t[2000], math.pi / 2, math.radians(0.4))
     attitude, _, interference, _ = follow(
         stream(), block, b_t, [(2000, update)], [(2000, (math.pi / 2, math.radians(0.4)))]
     )
@@ -114,7 +115,7 @@ def test_what_many_stations_found_is_gone_on_from():
     block, b_t = samples(1000, math.pi / 2, azimuth=math.pi / 2, own=(2e-6, 0.0, 0.0))
     state = interference_filter.initial(interference_state.Params(), REFERENCE, BENCH)
     state[0].x[0], state[0].P[0, 0] = 2e-6, (5e-8) ** 2
-    update = StationUpdate((state[0].x, state[0].P), block.track.g_t[0], b_t[0])
+    update = StationUpdate((state[0].x, state[0].P), block.samples["down"][0], b_t[0])
     attitude, _, interference, _ = follow(stream(), block, b_t, [(500, update)])
     assert interference["sigma_axial"][-1] < 6e-8
     assert abs(wrap_pi(attitude["azimuth"][-1] - math.pi / 2)) < 0.03
@@ -128,7 +129,7 @@ def test_interference_beyond_the_prior_gives_no_azimuth_until_an_accepted_statio
         block, b_t = samples(n, 1.17, azimuth=0.7 + seed, own=(axial, 0.0, 0.0))
         b_t = b_t + 5e-8 * rng.normal(size=b_t.shape)
         given = StationUpdate(
-            None, block.track.g_t[0], b_t[0], accepted=True, axial=(axial + 2.2e-7 * rng.normal(), 2.2e-7)
+            None, block.samples["down"][0], b_t[0], accepted=True, axial=(axial + 2.2e-7 * rng.normal(), 2.2e-7)
         )
         attitude, *_ = follow(stream(), block, b_t, updates=[(3000, given)])
         assert (attitude["sigma_azimuth"][:3000] < 0.0).all()

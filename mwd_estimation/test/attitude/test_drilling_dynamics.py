@@ -7,6 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mwd_estimation.attitude import drilling_dynamics as dynamics
+from mwd_estimation.attitude.sample import SAMPLE
+from mwd_sensors.core import wire
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 G0 = STANDARD_GRAVITY
@@ -25,8 +27,10 @@ def window(seconds=10.0, rate_hz=100.0):
 def run(stamps, gyro, accel, g, *, state=None, status=None, **changes):
     params = dynamics.Params(**changes)
     state = dynamics.initial() if state is None else state
-    bits = np.zeros(len(stamps), dtype=np.uint32) if status is None else status
-    return dynamics.run(params, state, stamps, gyro, accel, g, bits)
+    samples, attitude = np.zeros(len(stamps), dtype=SAMPLE), wire.ATTITUDE.empty(len(stamps))
+    samples["stamp_ns"], samples["gyro"], samples["accel"], samples["down"] = stamps, gyro, accel, g
+    attitude["status"] = 0 if status is None else status
+    return dynamics.run(params, state, samples, attitude)
 
 
 def test_steady_rotation_has_no_stick_slip():

@@ -21,13 +21,13 @@ from mwd_estimation.attitude.gyro_azimuth_state import (
     BIN_EVENT,
     MAGNETIC_AZIMUTH,
     Error,
-    GyroBlock,
     Params,
     PrecisionRates,
     at_latitude,
     gyro_unit,
     initial,
 )
+from mwd_estimation.attitude.sample import SAMPLE
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR
@@ -135,11 +135,13 @@ def go(
         state = state.copy()
         seen = np.flatnonzero(np.isfinite(mag[mag_from:stop])) + mag_from
         rates = np.zeros((0, 3)) if fine is None else fine[:stop]
-        block = GyroBlock(stamps[start:stop], gyro[start:stop], well.down[start:stop], np.zeros(stop - start))
+        part = slice(start, stop)
+        samples = np.zeros(stop - start, dtype=SAMPLE)
+        samples["stamp_ns"], samples["gyro"], samples["down"] = stamps[part], gyro[part], well.down[part]
         rows, propagated, used = gyro_azimuth.run(
             p,
             state,
-            block,
+            samples,
             steps_of(stamps, start, stop, seek, station),
             azimuths_of(stamps, mag, ok, seen, constant, anew),
             PrecisionRates(stamps[: len(rates)], rates),

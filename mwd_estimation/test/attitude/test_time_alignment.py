@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mwd_estimation.attitude import time_alignment
+from mwd_estimation.attitude.sample import SAMPLE
 from mwd_estimation.attitude.time_alignment import Params
-from mwd_estimation.attitude.time_alignment_state import FieldModel, GravityBlock, MagBlock, initial
+from mwd_estimation.attitude.time_alignment_state import FieldModel, MagBlock, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.frames import TAU, gravity_toolface, magnetic_toolface, mat_nt, wrap_pi
 
@@ -18,8 +19,9 @@ FIELD_N = np.array([2e-5, 0.0, 4e-5])
 
 def run(params, state, model, stamps, g_t, rate_x, sigma_tilt, mag_ns, b_t):
     """Rows, pairs and the number of magnetic samples used."""
-    block = GravityBlock(stamps, np.ascontiguousarray(g_t), rate_x, sigma_tilt)
-    return time_alignment.run(params, state, model, block, MagBlock(mag_ns, np.ascontiguousarray(b_t)))
+    samples = np.zeros(len(stamps), dtype=SAMPLE)
+    samples["stamp_ns"], samples["down"], samples["rate_x"], samples["sigma_down"] = stamps, g_t, rate_x, sigma_tilt
+    return time_alignment.run(params, state, model, samples, MagBlock(mag_ns, np.ascontiguousarray(b_t)))
 
 
 CLEAN = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0)

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from mwd_estimation.attitude.sample import samples_of
 from mwd_estimation.attitude.time_alignment_state import PAIR
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reference_field import Reference
@@ -35,13 +36,13 @@ def turning(seconds, rate=12.0, own=(0.0, 4e-7, -3e-7), shake=5.0, seed=1):
     at = np.arange(0, n, 20)
     pairs = np.zeros(len(at), dtype=PAIR)
     pairs["place"], pairs["stamp_ns"], pairs["g_t"], pairs["b_t"] = at, stamps[at], down[at], b_t[at]
-    return stamps, gyro, accel, track, pairs
+    return samples_of(stamps, gyro, accel, track, np.zeros(n, dtype=np.uint8)), pairs
 
 
 def cut(block, part):
-    stamps, gyro, accel, track, pairs = block
+    samples, pairs = block
     chosen = (pairs["place"] >= part[0]) & (pairs["place"] <= part[-1])
-    return stamps[part], gyro[part], accel[part], track.part(slice(part[0], part[-1] + 1)), pairs[chosen]
+    return samples[part], pairs[chosen]
 
 
 def test_a_turning_string_gives_the_angles_it_would_give_at_rest():

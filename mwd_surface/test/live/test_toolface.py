@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from mwd_estimation.attitude import time_alignment
+from mwd_estimation.attitude.sample import SAMPLE
 from mwd_estimation.attitude.time_alignment import Params
-from mwd_estimation.attitude.time_alignment_state import FieldModel, GravityBlock, MagBlock, initial
+from mwd_estimation.attitude.time_alignment_state import FieldModel, MagBlock, initial
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
 from mwd_surface.live.toolface import GRAVITY, MAGNETIC, ToolfaceSelector
@@ -37,17 +38,13 @@ def test_near_vertical_the_toolface_counts_from_north_and_elsewhere_from_the_hig
 def test_the_mode_is_the_estimators_through_its_hysteresis_and_at_any_inclination_it_chooses():
     # The estimator goes into near vertical below one inclination and leaves it above a greater one; going up, too.
     inclination = np.radians(np.concatenate([np.linspace(1.0, 9.0, 60), np.linspace(9.0, 1.0, 60), [120.0, 178.0]]))
-    g_t = np.stack([np.cos(inclination), np.zeros(122), np.sin(inclination)], axis=1)
-    stamps, none = np.arange(122) * 10**7, np.zeros((0, 3))
+    samples = np.zeros(122, dtype=SAMPLE)
+    samples["stamp_ns"] = np.arange(122) * 10**7
+    samples["down"][:, 0], samples["down"][:, 2] = np.cos(inclination), np.sin(inclination)
+    no_field = MagBlock(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     params = Params(vertical_enter=np.radians(5.0), vertical_leave=np.radians(6.0))
     model = FieldModel((0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
-    rows, _, _ = time_alignment.run(
-        params,
-        initial(),
-        model,
-        GravityBlock(stamps, g_t, np.zeros(122), np.zeros(122)),
-        MagBlock(stamps[:0], none),
-    )
+    rows, _, _ = time_alignment.run(params, initial(), model, samples, no_field)
     selector = ToolfaceSelector()
     modes = [
         selector.update(attitude(np.degrees(i), status=s)).mode
