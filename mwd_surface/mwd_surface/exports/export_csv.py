@@ -20,7 +20,6 @@ from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, V
 from mwd_surface.trajectory.north import North
 
 _DEG = 180.0 / math.pi
-_AXES = ("x", "y", "z")
 
 
 def quoted(text: str) -> str:
@@ -39,13 +38,14 @@ def definitive_csv(table: SurveyTable) -> str:
     """
     lines = [f"# {label}: {value}" for label, value in table.header]
     lines += [f"# {why}" for why in table.left_out]
-    lines.append(",".join([*(c.key for c in table.columns), "station", *_DECIDED]))
+    nothing = dict.fromkeys(_decided(_NO_RECORD, table.surveys.north), quoted(""))
+    lines.append(",".join([*(c.key for c in table.columns), "station", *nothing]))
+    bare = nothing | {"leg": quoted(table.path.leg), "survey": ""}
     for k in table.rows:
         record = table.records[k]
         cells = [column.cell(k) for column in table.columns]
         cells.append(quoted(table.path.kind[k]))
-        bare = [quoted(table.path.leg), "", *[quoted("")] * (len(_DECIDED) - 2)]
-        cells += _decided(record, table.surveys.north) if record else bare
+        cells += (_decided(record, table.surveys.north) if record else bare).values()
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
 
@@ -55,175 +55,127 @@ def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = ()) -> str:
     lines = [f"# {label}: {value}" for label, value in header]
     ordered = sorted(surveys.records, key=lambda r: r.survey.sequence)
     methods = tuple(dict.fromkeys(a.method for r in ordered for a in r.survey.azimuths))
-    columns = [*_COLUMNS, *(f"azimuth_{m}_deg" for m in methods), *(f"sigma_azimuth_{m}_deg" for m in methods)]
-    lines.append(",".join([*columns, *_TEXTS]))
-    lines.extend(",".join(_raw_cells(record, methods)) for record in ordered)
+    lines.append(",".join(_raw(_NO_RECORD, methods)))
+    lines.extend(",".join(_raw(record, methods).values()) for record in ordered)
     return "\n".join(lines) + "\n"
 
 
-_VERDICTS = (
-    "verdict_inclination",
-    "verdict_azimuth",
-    "verdict_toolface",
-    "headline",
-    "alternatives_deg",
-    "alternative_odds",
-)
-_DECIDED = (
-    "leg",
-    "survey",
-    "time_utc",
-    "tool",
-    "automatic",
-    *_VERDICTS,
-    "person",
-    "operator",
-    "flags",
-    "comment",
-)
-_COLUMNS = (
-    "survey",
-    "time_utc",
-    "md_m",
-    "depth_age_s",
-    *(f"specific_force_{a}_mps2" for a in _AXES),
-    *(f"magnetic_field_{a}_nt" for a in _AXES),
-    *(f"angular_rate_{a}_degph" for a in _AXES),
-    "temperature_degc",
-    "duration_s",
-    "samples",
-    "g_total_mps2",
-    "b_total_nt",
-    "dip_deg",
-    "g_reference_mps2",
-    "b_reference_nt",
-    "dip_reference_deg",
-    "b_judged_nt",
-    "dip_judged_deg",
-    "g_limit_mps2",
-    "b_limit_nt",
-    "dip_limit_deg",
-    "declination_deg",
-    "convergence_deg",
-    "inclination_deg",
-    "azimuth_deg",
-    "gravity_toolface_deg",
-    "magnetic_toolface_deg",
-    "sigma_inclination_deg",
-    "sigma_azimuth_deg",
-    "axial_interference_nt",
-    "sigma_axial_interference_nt",
-    "gyro_share",
-)
-_TEXTS = (
-    "azimuth_reference",
-    "azimuth_method",
-    "in_use",
-    "automatic",
-    *_VERDICTS,
-    "hypotheses",
-    "reasons",
-    "person",
-    "operator",
-    "why",
-    "judged_utc",
-    "leg",
-    "tool",
-    "flags",
-    "comment",
-    "uuid",
-)
+# What only the names of the columns are taken from.
+_NO_RECORD = SurveyRecord(Survey(0, "", 0, 0.0, 0.0, 0))
 
 
-def _verdicts(survey: Survey, north: North) -> list[str]:
+def _verdicts(survey: Survey, north: North) -> dict[str, str]:
     """Verdicts of each quantity, the reason to act on, and the other azimuths that fit, from `north`, with odds."""
     others = survey.alternatives_from(north)
-    return [
-        *(quoted(word.replace(" ", "_")) for word in survey.verdicts),
-        quoted(survey.action),
-        quoted(" ".join(fixed(azimuth * _DEG, 4, 360.0) for azimuth, _ in others)),
-        quoted(" ".join(fixed(odds, 4) for _, odds in others)),
-    ]
+    inclination, azimuth, toolface = (quoted(word.replace(" ", "_")) for word in survey.verdicts)
+    return {
+        "verdict_inclination": inclination,
+        "verdict_azimuth": azimuth,
+        "verdict_toolface": toolface,
+        "headline": quoted(survey.action),
+        "alternatives_deg": quoted(" ".join(fixed(azimuth * _DEG, 4, 360.0) for azimuth, _ in others)),
+        "alternative_odds": quoted(" ".join(fixed(odds, 4) for _, odds in others)),
+    }
 
 
-def _decided(record: SurveyRecord, north: North) -> list[str]:
-    return [
-        quoted(record.leg),
-        str(record.survey.sequence),
-        quoted(utc(record.survey.stamp_ns)),
-        quoted(record.tool),
-        quoted(Verdict(record.survey.verdict).word),
-        *_verdicts(record.survey, north),
-        quoted(_person(record)),
-        quoted(record.operator_name),
-        quoted("; ".join(record.flags)),
-        quoted(record.comment),
-    ]
+def _decided(record: SurveyRecord, north: North) -> dict[str, str]:
+    """Cells of a survey in the definitive list, by name."""
+    return {
+        "leg": quoted(record.leg),
+        "survey": str(record.survey.sequence),
+        "time_utc": quoted(utc(record.survey.stamp_ns)),
+        "tool": quoted(record.tool),
+        "automatic": quoted(Verdict(record.survey.verdict).word),
+        **_verdicts(record.survey, north),
+        "person": quoted(_person(record)),
+        "operator": quoted(record.operator_name),
+        "flags": quoted("; ".join(record.flags)),
+        "comment": quoted(record.comment),
+    }
 
 
-def _raw_cells(record: SurveyRecord, methods: tuple[str, ...]) -> list[str]:
+def _raw(record: SurveyRecord, methods: tuple[str, ...]) -> dict[str, str]:
+    """Cells of a survey in the raw log, by name; methods: of the azimuths that any survey of the log has."""
     s, source = record.survey, azimuth_source(record.survey)
-    causes = zip(s.hypotheses, s.hypothesis_odds, strict=True)
     magnetic = s.magnetic_field_covariance[0] >= 0.0
     known = {a.method: a for a in s.azimuths if a.sigma >= 0.0}
-    return [
-        str(s.sequence),
-        quoted(utc(s.stamp_ns)),
-        _known(record.measured_depth, 3),
-        _known(record.depth_age, 1),
-        *(fixed(v, 6) if s.has_readings else "" for v in s.specific_force),
-        *(fixed(v * 1e9, 1) if magnetic else "" for v in s.magnetic_field),
-        *(fixed(v * _DEG * 3600.0, 3) if s.has_readings else "" for v in s.angular_rate),
-        fixed(s.temperature, 2) if s.temperature > -CELSIUS_ZERO else "",
-        fixed(s.duration, 3),
-        str(s.samples),
-        fixed(s.g_total, 6) if s.has_readings else "",
-        _known(s.b_total, 1, 1e9),
-        fixed(s.dip * _DEG, 4) if s.b_total >= 0.0 else "",
-        _known(s.g_reference, 6),
-        _known(s.b_reference, 1, 1e9),
-        fixed(s.dip_reference * _DEG, 4) if s.has_reference else "",
-        *_judged(s),
-        *(fixed(v * _DEG, 4) if s.has_reference else "" for v in (s.declination, s.convergence)),
-        fixed(s.inclination * _DEG, 4),
-        fixed(s.azimuth * _DEG, 4, 360.0) if s.has_azimuth else "",
-        *("" if toolface is None else fixed(toolface * _DEG, 4, 360.0) for toolface in s.toolfaces),
-        _known(s.sigma_inclination, 4, _DEG),
-        _known(s.sigma_azimuth, 4, _DEG),
-        fixed(s.axial_interference * 1e9, 1) if s.sigma_axial_interference >= 0.0 else "",
-        _known(s.sigma_axial_interference, 1, 1e9),
-        fixed(source.gyro_share, 3) if source.known else "",
-        *(fixed(known[m].azimuth * _DEG, 4, 360.0) if m in known else "" for m in methods),
-        *(fixed(known[m].sigma * _DEG, 4) if m in known else "" for m in methods),
-        quoted(North(s.north).name.lower()),
-        quoted(s.azimuth_method),
-        quoted("yes" if record.in_use else "no"),
-        quoted(Verdict(s.verdict).word),
-        *_verdicts(s, North(s.north)),
-        quoted(" ".join(f"{name} {fixed(odds, 3)}" for name, odds in causes)),
-        quoted("; ".join(s.reasons)),
-        quoted(_person(record)),
-        quoted(record.operator_name),
-        quoted(record.reason),
-        quoted(utc(record.judged_ns)),
-        quoted(record.leg),
-        quoted(record.tool),
-        quoted("; ".join(record.flags)),
-        quoted(record.comment),
-        quoted(s.uuid),
-    ]
+    gravity_toolface, magnetic_toolface = (
+        "" if toolface is None else fixed(toolface * _DEG, 4, 360.0) for toolface in s.toolfaces
+    )
+    return {
+        "survey": str(s.sequence),
+        "time_utc": quoted(utc(s.stamp_ns)),
+        "md_m": _known(record.measured_depth, 3),
+        "depth_age_s": _known(record.depth_age, 1),
+        **_axes("specific_force_{}_mps2", s.specific_force, 6, 1.0, s.has_readings),
+        **_axes("magnetic_field_{}_nt", s.magnetic_field, 1, 1e9, magnetic),
+        **_axes("angular_rate_{}_degph", s.angular_rate, 3, _DEG * 3600.0, s.has_readings),
+        "temperature_degc": fixed(s.temperature, 2) if s.temperature > -CELSIUS_ZERO else "",
+        "duration_s": fixed(s.duration, 3),
+        "samples": str(s.samples),
+        "g_total_mps2": fixed(s.g_total, 6) if s.has_readings else "",
+        "b_total_nt": _known(s.b_total, 1, 1e9),
+        "dip_deg": fixed(s.dip * _DEG, 4) if s.b_total >= 0.0 else "",
+        "g_reference_mps2": _known(s.g_reference, 6),
+        "b_reference_nt": _known(s.b_reference, 1, 1e9),
+        "dip_reference_deg": fixed(s.dip_reference * _DEG, 4) if s.has_reference else "",
+        **_judged(s),
+        "declination_deg": fixed(s.declination * _DEG, 4) if s.has_reference else "",
+        "convergence_deg": fixed(s.convergence * _DEG, 4) if s.has_reference else "",
+        "inclination_deg": fixed(s.inclination * _DEG, 4),
+        "azimuth_deg": fixed(s.azimuth * _DEG, 4, 360.0) if s.has_azimuth else "",
+        "gravity_toolface_deg": gravity_toolface,
+        "magnetic_toolface_deg": magnetic_toolface,
+        "sigma_inclination_deg": _known(s.sigma_inclination, 4, _DEG),
+        "sigma_azimuth_deg": _known(s.sigma_azimuth, 4, _DEG),
+        "axial_interference_nt": fixed(s.axial_interference * 1e9, 1) if s.sigma_axial_interference >= 0.0 else "",
+        "sigma_axial_interference_nt": _known(s.sigma_axial_interference, 1, 1e9),
+        "gyro_share": fixed(source.gyro_share, 3) if source.known else "",
+        **{f"azimuth_{m}_deg": fixed(known[m].azimuth * _DEG, 4, 360.0) if m in known else "" for m in methods},
+        **{f"sigma_azimuth_{m}_deg": fixed(known[m].sigma * _DEG, 4) if m in known else "" for m in methods},
+        **_raw_texts(record),
+    }
 
 
-def _judged(survey: Survey) -> list[str]:
+def _raw_texts(record: SurveyRecord) -> dict[str, str]:
+    """Text cells of a survey in the raw log, by name."""
+    s = record.survey
+    causes = zip(s.hypotheses, s.hypothesis_odds, strict=True)
+    return {
+        "azimuth_reference": quoted(North(s.north).name.lower()),
+        "azimuth_method": quoted(s.azimuth_method),
+        "in_use": quoted("yes" if record.in_use else "no"),
+        "automatic": quoted(Verdict(s.verdict).word),
+        **_verdicts(s, North(s.north)),
+        "hypotheses": quoted(" ".join(f"{name} {fixed(odds, 3)}" for name, odds in causes)),
+        "reasons": quoted("; ".join(s.reasons)),
+        "person": quoted(_person(record)),
+        "operator": quoted(record.operator_name),
+        "why": quoted(record.reason),
+        "judged_utc": quoted(utc(record.judged_ns)),
+        "leg": quoted(record.leg),
+        "tool": quoted(record.tool),
+        "flags": quoted("; ".join(record.flags)),
+        "comment": quoted(record.comment),
+        "uuid": quoted(s.uuid),
+    }
+
+
+def _axes(name: str, values: Iterable[float], decimals: int, factor: float, known: bool) -> dict[str, str]:
+    """Cells of a vector; name: with a place for the axis."""
+    return {name.format(a): fixed(v * factor, decimals) if known else "" for a, v in zip("xyz", values, strict=True)}
+
+
+def _judged(survey: Survey) -> dict[str, str]:
     """Field and dip as they are judged, and the limits of the deviations of gravity, field and dip."""
     gravity, field, dip = totals(survey)
-    return [
-        fixed(None if field.value is None else field.value * 1e9, 1),
-        fixed(None if dip.value is None else dip.value * _DEG, 4),
-        fixed(gravity.limit, 6),
-        fixed(field.limit * 1e9, 1),
-        fixed(dip.limit * _DEG, 4),
-    ]
+    return {
+        "b_judged_nt": fixed(None if field.value is None else field.value * 1e9, 1),
+        "dip_judged_deg": fixed(None if dip.value is None else dip.value * _DEG, 4),
+        "g_limit_mps2": fixed(gravity.limit, 6),
+        "b_limit_nt": fixed(field.limit * 1e9, 1),
+        "dip_limit_deg": fixed(dip.limit * _DEG, 4),
+    }
 
 
 def _person(record: SurveyRecord) -> str:
