@@ -72,11 +72,7 @@ def abort(name: Name = "", domain: Domain = None) -> None:
 def state(domain: Domain = None) -> None:
     """Show the command at hand: its state, why, and what keeps it from starting."""
     with visit(domain) as client:
-        last = None
-        for _, message in client.listen("downlink/state", _LISTEN_S):
-            last = message
-        if last is None:
-            raise ValueError("this surface sends no commands: set downlink.tool_file to a tool.yaml with a downlink")
+        last = _newest(client)
         typer.echo(_line(last))
         for text in last["blocked_by"]:
             typer.echo(f"  waits: {text}")
@@ -88,16 +84,30 @@ def watch(
 ) -> None:
     """Follow the command at hand until it ends; status 1 where the tool did not confirm it."""
     with visit(domain) as client:
-        before, number, first = "", None, True
+        # The topic gives late subscribers what was published before: commands that ended are history.
+        newest = _newest(client)
+        ended = newest["number"] if _STATES[newest["state"]] in _STATES[7:] else newest["number"] - 1
+        before = ""
         for _, message in client.listen("downlink/state", seconds):
+            if message["number"] <= ended:
+                continue
             line = _line(message)
             if line != before:
                 typer.echo(line)
-            word = _STATES[message["state"]]
-            # What ended before the visit is history.
-            if not first and message["number"] == number and word in _STATES[7:]:
+            before, word = line, _STATES[message["state"]]
+            if word in _STATES[7:]:
                 raise typer.Exit(0 if word == "confirmed" else 1)
-            before, number, first = line, message["number"], False
+
+
+def _newest(client: GraphClient) -> dict[str, Any]:
+    """State published last; ValueError where none is heard."""
+    heard = [message for _, message in client.listen("downlink/state", _LISTEN_S)]
+    if not heard:
+        raise ValueError(
+            f"nothing was heard of a downlink within {_LISTEN_S:g} s: the machine is busy, or the surface sends no"
+            " commands (downlink.tool_file: a tool.yaml with a downlink)"
+        )
+    return heard[-1]
 
 
 def _line(message: dict[str, Any]) -> str:
