@@ -7,6 +7,7 @@ import dataclasses
 import math
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from mwd_sensors.core.arrays import Array
 
@@ -17,6 +18,9 @@ WINDOW = 512  # samples of a spectrum: 20 s
 BINS = 120  # of 0.0488 Hz and twice that, so that the picture ends near 11.7 Hz
 STEP_S = 4.0
 COLUMNS = 45
+# The line is drawn about the median of so many seconds: pulses of 2 s, at most a quarter of the time on air, stand out
+# of it, pumps that start or change their strokes do not hide them.
+_BASE_S = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +33,7 @@ class PressurePicture:
     end_ns : int
         Stamp of the newest sample.
     line : tuple of float
-        Pressure of the last `LINE_S`, kPa less its mean, `LINE_HZ` values a second, the newest last.
+        Pressure of the last `LINE_S`, kPa less its running median, `LINE_HZ` values a second, the newest last.
     spectra : tuple of tuple of int
         Power in dB, one tuple for each `STEP_S`, the newest last; each has `BINS` values from 0 Hz on.
     bin_hz : float
@@ -78,8 +82,8 @@ class PressureHistory:
         many = max(round(self._rate / LINE_HZ), 1)
         recent = self._samples[-round(LINE_S * self._rate) :]
         whole = recent[len(recent) % many :].reshape(-1, many).mean(axis=1) if len(recent) >= many else recent
-        centred = (whole - whole.mean()) * 1e-3 if len(whole) else whole
-        line = tuple(round(float(v), 2) for v in centred)
+        base = median_filter(whole, round(_BASE_S * self._rate / many), mode="reflect") if len(whole) else whole
+        line = tuple(round(float(v), 2) for v in (whole - base) * 1e-3)
         return PressurePicture(self._end_ns, line, tuple(self._spectra), 2.0 * self._rate / WINDOW)
 
     def _spectrum(self) -> tuple[int, ...]:

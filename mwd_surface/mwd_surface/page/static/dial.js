@@ -93,8 +93,9 @@ export class Dial {
     }
   }
 
-  show(toolface, quill, now, silent) {
+  show(toolface, quill, now, silent, wordAge) {
     if (!toolface) return;
+    this.showAge(wordAge);
     this.showQuill(quill, now, silent);
     const mode = toolface.mode;
     const gravity = mode === "gravity";
@@ -119,7 +120,8 @@ export class Dial {
       mark(this.needle, "transform", `rotate(${((cell.value * 180) / Math.PI).toFixed(1)} 200 200)`);
       setText(this.number, `${degrees}°`);
       setText(this.side, gravity ? sideOf(degrees) : "");
-      const old = units.age(Math.max(0, now - cell.at));
+      // A prediction is as old as the word it comes from.
+      const old = units.age(Math.max(0, now - cell.at, wordAge ?? 0));
       const inside = toolface.advisory?.inside;
       const word = inside === undefined || inside === null ? "" : inside ? "INSIDE " : "OUTSIDE ";
       const note = state === "stale" ? `STALE ${old}` : toolface.rotating ? "ROTATING" : word + old;
@@ -131,8 +133,8 @@ export class Dial {
   }
 
   // How old the toolface of a link is: a ring that closes within two minutes.
-  showAge(age, since) {
-    const share = age === null ? 0 : Math.min(0.999, (age + since) / AGE_RING);
+  showAge(age) {
+    const share = age === null ? 0 : Math.min(0.999, age / AGE_RING);
     mark(this.age, "d", share > 0 ? arc(share * 2 * Math.PI, AGE_RADIUS) : "");
   }
 

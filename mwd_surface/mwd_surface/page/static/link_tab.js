@@ -159,7 +159,9 @@ function drawWave(canvas, link) {
   const picture = link.picture;
   if (!picture?.line.length) return;
   const span = 120;
-  const most = Math.max(20, ...picture.line.map(Math.abs));
+  // By what most samples reach: pumps that start are drawn beyond the edge, and hide no pulse.
+  const sizes = picture.line.map(Math.abs).sort((a, b) => a - b);
+  const most = Math.max(20, 2 * sizes[Math.floor(0.9 * sizes.length)]);
   const x = (ago) => width * (1 - ago / span);
   const room = height - 26;
   context.strokeStyle = colour("--trace");

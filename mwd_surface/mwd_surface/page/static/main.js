@@ -94,6 +94,9 @@ function showSections(names) {
   for (const show of new Set(names.map((name) => SHOW[name]).filter(Boolean))) show(sections);
 }
 
+// Age of the word that a link's toolface was predicted from, s; null without a link.
+const wordAge = (link, since) => (link?.known && link.toolface_age !== null ? link.toolface_age + since : null);
+
 function tick() {
   const { sections } = connection;
   const now = connection.now();
@@ -101,13 +104,12 @@ function tick() {
   showBanner(connection, silent);
   if (now === null) return;
   refresh(sections, now, silent);
-  dial.show(sections.toolface, sections.quill, now, silent);
+  const linkSince = sections.link?.since ? Math.max(0, now - sections.link.since) : 0;
+  dial.show(sections.toolface, sections.quill, now, silent, wordAge(sections.link, linkSince));
   showProgress(sections, now, silent);
   showPills(sections, now, silent, select, Boolean(connection.server.replay));
   showAlarmStrip(sections, now);
-  const linkSince = sections.link?.since ? Math.max(0, now - sections.link.since) : 0;
   showLinkStrip(sections.link, linkSince);
-  dial.showAge(sections.link?.known ? sections.link.toolface_age : null, linkSince);
   showStreams(connection, now, silent);
   showSince(now);
 }
