@@ -167,11 +167,13 @@ class Link:
     def take_flow(self, at_s: float, flow_rate: float) -> None:
         """Take the flow that the rig reports at a time, s: m^3/s. Pressure tells itself when the pumps are on."""
         threshold = self._tool.flow_threshold
-        if self._flow_rate is None or (self._flow_rate > threshold) != (flow_rate > threshold):
+        was_low = self._flow_rate is not None and self._flow_rate <= threshold
+        low = flow_rate <= threshold
+        if low != was_low:
             self._flow_since_s = at_s
         self._flow_rate = flow_rate
         if self._tool.medium == "earth":
-            self.flow.switch(at_s, flow_rate > threshold)
+            self.flow.switch(at_s, not low)
 
     def finish(self) -> LinkOutput:
         """Give what is left when no more pressure comes."""
@@ -272,11 +274,17 @@ class Link:
             return self._locked()
         if self._receiver.last_sync_s > on_since and self.now_s - self._receiver.last_sync_s < 4.0 * longest:
             return LOCKED, "sync found, the first words follow"
+        return SEARCHING, self._nothing_found(on_since, frame)
+
+    def _nothing_found(self, on_since: float, frame: FrameReport | None) -> str:
+        """Why there is neither sync nor word though the tool may send; on_since: flow came on, s; -inf: not seen."""
+        if math.isinf(on_since) and self._other is not None:
+            return "the sync comes after flow-on, and none was seen yet: wait for the next one"
         if self.now_s - on_since < self._expected_s:
-            return SEARCHING, f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
+            return f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
         if frame is not None and frame.reason:
-            return SEARCHING, frame.reason
-        return SEARCHING, self._receiver.why_nothing().removeprefix("no words: ")
+            return frame.reason
+        return self._receiver.why_nothing().removeprefix("no words: ")
 
     def _silence(self, word: ReceivedWord | None) -> str:
         """Why a tool without a wire sends nothing now, by pressure and rig; empty: it may send. word: the last one."""

@@ -86,6 +86,15 @@ def test_a_flow_below_the_threshold_of_the_tool_is_said(run):
         assert (link.quality().state, link.quality().reason) == (state, reason)
 
 
+def test_pressure_that_begins_behind_the_sync_waits_for_the_next_flow_on(run):
+    link = link_of()
+    link.take_flow(110.0, 2.0 * TOOL.flow_threshold)
+    _, _, states = pushed(link, run.time_s[11000:13000], run.pressure_pa[11000:13000])
+    assert {(one.state, one.reason) for one in states} == {
+        (SEARCHING, "the sync comes after flow-on, and none was seen yet: wait for the next one")
+    }
+
+
 def test_words_refute_a_threshold_that_is_too_high(run):
     link = link_of()
     link.push(run.time_s[:1], run.pressure_pa[:1])
