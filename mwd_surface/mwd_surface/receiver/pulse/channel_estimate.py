@@ -30,6 +30,7 @@ _EARLY_SAMPLES, _EARLY_S = 1.5, 0.2
 _NEAR_S, _SLOW, _SLOW_S = 0.3, 0.1, 8.0
 # Correlation length at the arrival, samples, and in how many of them it doubles: friction takes high frequencies first.
 _ROUGH, _SMOOTHER = 1.5, 3.0
+_FEW = 1e-3  # expected pulses that are not worth counting
 _LEAST = 3e-4  # components below this share of the largest are left out
 
 
@@ -141,6 +142,60 @@ def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, floa
     inverse = np.asarray(np.linalg.inv(matrix + np.eye(count) / scale**2), dtype=float)
     u = inverse @ right
     return u, float(np.sqrt((u @ u + np.trace(inverse)) / count)), inverse
+
+
+@compiled
+def place_pairs(pulses: Array, weight: Array, out: Array) -> None:
+    """
+    How probable it is that a pulse is at one place or at another one, by their distance.
+
+    Parameters
+    ----------
+    pulses : ndarray, shape (j, 3)
+        Places, samples; how probable each is; first sample of the window, the same for all places of one pulse, which
+        follow each other.
+    weight : ndarray, shape (n,)
+        Of each sample.
+    out : ndarray, shape (k,)
+        Sum of the products of both probabilities by their distance, TU, each pulse with the weight of its samples.
+    """
+    out[:] = 0.0
+    for a in range(len(pulses)):
+        first = round(pulses[a, 0])
+        known = weight[first : first + _PULSE].sum() / _PULSE if first >= 0 else 0.0
+        b = a - 1
+        while b >= 0 and pulses[b, 2] == pulses[a, 2]:
+            gap = round(abs(pulses[a, 0] - pulses[b, 0]) / SAMPLES_PER_TU)
+            if gap < len(out):
+                out[gap] += known * pulses[a, 1] * pulses[b, 1]
+            b -= 1
+
+
+def spread(pairs: Array, shapes: Array) -> Array:
+    """
+    What the unknown places of pulses add to the normal equations of expected pulses: the covariance of the columns.
+
+    Without it a response that learns from places chosen in noise grows with that noise (A. P. Dempster et al., J. R.
+    Stat. Soc. B 39 (1977) 1).
+
+    Parameters
+    ----------
+    pairs : ndarray, shape (k,)
+        As `place_pairs`.
+    shapes : ndarray, shape (c, m)
+        Whitened components.
+
+    Returns
+    -------
+    ndarray, shape (c, c)
+    """
+    out = np.zeros((len(shapes), len(shapes)))
+    gram = shapes @ shapes.T
+    for gap in np.flatnonzero(pairs > _FEW):
+        k = SAMPLES_PER_TU * int(gap)
+        common = shapes[:, k:] @ shapes[:, :-k].T
+        out += pairs[gap] * (2.0 * gram - common - common.T)
+    return out
 
 
 def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,14 @@ _BEAM = 16
 _TEMPERATURES = (1.0, 2.5)
 # Least probability of a parity that float arithmetic tells from 0.
 _LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in _TEMPERATURES)
+
+
+class Place(NamedTuple):
+    """Place of a pulse, how probable it is, and begin of the window of its packet; samples of the transmission."""
+
+    at: float
+    chance: float
+    window: float
 
 
 @dataclasses.dataclass
@@ -60,18 +69,18 @@ class Part:
     ebn0_db: float
     pulses: bool = True
 
-    def edges(self) -> tuple[list[float], list[float]]:
-        """Places of its pulses, samples of the transmission, and how probable each is."""
-        edges: list[float] = []
-        chances: list[float] = []
+    def places(self) -> list[Place]:
+        """Places of its pulses."""
+        found: list[Place] = []
         if not self.pulses:
-            return edges, chances
+            return found
         for row, places, chance in zip(self.rows, trellis.places_of(self.rows), self.probability, strict=True):
+            window = float(self.at + SAMPLES_PER_TU * row[trellis.START])
             for value in range(row[trellis.COUNT]):
                 if chance[value] > 1e-3:
-                    edges.append(float(self.at + SAMPLES_PER_TU * places[value]))
-                    chances.append(float(chance[value]))
-        return edges, chances
+                    at = float(self.at + SAMPLES_PER_TU * places[value])
+                    found.append(Place(at, float(chance[value]), window))
+        return found
 
 
 @dataclasses.dataclass
@@ -159,6 +168,12 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
     if sum(item.length for item in items[end:]) < least // 2:
         end = len(items)
     return items[done:end]
+
+
+def sync_places(tool: ToolConfiguration, start: int) -> list[Place]:
+    """Pulses of a sync that starts at a sample."""
+    edges = (float(start + SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu)
+    return [Place(edge, 1.0, edge) for edge in edges]
 
 
 def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:

@@ -23,8 +23,10 @@ from mwd_surface.receiver.pulse.channel_estimate import (
     common_energy,
     matched,
     normal_equations,
+    place_pairs,
     reconstruct,
     sensitivity,
+    spread,
     uncertainty,
 )
 from mwd_surface.receiver.pump_lines import SEARCH_SAMPLES, pump_noise
@@ -34,6 +36,7 @@ ORDER = 40
 FLOOR = 1e-6
 _KEPT = 0.5  # share of the sample before in the difference whose noise is modelled where the level is steady
 _ROUNDS, _ROUNDS_AGAIN = 4, 2
+_LAGS = 20  # distance of two places of one pulse, TU
 _TAIL = 24  # samples of a whitened response beyond the response itself
 
 
@@ -75,8 +78,8 @@ class Stretch:
     ----------
     pressure, known : ndarray, shape (n,)
         Pa; 1 where a sample is known.
-    edges : ndarray, shape (j,)
-        Pulses before the packets and, once these are decoded, behind them, sample; how probable each is, `chances`.
+    pulses : ndarray, shape (j, 3)
+        Pulses before the packets and, once these are decoded, behind them, as `channel_estimate.place_pairs`.
     packets : ndarray, shape (k, 6)
         As `trellis.forward_backward`; starts in TU after `start`.
     start : int
@@ -96,8 +99,7 @@ class Stretch:
 
     pressure: Array
     known: Array
-    edges: Array
-    chances: Array
+    pulses: Array
     packets: Indices
     start: int
     parity: int
@@ -164,7 +166,7 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     reach = channel.components.shape[1] + _TAIL
     whitened, shapes = np.empty(n), np.empty((len(channel.components), reach))
     state = dataclasses.replace(channel)
-    places = int(packets[-1, 0]) + values
+    span = int(packets[-1, 0]) + values
     unary, level = np.zeros((count, values)), np.ones(count)
     common = np.zeros(1)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
@@ -178,18 +180,18 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
         filtered(stretch.pressure - pumps, state.whitener, whitened)
         _whitened_shapes(state, shapes)
         train = _train(stretch, probability)
-        unsure = _estimate(stretch, state, shapes, whitened, (weight, train))
+        unsure = _estimate(stretch, state, shapes, whitened, (weight, train, _places(stretch, probability)))
         g = _whitened(state.response, state.whitener)
         sure = 1.0 / (1.0 + unsure + _lateness(stretch, weight * train, sensitivity(g)))
         weight = _weights(stretch, train, g, whitened) if turn > 0 or again else weight
-        out, energy = np.empty(places), np.empty(places)
+        out, energy = np.empty(span), np.empty(span)
         matched(whitened, weight, g, stretch.start, out, energy)
         common = common_energy(g, reach // SAMPLES_PER_TU)
         level = _levels(packets, energy, common[0])
-        others = np.round((stretch.edges - stretch.start) / SAMPLES_PER_TU)
-        near = (others > -len(common)) & (others < places + len(common))
+        others = np.round((stretch.pulses[:, 0] - stretch.start) / SAMPLES_PER_TU)
+        near = (others > -len(common)) & (others < span + len(common))
         shared = np.empty((count, values))
-        trellis.mean_interference(packets, others[near], stretch.chances[near], common, level, probability, shared)
+        trellis.mean_interference(packets, others[near], stretch.pulses[near, 1], common, level, probability, shared)
         unary = sure[:, None] * (_unary(packets, out, energy) - shared)
         level = sure * level
         trellis.forward_backward(packets, unary, common, level, stretch.parity, forward, backward)
@@ -218,9 +220,21 @@ def _train(stretch: Stretch, probability: Array) -> Array:
 
 def _add_known(stretch: Stretch, train: Array) -> None:
     """Add the pulses that are not those of the packets."""
-    at = np.rint(stretch.edges).astype(np.int64)
+    at = np.rint(stretch.pulses[:, 0]).astype(np.int64)
     inside = (at >= 0) & (at < len(train))
-    np.add.at(train, at[inside], stretch.chances[inside])
+    np.add.at(train, at[inside], stretch.pulses[inside, 1])
+
+
+def _places(stretch: Stretch, probability: Array) -> Array:
+    """Places of all pulses from which the response learns, as `Stretch.pulses`."""
+    if stretch.end:
+        return stretch.pulses
+    at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets).astype(float)
+    own = [
+        np.column_stack([one, p, np.full(len(p), k)])[p > 0.0]
+        for k, (one, p) in enumerate(zip(at, probability, strict=True))
+    ]
+    return np.concatenate([stretch.pulses, *own])
 
 
 def _unary(packets: Indices, out: Array, energy: Array) -> Array:
@@ -250,22 +264,40 @@ def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
 
 
 def _estimate(
-    stretch: Stretch, state: Channel, shapes: Array, whitened: Array, weighted_train: tuple[Array, Array]
+    stretch: Stretch, state: Channel, shapes: Array, whitened: Array, pulses: tuple[Array, Array, Array]
 ) -> float:
     """
-    Response from the pulses round the packets; returns the variance that its error adds to a decision, noise being 1.
+    Response from the pulses round the packets.
+
+    Returns the variance that its error and that of the noise model add to a decision, noise being 1.
 
     The pressure of the packets themselves is left out: a response that learns from its own decisions confirms them.
     """
     count = len(shapes)
     matrix, right = np.empty((count, count)), np.empty(count)
-    weight, train = weighted_train
+    weight, train, places = pulses
     others = weight.copy()
     others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
     normal_equations(train, shapes, whitened, others, matrix, right)
-    u, state.scale, covariance = coefficients(matrix, right, state.scale)
+    pairs = np.empty(_LAGS)
+    place_pairs(places, others, pairs)
+    # Pulses of unknown places teach the response no more than their expectation does.
+    _, _, covariance = coefficients(matrix, right, state.scale)
+    u, state.scale, _ = coefficients(matrix + spread(pairs, shapes), right, state.scale)
     state.response = u @ state.components
-    return uncertainty(u, covariance, shapes)
+    return uncertainty(u, covariance, shapes) + _unknown_noise(state.whitener, weight)
+
+
+def _unknown_noise(whitener: Array, weight: Array) -> float:
+    """
+    Variance that the error of the noise model adds to a decision, noise being 1.
+
+    A spectrum from an autoregressive model of p coefficients and n samples has the relative variance v = 2 p / n (K. N.
+    Berk, Ann. Stat. 2 (1974) 489). A metric weighted by its inverse has a mean larger by 1 + v and a variance larger by
+    1 + 3 v.
+    """
+    used = max(int(np.count_nonzero(whitener)) - 2, 0)
+    return 4.0 * used / max(float(weight.sum()), 1.0)
 
 
 def _lateness(stretch: Stretch, train: Array, each: float) -> Array:

@@ -16,10 +16,10 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Doubt
 from mwd_surface.receiver.grid import REACH, Grid
-from mwd_surface.receiver.pulse import segment, trellis
+from mwd_surface.receiver.pulse import passes, segment, trellis
 from mwd_surface.receiver.pulse.alignment import Aligned, align
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length
-from mwd_surface.receiver.pulse.passes import LOOK_BITS, Part, Pass, parts_of, rows_from_sync, soft_words, stretch_of
+from mwd_surface.receiver.pulse.passes import Part, Pass, parts_of, rows_from_sync, soft_words, stretch_of
 from mwd_surface.receiver.pulse.presence import FADED, Evidence, Presence
 from mwd_surface.receiver.pulse.synchronisation import SyncFound
 from mwd_surface.receiver.pulse.tool_clock import ToolClock
@@ -62,8 +62,7 @@ class Transmission:
         self._clock = ToolClock(position)
         self._aligned = False
         self._settled = -found.settled
-        self._edges = [float(SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu]
-        self._chances = [1.0] * len(self._edges)
+        self._places = passes.sync_places(tool, 0)
         response = np.zeros(response_length(tool.tu_s))
         response[: len(found.response)] = found.response
         whitener = np.zeros(segment.ORDER + 2)
@@ -227,9 +226,9 @@ class Transmission:
         given = np.concatenate([trellis.uniform(rows[:first]), words])
 
         def decode(clock: ToolClock, probability: Array, channel: segment.Channel) -> segment.Decision:
-            self._clock, none = clock, np.zeros(0)
+            self._clock, none = clock, np.zeros((0, 3))
             stretch = self._stretch(rows, 0, SAMPLES_PER_TU * length, None)
-            joint = dataclasses.replace(stretch, edges=none, chances=none, probability=probability, end=0)
+            joint = dataclasses.replace(stretch, pulses=none, probability=probability, end=0)
             return segment.decode(joint, channel)
 
         found = align(decode, rows, Aligned(self._clock, self._channel, given))
@@ -240,21 +239,15 @@ class Transmission:
 
     def _forget(self, now: Pass) -> None:
         """Keep of a pass the pulses that later ones need."""
-        self._edges, self._chances = self._pulses(None)
+        self._places = self._pulses(None)
         now.parts = []
         oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self._channel.response)
-        keep = next((k for k, edge in enumerate(self._edges) if edge >= oldest), len(self._edges))
-        del self._edges[:keep], self._chances[:keep]
+        self._places = [one for one in self._places if one.at >= oldest]
 
-    def _pulses(self, but: Part | None) -> tuple[list[float], list[float]]:
-        """All pulses known, but those of a part; samples, and how probable each is."""
-        edges, chances = list(self._edges), list(self._chances)
-        for part in self._pass.parts if self._pass is not None else ():
-            if part is not but:
-                more = part.edges()
-                edges += more[0]
-                chances += more[1]
-        return edges, chances
+    def _pulses(self, but: Part | None) -> list[passes.Place]:
+        """All pulses known, but those of a part."""
+        parts = self._pass.parts if self._pass is not None else []
+        return self._places + [one for part in parts if part is not but for one in part.places()]
 
     @property
     def sound(self) -> bool:
@@ -289,7 +282,7 @@ class Transmission:
     def _first_length(self, kind: str) -> int:
         if not self._tool.header_bits and not self._offered:
             return self._rows(stretch_of(self._sequence(kind, 0), 0))[1]
-        return max(self._rows(stretch_of(items, 0, LOOK_BITS))[1] for items in self._sequences(kind))
+        return max(self._rows(stretch_of(items, 0, passes.LOOK_BITS))[1] for items in self._sequences(kind))
 
     def _sequences(self, kind: str) -> tuple[tuple[SequenceItem, ...], ...]:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces
@@ -302,8 +295,7 @@ class Transmission:
             if not offered or self._goes_on(following):
                 self._pass = following
                 return
-            self._edges += [float(following.start + SAMPLES_PER_TU * edge) for edge in self._tool.sync.edges_tu]
-            self._chances += [1.0] * len(self._tool.sync.edges_tu)
+            self._places += passes.sync_places(self._tool, following.start)
             self._boundary = following.start + SAMPLES_PER_TU * self._tool.sync.length_tu
         start, number = self._boundary, 0
         if self._tool.header_bits:
@@ -312,7 +304,7 @@ class Transmission:
         # Without a header nothing but flow-on makes a tool begin anew, and then it sends a survey.
         kind = "survey"
         if self._tool.header_bits:
-            looks = (stretch_of(self._sequence(one, number), 0, LOOK_BITS) for one in ("survey", "toolface"))
+            looks = (stretch_of(self._sequence(one, number), 0, passes.LOOK_BITS) for one in ("survey", "toolface"))
             survey, toolface = (self._density(*self._rows(items), start) for items in looks)
             # Packets of another sequence may fit the pulses of a survey nearly as well as its own.
             kind = "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
@@ -342,7 +334,7 @@ class Transmission:
         pulses behind it tell them apart.
         """
         kinds = ("survey", "toolface") if self._tool.header_bits else ("survey",)
-        looks = [stretch_of(items, 0, LOOK_BITS) for kind in kinds for items in self._sequences(kind)]
+        looks = [stretch_of(items, 0, passes.LOOK_BITS) for kind in kinds for items in self._sequences(kind)]
         anew = [rows_from_sync(self._tool, items) for items in looks]
         longest = max(length for _, length in anew)
         words: tuple[SequenceItem, ...] = ()
@@ -358,9 +350,7 @@ class Transmission:
         decision = self._decode(rows, length, start)
         soft = soft_words(decision, rows, items, self._parity)[0]
         most = max(len(self._tool.surveys), len(self._tool.toolfaces))
-        edges, chances = parts_of(items, decision, [soft], start, self._tool.code)[0].edges()
-        self._edges += edges
-        self._chances += chances
+        self._places += parts_of(items, decision, [soft], start, self._tool.code)[0].places()
         valid = [one for one in soft.candidates if one.code < most]
         return max(valid, key=lambda one: one.probability).code if valid else 0
 
@@ -383,13 +373,12 @@ class Transmission:
         begin = max(begin, math.ceil((self._grid.first - self._clock.start) / self._clock.pace))
         count = stop + SAMPLES_PER_TU * _AFTER_TU - begin
         pressure, known = self._grid.samples(self._clock.at(begin), self._clock.pace, count)
-        edges, chances = self._pulses(before)
+        pulses = np.array(self._pulses(before)).reshape(-1, 3)
         end = count if before is None else start - begin + SAMPLES_PER_TU * before.length
         return segment.Stretch(
             pressure,
             known,
-            np.array(edges) - begin,
-            np.array(chances),
+            pulses - (begin, 0.0, begin),
             rows,
             start - begin,
             self._parity,

@@ -5,7 +5,17 @@ import numpy as np
 import pytest
 
 from consistency import assert_consistent
-from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU, basis, response_length, sensitivity, uncertainty
+from mwd_surface.receiver.pulse.channel_estimate import (
+    BEFORE,
+    SAMPLES_PER_TU,
+    basis,
+    normal_equations,
+    place_pairs,
+    response_length,
+    sensitivity,
+    spread,
+    uncertainty,
+)
 
 
 def _apart(response, later=True):
@@ -44,3 +54,32 @@ def test_a_late_pulse_moves_a_decision_as_is_claimed():
     apart = _apart(response)
     moved = apart @ _placed(late - response, SAMPLES_PER_TU)
     assert abs(moved) / np.linalg.norm(apart) == pytest.approx(0.1 * sensitivity(response), rel=0.05)
+
+
+def test_places_that_the_noise_chose_do_not_enlarge_the_response():
+    """At the true response the normal equations have no bias, as they have without the covariance of the columns."""
+    random = np.random.default_rng(3)
+    shapes = basis(response_length(0.25), 0.25)
+    u = random.normal(size=len(shapes))
+    u *= 2.5 / np.linalg.norm(u @ shapes)
+    length = shapes.shape[1]
+    places = np.array([BEFORE, BEFORE + SAMPLES_PER_TU])
+    sent = np.zeros((2, length + SAMPLES_PER_TU))
+    sent[0, :length] = sent[1, SAMPLES_PER_TU:] = u @ shapes
+    matrix, right, pairs = np.empty((len(u), len(u))), np.empty(len(u)), np.empty(4)
+    weight = np.ones(sent.shape[1])
+    chosen, blurred = [], []
+    for trial in range(4000):
+        pressure = sent[trial % 2] + random.normal(size=sent.shape[1])
+        odds = pressure @ (sent[1] - sent[0]) - 0.5 * (sent[1] @ sent[1] - sent[0] @ sent[0])
+        chance = np.array([1.0, np.exp(odds)]) / (1.0 + np.exp(odds))
+        train = np.zeros(len(weight))
+        train[places] = chance
+        normal_equations(train, shapes, pressure, weight, matrix, right)
+        place_pairs(np.column_stack([places, chance, [0.0, 0.0]]), weight, pairs)
+        chosen.append(u @ (right - matrix @ u))
+        blurred.append(u @ spread(pairs, shapes) @ u)
+    bias = np.subtract(chosen, blurred)
+    noise = np.std(bias) / np.sqrt(len(bias))
+    assert abs(np.mean(bias)) < 4.0 * noise
+    assert np.mean(chosen) > 10.0 * noise
