@@ -44,17 +44,18 @@ class Judged:
     undetermined: bool
     inclination_error: float
     inclination_sigma: float
+    inclination_accepted: bool
     revised: bool = False
 
     @property
     def leans(self) -> bool:
-        """Whether the inclination is beyond 3 sigma."""
-        return abs(self.inclination_error) > 3.0 * self.inclination_sigma
+        """Whether the inclination is beyond 3 sigma, and was accepted."""
+        return self.inclination_accepted and abs(self.inclination_error) > 3.0 * self.inclination_sigma
 
     @property
     def wrong(self) -> bool:
-        """Whether it was accepted, and azimuth or inclination are beyond 3 sigma."""
-        return self.accepted and (abs(self.error) > 3.0 * self.sigma or self.leans)
+        """Whether azimuth or inclination is beyond 3 sigma, and was accepted."""
+        return self.leans or (self.accepted and abs(self.error) > 3.0 * self.sigma)
 
 
 def new_decision(settings: StationSettings | None = None) -> SurveyDecision:
@@ -81,6 +82,7 @@ def judged(survey: Survey, inclination: float, azimuth: float) -> Judged:
         undetermined=station.verdicts.azimuth == "not_determined" and station.verdict == "accept",
         inclination_error=station.inclination - inclination,
         inclination_sigma=math.sqrt(station.covariance[0, 0]),
+        inclination_accepted=station.verdicts.inclination == "accept",
     )
 
 
@@ -96,8 +98,8 @@ def decide(
 
 
 def row(name: str, found: list[Judged]) -> str:
-    """Markdown row under `HEAD`; shares of > 3 sigma, > 10 and > 45 deg are those of the accepted."""
-    leaning = [one.leans for one in found if one.accepted]
+    """Markdown row under `HEAD`; shares of > 3 sigma, > 10 and > 45 deg are of what was accepted."""
+    leaning = [one.leans for one in found if one.inclination_accepted]
     error, sigma = np.array([one.error for one in found]), np.array([one.sigma for one in found])
     known, accepted = np.isfinite(error), np.array([one.accepted for one in found], dtype=bool)
     off, limit = np.abs(error[accepted]), sigma[accepted]
