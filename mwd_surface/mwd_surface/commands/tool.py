@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from mwd_sensors.core.arrays import Array
     from mwd_sensors.telemetry.sequences import SequenceItem
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+    from mwd_sensors.telemetry.words import Word
 
 tool = typer.Typer(help="Configuration of a tool (tool.yaml): check it, try it.", no_args_is_help=True)
 Configuration = Annotated[Path, typer.Argument(metavar="TOOL.YAML", help="Tool configuration.")]
@@ -76,16 +77,19 @@ def check(
     pulses = read.code in tool_configuration.PULSE_CODES
     seen = dict.fromkeys(item for items in (*read.surveys, *read.toolfaces) for item in items)
     for item in seen:
-        word = read.table[item.name]
         unprotected = "" if item.parity or not pulses else ", no parity: an error in it cannot be seen"
-        console.print(
-            f"  {item.name}:{item.bits} {word.low:g} to {word.high:g} {word.unit}, step"
-            f" {word.step(item.bits):.3g}, sigma {word.sigma_of(item.bits):.3g}{unprotected}",
-            markup=False,
-        )
+        console.print(f"  {_word_line(item, read.table[item.name])}{unprotected}", markup=False)
     if channel is not None:
         for line in _channel_lines(read, channel):
             console.print(line, markup=False)
+
+
+def _word_line(item: SequenceItem, word: Word) -> str:
+    """Range of a word and how fine it is."""
+    span = f"{item.name}:{item.bits} {word.low:g} to {word.high:g} {word.unit}"
+    if word.logarithmic:
+        return f"{span}, each step {word.value(1, item.bits) / word.value(0, item.bits):.3g} times the one before"
+    return f"{span}, step {word.step(item.bits):.3g}, sigma {word.sigma_of(item.bits):.3g}"
 
 
 def _channel_lines(read: ToolConfiguration, file: Path) -> list[str]:
