@@ -97,7 +97,7 @@ VARIANTS: dict[str, tuple[dict[str, dict[str, float]], dict[str, Any]]] = {
     "white force counts whole": ({"noise": {"FOLDED_LEAST": 1e9}}, {}),
     "white force assumed at a start": ({"noise": {"FOLDED_YOUNG": 0.0}}, {}),
     "velocity lost in clipped shocks": ({"clipping": {"LOST": 0.0}}, {}),
-    "gate of lost velocities": ({"clipping": {"GATE": 1e30}}, {}),
+    "gate of lost velocities": ({"clipping": {"LEAST_EXPECTED": 1e30}}, {}),
     "bend of a clipped rate": ({"clipping": {"CURVE_LAG": 1e9}}, {}),
     "middle of the band": ({"scale": {"BAND": 0.0}}, {}),
     "attitude found lost": ({"alignment": {"LOST_FORCE2": 1e30}}, {}),

@@ -12,13 +12,13 @@ from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
 HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it counts as a shock
-UNUSUAL = 2.2  # times the usual acceleration
+UNUSUAL = 3.0  # times the usual acceleration; one in 170 000 samples of Gaussian vibration is beyond (chi-square of 3)
 LOST = 1.0  # velocity lost for each velocity shown: 1.0 to 1.9 on simulated shocks beyond 4, 8 and 16 g
 USUAL_TIME = 0.3  # s, memory of the usual acceleration
 SHOCK_POWER = 1e4  # (m/s^2)^2, the most of a shock that enters it
 SHOCK_MEMORY, FREQUENT = 10.0, 6.0  # s; shocks in that time from which on losses that do not stand out are expected
 QUIET = 0.05  # least usual square of an innovation that the gate is a multiple of
-GATE = 6.0  # square of an innovation over the usual one that then shows a velocity lost
+LEAST_EXPECTED = 1e-6  # shocks in one update: fewer are none
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 CLIP_SLOPE = 15.0  # rad/s^2, error of that slope when clipping begins
 CLIP_BRIDGE = 4.0  # s, longest clipping that is bridged
@@ -66,8 +66,16 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
 
 @compiled
 def jump_gate(s: Record) -> float:
-    """Square of an innovation over its variance that shows a velocity lost where shocks are frequent."""
-    return GATE * max(s.innovations.usual, QUIET)
+    """
+    Square of an innovation over its variance that shows a velocity lost in a shock that did not stand out.
+
+    As many such shocks are expected as stand out. The loss is likelier than chance from where the likelihood of an
+    innovation, exp(-square / 2), falls below the probability of a shock within one update.
+    """
+    expected = s.shocks * s.sums.time / SHOCK_MEMORY
+    if expected < LEAST_EXPECTED:
+        return NEVER
+    return -2.0 * math.log(expected) * max(s.innovations.usual, QUIET)
 
 
 @compiled

@@ -185,7 +185,7 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     logged = len(log.updates) > 0
     if logged:
         _log_before(s, i, log)
-    gate = clipping.jump_gate(s) if noise.shaken_by_shocks(s) else clipping.NEVER
+    gate = clipping.jump_gate(s)
     tilt, aside = scale.tilts(s)
     square = 0.0
     for j in range(size):
