@@ -17,7 +17,7 @@ NODE = """
 import concurrent.futures, ctypes, dataclasses, os, subprocess, sys, threading, time
 from mwd_sensors.ros import run_node, stop_signals
 from mwd_sensors.ros.lifecycle_node import GraphNode
-moment, run_node.STOP_PATIENCE = sys.argv[1], float(sys.argv[2])
+moment, run_node.STOP_PATIENCE, rivals = sys.argv[1], float(sys.argv[2]), []
 
 def hang():
     print("now", flush=True)
@@ -27,16 +27,18 @@ def hang():
 def hold_the_lock():
     ctypes.PyDLL(None).usleep(100_000_000)  # in native code that does not release the interpreter
 
-def compute(seconds):
-    # Of a processor that another process uses too.
+def share_the_processor():
+    # Before the node is asked to end: how long a process takes to start, the node would not wait for the processor.
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     words = [sys.executable, "-c", "import signal; signal.alarm(40)\\nwhile True: pass"]
-    rival = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+def compute(seconds):
     until = time.thread_time() + seconds
     while time.thread_time() < until:
         pass
-    rival.kill()
-    rival.wait()
+    for rival in rivals:
+        rival.kill()
 
 @dataclasses.dataclass(frozen=True)
 class Settings:
@@ -59,6 +61,8 @@ class Node(GraphNode[Settings]):
     def work(self):
         if moment == "callback":
             hang()
+        if moment == "compute" and not rivals:
+            rivals.append(share_the_processor())
         if moment == "exit":
             self.request_stop()
         print("now", flush=True)
