@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import datetime as dt
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -286,7 +286,6 @@ def _header(
     if plan is not None and math.isclose(path.section_azimuth, plan.section_azimuth):
         section = "along the plan"
     own = [r for r in surveys.records if r.leg == path.leg]
-    by_hand = sum(1 for r in own if r.judgement)
     lines = [
         ("Well", well.name),
         ("Wellbore", well.wellbore_name),
@@ -309,14 +308,24 @@ def _header(
         ("Sensor to bit", f"{fixed(well.sensor_to_bit, 2)} m"),
         ("Leg", path.leg),
         ("Tie-on", tied),
-        ("Tools", ", ".join(sorted({r.tool for r in own if r.tool})) or unknown),
+        ("Tools", _names(r.tool for r in own) or unknown),
+        ("Telemetry", _names(r.survey.link for r in own)),
         ("Method", "minimum curvature"),
         ("Plan", plan.name if plan is not None else "none"),
-        ("Surveys", f"{sum(1 for r in own if r.in_use)} in use of {len(own)} taken; {by_hand} judged by a person"),
+        ("Surveys", _counted(own)),
         ("Report made", utc(made_ns)),
         ("Software", software),
     ]
     return tuple((label, plain(value)) for label, value in lines if value)
+
+
+def _counted(own: Sequence[SurveyRecord]) -> str:
+    used, by_hand = sum(1 for r in own if r.in_use), sum(1 for r in own if r.judgement)
+    return f"{used} in use of {len(own)} taken; {by_hand} judged by a person"
+
+
+def _names(given: Iterable[str]) -> str:
+    return ", ".join(sorted({one for one in given if one}))
 
 
 def _placed(well: Well) -> tuple[tuple[str, str], ...]:

@@ -46,6 +46,10 @@ class Judgement(enum.IntEnum):
     REJECTED = 2
 
 
+RECEIVED_OVER = "received over "
+"""How the reason begins that names the links over which a survey came."""
+
+
 @dataclasses.dataclass(frozen=True)
 class AzimuthEstimate:
     """Azimuth of a survey by one method: rad from `north`, 1 sigma in rad (-1 not available), share in the fusion."""
@@ -119,6 +123,12 @@ class Survey:
         """Automatic verdict of inclination, azimuth and toolface in a word each."""
         given = (self.verdict_inclination, self.verdict_azimuth, self.verdict_toolface)
         return Verdict(given[0]).word, Verdict(given[1]).word, Verdict(given[2]).word
+
+    @property
+    def link(self) -> str:
+        """Links over which it was received; empty: none, the tool's own topics."""
+        named = [one.removeprefix(RECEIVED_OVER) for one in self.reasons if one.startswith(RECEIVED_OVER)]
+        return named[-1] if named else ""
 
     @property
     def action(self) -> str:

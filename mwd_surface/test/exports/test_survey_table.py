@@ -34,6 +34,15 @@ def test_the_head_block_names_every_reference_and_correction():
     assert "ISCWSA MWD Rev5.11" in got["Position uncertainty"]
 
 
+def test_the_head_block_names_the_links():
+    assert "Telemetry" not in head(example.table())
+    whole = SurveyList()
+    for k, link in enumerate(("mud pulse", "em and mud pulse", "mud pulse"), 1):
+        one = example.survey(k, 10.0 + k, 40.0, reasons=("within limits", f"received over {link}"))
+        whole = whole.add(one, 300.0 + 30.0 * k, 0.0)
+    assert head(tables.survey_table(whole, example.MADE))["Telemetry"] == "em and mud pulse, mud pulse"
+
+
 def test_the_last_row_is_the_bit_as_far_below_as_the_sensor_is_or_where_it_is_set_to_be():
     table = example.table()
     assert (table.path.kind[-1], table.column("md_m").cell(len(table.records) - 1)) == ("projected", "642.500")

@@ -28,7 +28,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.telemetry import meanings
 from mwd_surface.receiver.words import LinkValue
-from mwd_surface.surveys.survey_record import AzimuthEstimate, Nine, Survey, Verdict
+from mwd_surface.surveys.survey_record import RECEIVED_OVER, AzimuthEstimate, Nine, Survey, Verdict
 from mwd_surface.trajectory.north import North
 
 _VERDICTS = {"accept": Verdict.ACCEPT, "doubtful": Verdict.DOUBTFUL, "reject": Verdict.REJECT}
@@ -133,7 +133,7 @@ def survey(
         verdict_azimuth=int(verdicts[1]),
         verdict_toolface=int(Verdict.NOT_DETERMINED),
         headline=reasons[0] if max(verdicts) != Verdict.ACCEPT else "",
-        reasons=(*reasons, f"received over {link.replace('_', ' ')}"),
+        reasons=(*reasons, f"{RECEIVED_OVER}{link.replace('_', ' ')}"),
         **_totals(values, deviations, quality),
         **_reference_fields(reference),
     )
