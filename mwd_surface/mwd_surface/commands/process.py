@@ -184,7 +184,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     from mwd_estimation.core.fault_messages import describe
     from mwd_estimation.core.sensor_fault import FaultCode
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.survey_table import numbered, revision_sentences, show_surveys
+    from mwd_surface.commands.survey_table import list_warnings, revision_sentences, show_surveys
 
     console = terminal.output()
     for warning in summary.warnings:
@@ -217,18 +217,8 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         for sentence in revision_sentences([(number, one.station, now[one.sequence]) for number, one in firsts]):
             console.print(sentence, markup=False)
         # Of a recording without depths the line above says so.
-        rows = summary.listed.records if summary.topics.rig is not None else ()
-        without = [r for r in rows if r.measured_depth < 0.0 and r.comment]
-        for why in dict.fromkeys(r.comment for r in without):
-            numbers = numbered([r.survey.sequence for r in without if r.comment == why])
-            terminal.warn(f"no depth of survey {numbers}: {why}")
-        # Where the hole comes from to the first of them a recording does not say.
-        flagged: dict[str, list[int]] = {}
-        for record in [r for r in rows if r.measured_depth >= 0.0 or not r.comment][1:]:
-            for flag in record.flags:
-                flagged.setdefault(flag, []).append(record.survey.sequence)
-        for flag, which in flagged.items():
-            terminal.warn(f"survey {numbered(which)}: {flag}")
+        for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():
+            terminal.warn(sentence)
     else:
         terminal.facts([("surveys", "none: the tool never kept still for long enough")])
     terminal.facts([("written", ", ".join(str(folder / name) for name in summary.files))])

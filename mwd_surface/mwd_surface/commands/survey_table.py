@@ -15,11 +15,13 @@ from mwd_estimation.core.reason_text import joined
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.verdicts import ACCEPT
 from mwd_sensors.core.frames import wrap_pi
+from mwd_surface.surveys.station_checks import NO_DEPTH
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_estimation.survey.station import Station
     from mwd_surface.list_files.six_axis_table import TableStation
+    from mwd_surface.surveys.survey_record import SurveyRecord
 
 COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
 _MOST = 12
@@ -127,6 +129,25 @@ def revision_sentences(revised: Sequence[tuple[int, Station, Station]]) -> list[
                 f"{number:>4} was {first.verdict} at first: {_azimuth(first)}; now {now.verdict}: {_azimuth(now)}"
             )
     return lines
+
+
+def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
+    """Sentences on the records of a list: those without a depth, each with why, and what the list says of them."""
+    without: dict[str, list[int]] = {}
+    flagged: dict[str, list[int]] = {}
+    # Where the hole comes from to the first of them a recording does not say.
+    first = next((record for record in records if record.measured_depth >= 0.0), None)
+    for record in records:
+        number, why = record.survey.sequence, record.comment if record.measured_depth < 0.0 else ""
+        if why:
+            without.setdefault(why, []).append(number)
+        for flag in record.flags if record is not first else ():
+            if not why or flag != NO_DEPTH:
+                flagged.setdefault(flag, []).append(number)
+    return [
+        *(f"no depth of survey {numbered(which)}: {why}" for why, which in without.items()),
+        *(f"survey {numbered(which)}: {flag}" for flag, which in flagged.items()),
+    ]
 
 
 def _azimuth(station: Station) -> str:

@@ -23,6 +23,8 @@ from mwd_surface.trajectory.well_path import Definitive, path_of, projected
 if TYPE_CHECKING:
     from mwd_surface.surveys.survey_list import SurveyList
 
+NO_DEPTH = "no measured depth"
+
 
 def in_use_on(whole: SurveyList, leg: str) -> list[SurveyRecord]:
     """Return the stations in use on a leg."""
@@ -42,7 +44,7 @@ def at_same_depth(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]
 def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
     """Return why the record cannot go into the path, whoever decides; empty where it can."""
     if record.measured_depth < 0.0:
-        return ["no measured depth"]
+        return [NO_DEPTH]
     why = []
     tie_on = whole.find_leg(record.leg).tie_on
     if record.measured_depth <= tie_on.measured_depth:

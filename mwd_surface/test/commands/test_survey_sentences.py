@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of surveys on the terminal: which revised stations are named."""
+"""The table of surveys on the terminal: which revised stations are named, and what the list says of others."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import dataclasses
 import math
 
 import numpy as np
+from example_stations import survey
 
 from mwd_estimation.survey.station_record import blind
-from mwd_surface.commands.survey_table import revision_sentences
+from mwd_surface.commands.survey_table import list_warnings, revision_sentences
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 
 def station(azimuth_deg, sigma_deg, verdict="accept"):
@@ -30,4 +32,26 @@ def test_a_station_is_named_by_another_verdict_or_an_azimuth_more_than_its_sigma
         " 1-3 revised by the other stations of the run, azimuth by 21.8 deg at most",
         "   1 was accept at first: 136.6 ±0.8; now accept: 158.4 ±3.3",
         "   2 was doubtful at first: 157.6 ±3.0; now accept: 158.4 ±3.3",
+    ]
+
+
+def test_a_station_without_depth_is_named_once_with_its_other_flags():
+    def record(number, depth, *flags, why=""):
+        return SurveyRecord(survey(number), depth, comment=why, flags=flags)
+
+    no_row, later = "the table does not have it", "later surveys say: doubtful"
+    told = list_warnings(
+        [
+            record(4, -1.0, "no measured depth", why=no_row),
+            record(5, -1.0, "no measured depth", later, why=no_row),
+            record(6, -1.0, "no measured depth"),
+            record(1, 100.0, "gap"),
+            record(2, 190.0, "gap"),
+        ]
+    )
+    assert told == [
+        f"no depth of survey 4-5: {no_row}",
+        f"survey 5: {later}",
+        "survey 6: no measured depth",
+        "survey 2: gap",
     ]
