@@ -11,7 +11,8 @@ from __future__ import annotations
 import dataclasses
 import datetime as dt
 import math
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -308,8 +309,8 @@ def _header(
         ("Sensor to bit", f"{fixed(well.sensor_to_bit, 2)} m"),
         ("Leg", path.leg),
         ("Tie-on", tied),
-        ("Tools", _names(r.tool for r in own) or unknown),
-        ("Telemetry", _names(r.survey.link for r in own)),
+        ("Tools", ", ".join(sorted({r.tool for r in own if r.tool})) or unknown),
+        ("Telemetry", _telemetry([r.survey for r in own if r.in_use])),
         ("Method", "minimum curvature"),
         ("Plan", plan.name if plan is not None else "none"),
         ("Surveys", _counted(own)),
@@ -324,8 +325,12 @@ def _counted(own: Sequence[SurveyRecord]) -> str:
     return f"{used} in use of {len(own)} taken; {by_hand} judged by a person"
 
 
-def _names(given: Iterable[str]) -> str:
-    return ", ".join(sorted({one for one in given if one}))
+def _telemetry(used: Sequence[Survey]) -> str:
+    """How many of the surveys in use came over which links, and how the others came; empty where none came over one."""
+    if not any(one.link for one in used):
+        return ""
+    ways = Counter(one.link or ("tool's own topics" if one.has_readings else "imported list") for one in used)
+    return ", ".join(f"{way}: {count} of {len(used)}" for way, count in sorted(ways.items()))
 
 
 def _placed(well: Well) -> tuple[tuple[str, str], ...]:

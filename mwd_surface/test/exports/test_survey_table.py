@@ -10,7 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_sensors.telemetry import meanings
 from mwd_surface.exports import survey_table as tables
+from mwd_surface.receiver.link import link_survey
+from mwd_surface.receiver.link.link_survey import SurveyTime
+from mwd_surface.receiver.words import LinkValue
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import plan_of
 
@@ -34,13 +38,34 @@ def test_the_head_block_names_every_reference_and_correction():
     assert "ISCWSA MWD Rev5.11" in got["Position uncertainty"]
 
 
-def test_the_head_block_names_the_links():
-    assert "Telemetry" not in head(example.table())
-    whole = SurveyList()
-    for k, link in enumerate(("mud pulse", "em and mud pulse", "mud pulse"), 1):
-        one = example.survey(k, 10.0 + k, 40.0, reasons=("within limits", f"received over {link}"))
-        whole = whole.add(one, 300.0 + 30.0 * k, 0.0)
-    assert head(tables.survey_table(whole, example.MADE))["Telemetry"] == "em and mud pulse, mud pulse"
+@pytest.mark.parametrize(
+    ("links", "text"),
+    [
+        ((), ""),
+        (("mud_pulse",), "imported list: 1 of 3, mud pulse: 1 of 3, tool's own topics: 1 of 3"),
+        (
+            ("em and mud_pulse", "mud_pulse"),
+            "em and mud pulse: 1 of 4, imported list: 1 of 4, mud pulse: 1 of 4, tool's own topics: 1 of 4",
+        ),
+    ],
+)
+def test_the_head_block_counts_the_surveys_in_use_by_the_links_that_brought_them(links, text):
+    """
+    One of the tool's own topics and one as an imported list has it, without readings; then as the receiver makes them.
+
+    The last of a link is rejected.
+    """
+    whole = SurveyList(well=dataclasses.replace(example.WELL, north_reference="magnetic"))
+    came = ["", "", *links, "mud_pulse"] if links else ["", ""]
+    for k, link in enumerate(came, 1):
+        words = {meanings.INCLINATION: 0.1 * k, meanings.AZIMUTH: 1.3}
+        values = {name: LinkValue(value, 1e-3, k, 0.0, 1.0, 0.99) for name, value in words.items()}
+        at = SurveyTime(example.START + k * 1800 * example.S, 20.0)
+        other = example.survey(k, 4.0 * k, 75.0, g_total=9.8 if k == 1 else 0.0)
+        whole = whole.add(link_survey.survey(values, at, k, link, None) if link else other, 270.0 + 30.0 * k, 0.0)
+    if links:
+        whole = whole.reject(len(came), "Aslaug", "sent again", example.MADE)
+    assert head(tables.survey_table(whole, example.MADE)).get("Telemetry", "") == text
 
 
 def test_the_last_row_is_the_bit_as_far_below_as_the_sensor_is_or_where_it_is_set_to_be():
