@@ -144,19 +144,26 @@ class Link:
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
         """Take samples, shape (n,): rising times, s, and Pa (V of a link through the ground)."""
-        if len(time_s) == 0:
-            return LinkOutput()
-        if self._tool.medium == "mud":
-            self.flow.push(time_s, pressure_pa)
-        self.now_s = max(self.now_s, float(time_s[-1]))
         time, value = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
+        out = LinkOutput()
+        # By seconds, so that what is searched beside the words does not depend on how the samples are cut.
+        seconds = np.flatnonzero(np.diff(np.floor(time))) + 1
+        for part in np.split(np.arange(len(time)), seconds) if len(time) else ():
+            out.add(self._push(time[part], value[part]))
+        return out
+
+    def _push(self, time: Array, value: Array) -> LinkOutput:
+        """Take samples that lie within one second, as `push`."""
+        if self._other is not None:
+            self._other.push(time, value, self.flow.on_since(self.now_s), self._expected_s)
+        if self._tool.medium == "mud":
+            self.flow.push(time, value)
+        self.now_s = max(self.now_s, float(time[-1]))
         out = self._take(self._receiver.push(time, value))
         if self._other is not None:
             _, last, final = self._heard()
             if any(word.usable for word in (last, *final) if word is not None):
-                self._other.found_s = None
-            else:
-                self._other.push(time, value, self.flow.on_since(self.now_s), self._expected_s)
+                self._other.end()
         return out
 
     def take_strokes(self, pump: int, time_s: Array) -> None:

@@ -52,7 +52,7 @@ def sentence(tool: ToolConfiguration, width_s: float) -> str:
 
 class OtherWidth:
     """
-    Search for another pulse width in the pressure since flow-on, one width for each block of samples.
+    Search for another pulse width in the pressure since flow-on: one width a second, however the samples are cut.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class OtherWidth:
 
     def __init__(self, tool: ToolConfiguration) -> None:
         self._tool = tool
-        self._since_s = -math.inf
+        self._second = self._since_s = -math.inf
         self._due: list[float] = []
         self._untried: list[float] = []
         self._kept: list[tuple[Array, Array]] = []
@@ -74,28 +74,39 @@ class OtherWidth:
 
     def push(self, time_s: Array, pressure_pa: Array, since_s: float, first_s: float) -> None:
         """
-        Take a block while no word is believed.
+        Take samples of one second, or of a part of it; the first ones of a second search in what came before it.
 
         Parameters
         ----------
         time_s, pressure_pa : ndarray, shape (n,)
             Rising times, s, and Pa.
         since_s : float
-            When the flow came on; -inf: it is not known, and the sync may have gone by.
+            When the flow came on, as known before these samples; -inf: it is not, and the sync may have gone by.
         first_s : float
             How long after that the first search begins, s; a second one, for wider pulses, after twice the time.
         """
+        second = float(np.floor(time_s[0]))
+        if second != self._second:
+            self._second = second
+            self._search(since_s, first_s)
+        if self._due or self._untried:
+            self._kept.append((time_s, pressure_pa))
+
+    def end(self) -> None:
+        """Search no more until the flow comes on anew: words are heard."""
+        self._due, self._untried, self._kept, self.found_s = [], [], [], None
+
+    def _search(self, since_s: float, first_s: float) -> None:
         if since_s != self._since_s:
+            self.end()
             self._since_s, self._due = since_s, [since_s + first_s, since_s + 2.0 * first_s]
-            self._untried, self._kept = [], []
-        if self.found_s is not None or not math.isfinite(since_s) or not (self._due or self._untried):
-            self._kept = []
-            return
-        self._kept.append((time_s, pressure_pa))
-        if self._due and time_s[-1] >= self._due[0]:
+        if self._due and self._second >= self._due[0]:
             self._due.pop(0)
             self._untried = other_widths(self._tool)
-        if self._untried:
-            width = self._untried.pop(0)
-            time, pressure = (np.concatenate(rows) for rows in zip(*self._kept, strict=True))
-            self.found_s = width if believed_with(self._tool, width, time, pressure) else None
+        if not (self._untried and self._kept):
+            return
+        width = self._untried.pop(0)
+        time, pressure = (np.concatenate(rows) for rows in zip(*self._kept, strict=True))
+        if believed_with(self._tool, width, time, pressure):
+            self.end()
+            self.found_s = width

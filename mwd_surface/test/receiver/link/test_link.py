@@ -113,6 +113,17 @@ def test_another_pulse_width_in_the_tool_is_named(run, here):
     assert states[-1].reason.startswith(f"the tool sends pulses of 0.5 s, not of {here:g} s as set here")
 
 
+def test_another_pulse_width_is_found_at_the_same_time_however_the_samples_are_cut(run):
+    other = dataclasses.replace(TOOL, pulse_width_s=0.3)
+    _, _, states = pushed(link_of(other), run.time_s, run.pressure_pa)
+    found = next(k for k, state in enumerate(states) if state.state == DOUBTFUL)
+    for end in (found, found + 1):
+        for block in (37, 100 * end):
+            link = link_of(other)
+            pushed(link, run.time_s[: 100 * end], run.pressure_pa[: 100 * end], block)
+            assert link.quality() == states[end - 1]
+
+
 def test_pumps_of_which_nothing_is_known_are_not_called_off():
     """A voltage does not tell the flow, and a rig need not."""
     carrier = starting("psk")

@@ -46,20 +46,36 @@ def test_no_width_is_found_in_pumps_alone():
     assert sent_width(HERE, run.time_s, run.pressure_pa) is None
 
 
-def test_a_search_waits_for_its_time_and_tries_one_width_a_block():
+def searched(search, since_s, first_s, parts=1):
+    """Widths found by the end of each second of a tool with pulses of 0.8 s: a list of (time, width)."""
     time_s, value = pressure(0.8)
-    search, found = OtherWidth(HERE), []
-    after = time_s >= FLOW_ON
-    for block in np.array_split(np.flatnonzero(after), 180):
-        search.push(time_s[block], value[block], FLOW_ON, 120.0)
-        found.append((time_s[block[-1]], search.found_s))
+    found = []
+    for second in np.split(np.arange(len(time_s)), np.flatnonzero(np.diff(np.floor(time_s))) + 1):
+        if time_s[second[0]] < FLOW_ON:
+            continue
+        for part in np.array_split(second, parts):
+            search.push(time_s[part], value[part], since_s, first_s)
+        found.append((time_s[second[-1]], search.found_s))
+    return found
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+def test_a_search_waits_for_its_time_and_tries_one_width_a_second(parts):
+    found = searched(OtherWidth(HERE), FLOW_ON, 120.0, parts)
     first = next(at for at, width in found if width is not None)
     assert first == pytest.approx(FLOW_ON + 120.0 + other_widths(HERE).index(0.8), abs=2.0)
     assert found[-1][1] == 0.8
 
 
-def test_nothing_is_searched_where_the_flow_on_is_not_known():
-    time_s, value = pressure(0.8)
+def test_what_was_found_is_dropped_when_the_flow_comes_on_anew():
     search = OtherWidth(HERE)
-    search.push(time_s, value, -np.inf, 10.0)
+    assert searched(search, FLOW_ON, 120.0)[-1][1] == 0.8
+    time_s = 300.0 + 0.01 * np.arange(100)
+    search.push(time_s, np.full(100, 2.0e7), 299.0, 120.0)
     assert search.found_s is None
+
+
+def test_nothing_is_searched_where_the_flow_on_is_not_known():
+    found = searched(OtherWidth(HERE), -np.inf, 10.0)
+    assert len(found) > 2 * len(other_widths(HERE))
+    assert {width for _, width in found} == {None}
