@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_sensors.core.settings import setting
+from mwd_sensors.telemetry.switch import FLOW_HOLD_S
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Transmit:
         expert=True,
     )
     flow_hold_s: float = setting(
-        2.0,
+        FLOW_HOLD_S,
         "Time for which the flow has to stay above or below the threshold of the tool configuration. Raising it "
         "ignores longer interruptions and delays each transmission by as much.",
         unit="s",

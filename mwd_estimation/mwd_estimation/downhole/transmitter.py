@@ -32,6 +32,7 @@ from mwd_sensors.telemetry import meanings, on_air
 from mwd_sensors.telemetry.downlink import FLOW, ROTATION
 from mwd_sensors.telemetry.on_air import Group
 from mwd_sensors.telemetry.sequences import SequenceItem
+from mwd_sensors.telemetry.switch import Switch
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 
 NANOSECONDS = 1_000_000_000
@@ -79,28 +80,6 @@ class Sent:
     tool: ToolConfiguration  #: in force
     phases: tuple[float, ...] = ()  #: of each symbol on a carrier, rad; empty but at the first word of a block
     octets: bytes = b""  #: on a line; empty but at the first word of a frame
-
-
-@dataclasses.dataclass
-class Switch:
-    """Flow or rotation: a condition that counts once it has held for a time."""
-
-    hold_ns: int  #: time for which it has to hold
-    on: bool = False  #: the condition that counts
-    since_ns: int = 0  #: since when it has held, ns; the start of the holding time, not its end
-    _candidate_ns: int | None = None
-
-    def update(self, stamp_ns: int, condition: bool) -> bool:
-        """Take the condition at a stamp; returns whether the one that counts has changed."""
-        if condition == self.on:
-            self._candidate_ns = None
-            return False
-        if self._candidate_ns is None:
-            self._candidate_ns = stamp_ns
-        if stamp_ns - self._candidate_ns < self.hold_ns:
-            return False
-        self.on, self.since_ns, self._candidate_ns = condition, self._candidate_ns, None
-        return True
 
 
 class _Part(NamedTuple):

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
+LPM = 1e-3 / 60.0  #: m^3/s in a litre a minute
+RPM = math.pi / 30.0  #: rad/s in a revolution a minute
 # Quantity -> unit -> factor to the SI unit, which comes first.
 FACTORS: dict[str, dict[str, float]] = {
     "acceleration": {"m/s2": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY},

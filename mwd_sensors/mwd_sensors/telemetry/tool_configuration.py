@@ -19,6 +19,7 @@ import yaml
 from mwd_sensors.core import settings
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
+from mwd_sensors.core.units import LPM
 from mwd_sensors.telemetry import checksum, combinatorial, meanings, pulse_position, sequences, serial_frames
 from mwd_sensors.telemetry.carrier import MOST_SEQUENCES, Carrier, blocks_of
 from mwd_sensors.telemetry.downlink import Downlink
@@ -27,7 +28,6 @@ from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.serial_frames import SerialLine
 from mwd_sensors.telemetry.words import COMMON, Word
 
-LPM = 1e-3 / 60.0  #: m^3/s in a litre a minute
 PULSE_CODES = {"mary": pulse_position.encode, "combinatorial": combinatorial.encode}
 _SURVEY = "Inc:12:P Azm:12:P DipA:12:P Temp:8:P Grav:12:P MagF:12:P BatV:8:P"
 _TOOLFACE = "3{2{aTFA:6:P} Gama:8:P aTFA:6:P Gama:8:P} RINC:11:P RAZM:11:P"

@@ -7,11 +7,10 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from mwd_sensors.core.units import LPM, RPM
 from mwd_sensors.telemetry.downlink import ROTATION, Downlink, amplitude
 from mwd_surface.downlink.settings import DownlinkSettings
 
-RPM = math.pi / 30.0
-LPM = 1e-3 / 60.0
 _BAR = 1e5
 _RIG_SILENT_S = 2.0
 _LINK_SILENT_S = 10.0

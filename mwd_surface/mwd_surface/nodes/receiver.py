@@ -163,8 +163,8 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
             deep = message.valid & msg.RigState.BIT_DEPTH and 0.0 <= message.bit_depth <= _DEEPEST_M
             if deep and through_mud:
                 link.attitude.travel_s = message.bit_depth / _WAVE_SPEED
-            if message.valid & msg.RigState.FLOW_RATE and seconds is not None:
-                link.take_flow(seconds, message.flow_rate)
+            if seconds is not None:
+                link.take_flow(seconds, message.flow_rate if message.valid & msg.RigState.FLOW_RATE else None)
             known = bool(message.valid & msg.RigState.RATE_OF_PENETRATION)
             link.attitude.speed = abs(message.rate_of_penetration) if known else None
             if message.valid & msg.RigState.ROTARY_SPEED:

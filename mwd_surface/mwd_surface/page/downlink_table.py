@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
+from mwd_sensors.core.units import LPM, RPM
 from mwd_sensors.telemetry.downlink import ROTATION
 from mwd_surface.downlink.machine import DownlinkState
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.page.plain import number
-
-_RPM, _LPM = math.pi / 30.0, 1e-3 / 60.0
 
 
 def downlink_table(status: DownlinkStatus | None) -> dict[str, Any]:
@@ -19,7 +17,7 @@ def downlink_table(status: DownlinkStatus | None) -> dict[str, Any]:
     if status is None:
         return {"known": False}
     turns = status.medium == ROTATION
-    scale, unit = (_RPM, "r/min") if turns else (_LPM, "l/min")
+    scale, unit = (RPM, "r/min") if turns else (LPM, "l/min")
     return {
         "known": True,
         "number": status.number,

@@ -10,8 +10,9 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-# Share of the usual pressure below which the pumps are off; the friction of a mud line falls faster than its flow.
-_OFF, _ON = 0.25, 0.4
+OFF = 0.25
+"""Share of the usual pressure below which the pumps are off; friction of a mud line falls faster than its flow."""
+_ON = 0.4
 _FORGET_S = 3600.0
 SURVEY_S = 10.0
 """How long a survey takes at rest, s: after a longer one the tool sends another."""
@@ -100,5 +101,5 @@ class FlowSpans:
     def _judge(self, at: float, mean: float) -> None:
         # Follows a higher pressure at once, a lower one over an hour: mud and depth change slowly.
         self._usual = max(mean, self._usual * math.exp(-self._block_s / _FORGET_S), _LEAST_PA)
-        if mean > _ON * self._usual or mean < _OFF * self._usual:
+        if mean > _ON * self._usual or mean < OFF * self._usual:
             self.switch(at, mean > _ON * self._usual)

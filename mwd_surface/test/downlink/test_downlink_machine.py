@@ -9,9 +9,10 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from mwd_sensors.core.units import LPM, RPM
 from mwd_sensors.telemetry.downlink import FLOW, Downlink, Frame
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.downlink.interlocks import LPM, RPM, Readings
+from mwd_surface.downlink.interlocks import Readings
 from mwd_surface.downlink.machine import ENDED, NEXT, PERMISSION_S, DownlinkState, Machine
 from mwd_surface.downlink.settings import DownlinkSettings
 

@@ -17,13 +17,14 @@ from collections.abc import Callable
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.telemetry.tool_configuration import LPM, PULSE_CODES, ToolConfiguration
+from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfiguration
 from mwd_surface.receiver.flow_spans import SURVEY_S, FlowSpans
 from mwd_surface.receiver.link import other_width
 from mwd_surface.receiver.link.link_attitude import AgeRules, LinkAttitude
 from mwd_surface.receiver.link.link_survey import SETTLE_S, HeardSurvey, SurveyTime
 from mwd_surface.receiver.link.other_width import OtherWidth
 from mwd_surface.receiver.link.receivers import receiver_of
+from mwd_surface.receiver.link.tool_flow import ToolFlow
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed
@@ -33,8 +34,6 @@ NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
 NEEDED_DB = 6.0
 # The same of carriers, whose blocks are coded (docs/benchmarks.md, link).
 _NEEDED_DB = {"psk": 3.5}
-# Share of the tool's threshold of flow below which the pumps are off, and not slow: what a flow meter at rest shows.
-_PUMPING = 0.1
 _GOODPUT_S = 300.0
 _JUDGED_WORDS = 40
 _NO_INPUT = {
@@ -110,6 +109,7 @@ class Link:
         self._tool, self.name = tool, name
         self._rules, self._stamp_ns = rules, stamp_ns
         self.flow = FlowSpans()
+        self._tool_flow = ToolFlow(tool, self.flow)
         self._receiver = receiver_of(tool, self.flow)
         self._needed_db = _NEEDED_DB.get(tool.code, NEEDED_DB)
         self.attitude = LinkAttitude(rules)
@@ -119,9 +119,6 @@ class Link:
         self._last_word: ReceivedWord | None = None
         self._final: deque[ReceivedWord] = deque(maxlen=_JUDGED_WORDS)
         self._good: deque[tuple[float, int]] = deque()
-        # Flow that the rig reports, m^3/s, and since when it is on this side of the tool's threshold, s.
-        self._flow_rate: float | None = None
-        self._flow_since_s = -math.inf
         self._other = OtherWidth(tool) if tool.code in PULSE_CODES else None
         self.now_s = -math.inf
 
@@ -133,9 +130,9 @@ class Link:
     def successor(self, tool: ToolConfiguration) -> Link:
         """Return a link of another tool configuration that goes on from this one: flow, attitude, time."""
         after = Link(tool, self.name, self._rules, self._stamp_ns)
-        after.flow, after.attitude = copy.deepcopy(self.flow), copy.deepcopy(self.attitude)
+        after._tool_flow, after.attitude = copy.deepcopy(self._tool_flow), copy.deepcopy(self.attitude)
+        after.flow = after._tool_flow.spans
         after.now_s, after._last_survey = self.now_s, self._last_survey
-        after._flow_rate, after._flow_since_s = self._flow_rate, self._flow_since_s
         if isinstance(self._receiver, PulseReceiver) and tool.code in PULSE_CODES:
             after._receiver = self._receiver.successor(tool, after.flow)
         else:
@@ -171,16 +168,9 @@ class Link:
         if isinstance(self._receiver, SampledReceiver):
             self._receiver.strokes(pump, time_s)
 
-    def take_flow(self, at_s: float, flow_rate: float) -> None:
-        """Take the flow that the rig reports at a time, s: m^3/s. Pressure tells itself when the pumps are on."""
-        threshold = self._tool.flow_threshold
-        was_low = self._flow_rate is not None and self._flow_rate <= threshold
-        low = flow_rate <= threshold
-        if low != was_low:
-            self._flow_since_s = at_s
-        self._flow_rate = flow_rate
-        if self._tool.medium == "earth":
-            self.flow.switch(at_s, not low)
+    def take_flow(self, at_s: float, flow_rate: float | None) -> None:
+        """Take the flow that the rig reports at a time, s: m^3/s; None: it reports none."""
+        self._tool_flow.take(at_s, flow_rate)
 
     def finish(self) -> LinkOutput:
         """Give what is left when no more pressure comes."""
@@ -230,6 +220,8 @@ class Link:
         out.frames = got.frames
         for word in out.words:
             self.attitude.take(word)
+            if word.usable:
+                self._tool_flow.take_word(word.start_s)
             self._last_word = word if self._last_word is None or word.end_s > self._last_word.end_s else self._last_word
         for word in got.words:
             self._final.append(word)
@@ -271,11 +263,11 @@ class Link:
         if silent or math.isinf(self.now_s):
             return NO_INPUT, _NO_INPUT[self._tool.medium]
         frame, word, _ = self._heard()
-        if not self._wired and (reason := self._silence(word)):
+        if reason := self._tool_flow.silence(self.now_s):
             return NO_FLOW, reason
         if self._other is not None and self._other.found_s is not None:
             return DOUBTFUL, other_width.sentence(self._tool, self._other.found_s)
-        on_since = max(self.flow.on_since(self.now_s), self._flow_since_s)
+        on_since = self._tool_flow.on_since(self.now_s)
         longest = self._longest_s
         if word is not None and self.now_s - word.end_s < 4.0 * longest:
             return self._locked()
@@ -286,30 +278,14 @@ class Link:
     def _nothing_found(self, on_since: float, frame: FrameReport | None) -> str:
         """Why there is neither sync nor word though the tool may send; on_since: flow came on, s; -inf: not seen."""
         if math.isinf(on_since) and self._other is not None:
-            return "the sync comes after flow-on, and none was seen yet: wait for the next one"
+            command = " or a command" if self._tool.downlink is not None else ""
+            turns = " or a change of rotation" if self._tool.header_bits else ""
+            return f"the sync comes after flow-on{command}{turns}, and none was seen yet: wait for the next one"
         if self.now_s - on_since < self._expected_s:
             return f"waiting for the sync, {self._tool.transmit_delay_s:g} s after flow-on"
-        if frame is not None and frame.reason:
-            return frame.reason
-        return self._receiver.why_nothing().removeprefix("no words: ")
-
-    def _silence(self, word: ReceivedWord | None) -> str:
-        """Why a tool without a wire sends nothing now, by pressure and rig; empty: it may send. word: the last one."""
-        rate, threshold = self._flow_rate, self._tool.flow_threshold
-        low = rate is not None and rate <= threshold
-        off = self.flow.flowing(self.now_s) is False
-        since = max(self.flow.spans[-1].start_s if off else -math.inf, self._flow_since_s if low else -math.inf)
-        # Words that arrive refute a threshold, or a usual pressure, that is too high for this well.
-        if not (off or low) or (word is not None and word.usable and word.start_s > since):
-            return ""
-        if rate is None or rate > threshold:
-            return "the pumps are off, or their flow is below the tool's threshold: the tool is silent"
-        if rate < _PUMPING * threshold:
-            return "the pumps are off: the tool is silent"
-        return (
-            f"the flow of {rate / LPM:.0f} l/min is below the tool's threshold of"
-            f" {self._tool.flow_threshold_lpm:g} l/min: the tool is silent"
-        )
+        reason = frame.reason if frame is not None else ""
+        reason = reason or self._receiver.why_nothing().removeprefix("no words: ")
+        return "; ".join(filter(None, (reason, self._tool_flow.contradiction(self.now_s))))
 
     def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
         """Last pass, last word and the final words since the flow came on: those before say nothing of now."""

@@ -2,6 +2,7 @@
 """A link from samples to surveys, attitude and state: by pulses and by a carrier, however the samples are cut."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -41,6 +42,18 @@ def pushed(link, time, value, block=100):
     return words, surveys, states
 
 
+def reported(link, run, flow):
+    """States, one for each second, of a link to which the rig reports a flow each second; NaN: it reports nothing."""
+    states = []
+    for first in range(0, len(run.time_s), 100):
+        at_s = run.time_s[first]
+        if not math.isnan(flow(at_s)):
+            link.take_flow(at_s, flow(at_s))
+        link.push(run.time_s[first : first + 100], run.pressure_pa[first : first + 100])
+        states.append(link.quality())
+    return states
+
+
 @pytest.fixture(scope="module")
 def run():
     channel = MudChannel(well=Well(depth_m=1500.0), flow_off_s=((-100.0, 20.0), (40.0, 60.0)))
@@ -77,13 +90,12 @@ def test_the_state_follows_the_pumps_and_the_words(run):
 def test_a_flow_below_the_threshold_of_the_tool_is_said(run):
     link = link_of()
     pushed(link, run.time_s[:8500], run.pressure_pa[:8500])
-    for flow, state, reason in (
-        (0.5, NO_FLOW, "the flow of 300 l/min is below the tool's threshold of 600 l/min: the tool is silent"),
-        (0.0, NO_FLOW, "the pumps are off: the tool is silent"),
-        (1.5, SEARCHING, "waiting for the sync, 30 s after flow-on"),
-    ):
-        link.take_flow(link.now_s, flow * TOOL.flow_threshold)
-        assert (link.quality().state, link.quality().reason) == (state, reason)
+    low = (NO_FLOW, "the flow of 300 l/min is below the tool's threshold of 600 l/min: the tool is silent")
+    waiting = (SEARCHING, "waiting for the sync, 30 s after flow-on")
+    # The tool, too, takes a flow once it has held for two seconds.
+    for at_s, flow, said in ((80.0, 0.5, low), (82.0, 1.5, low), (84.0, 1.5, waiting), (85.0, 0.5, waiting)):
+        link.take_flow(at_s, flow * TOOL.flow_threshold)
+        assert (link.quality().state, link.quality().reason) == said
 
 
 def test_pressure_that_begins_behind_the_sync_waits_for_the_next_flow_on(run):
@@ -96,12 +108,28 @@ def test_pressure_that_begins_behind_the_sync_waits_for_the_next_flow_on(run):
 
 
 def test_words_refute_a_threshold_that_is_too_high(run):
-    link = link_of()
-    link.push(run.time_s[:1], run.pressure_pa[:1])
-    link.take_flow(70.0, 0.5 * TOOL.flow_threshold)
-    _, _, states = pushed(link, run.time_s[1:], run.pressure_pa[1:])
+    states = reported(link_of(), run, lambda _: 0.5 * TOOL.flow_threshold)
     assert states[70].state == NO_FLOW
     assert states[-1].state == LOCKED
+
+
+def test_a_flow_that_the_rig_reports_no_more_says_nothing(run):
+    """Zero was the last of the connection; then the rig is silent, and the tool is another one."""
+    link = link_of(dataclasses.replace(TOOL, pulse_width_s=0.45))
+    states = reported(link, run, lambda at_s: 0.5 * TOOL.flow_threshold if at_s < 62.0 else math.nan)
+    assert states[63].state == NO_FLOW
+    assert {one.state for one in states[70:90]} == {SEARCHING}
+    link.take_flow(link.now_s, 0.5 * TOOL.flow_threshold)
+    link.take_flow(link.now_s, None)
+    assert link.quality().state != NO_FLOW
+
+
+def test_a_flow_meter_that_contradicts_the_pressure_does_not_decide(run):
+    states = reported(link_of(), run, lambda _: 0.0)
+    assert {one.state for one in states[64:]} == {SEARCHING, LOCKED}
+    states = reported(link_of(), run, lambda _: 2.0 * TOOL.flow_threshold)
+    assert states[50].state == NO_FLOW
+    assert states[50].reason.startswith("the rig reports a flow of 1200 l/min although there is no pressure")
 
 
 @pytest.mark.parametrize("here", [0.3, 0.6])
@@ -131,7 +159,7 @@ def test_pumps_of_which_nothing_is_known_are_not_called_off():
     time_s = np.arange(1000) / 100.0
     link.push(time_s, np.random.default_rng(1).standard_normal(1000))
     assert link.quality().state == SEARCHING
-    link.flow.switch(5.0, flowing=False)
+    link.take_flow(8.0, 0.0)
     assert link.quality().state == NO_FLOW
 
 
