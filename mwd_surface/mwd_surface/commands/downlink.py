@@ -20,6 +20,7 @@ _STATES = (
     *("idle", "draft", "pending", "granted", "armed", "running", "sent", "confirmed", "unconfirmed", "denied"),
     *("lapsed", "aborted"),
 )
+_ENDED = _STATES[7:]
 _LISTEN_S = 3.0
 
 
@@ -72,7 +73,7 @@ def abort(name: Name = "", domain: Domain = None) -> None:
 def state(domain: Domain = None) -> None:
     """Show the command at hand: its state, why, and what keeps it from starting."""
     with visit(domain) as client:
-        last = _newest(client)
+        last = _newest(client, _LISTEN_S)
         typer.echo(_line(last))
         for text in last["blocked_by"]:
             typer.echo(f"  waits: {text}")
@@ -82,29 +83,38 @@ def state(domain: Domain = None) -> None:
 def watch(
     seconds: Annotated[float, typer.Option(help="End after so many seconds.")] = float("inf"), domain: Domain = None
 ) -> None:
-    """Follow the command at hand until it ends; status 1 where the tool did not confirm it."""
+    """Follow the newest command until it ends, or show how it ended; status 1 where the tool did not confirm it."""
     with visit(domain) as client:
-        # The topic gives late subscribers what was published before: commands that ended are history.
-        newest = _newest(client)
-        ended = newest["number"] if _STATES[newest["state"]] in _STATES[7:] else newest["number"] - 1
+        newest = _newest(client, seconds)
         before = ""
+        if _STATES[newest["state"]] in _ENDED:
+            _shown(newest, before)
+        # The topic gives this subscriber, too, what was published before: earlier commands are history.
         for _, message in client.listen("downlink/state", seconds):
-            if message["number"] <= ended:
-                continue
-            line = _line(message)
-            if line != before:
-                typer.echo(line)
-            before, word = line, _STATES[message["state"]]
-            if word in _STATES[7:]:
-                raise typer.Exit(0 if word == "confirmed" else 1)
+            if message["number"] >= newest["number"]:
+                before = _shown(message, before)
 
 
-def _newest(client: GraphClient) -> dict[str, Any]:
-    """State published last; ValueError where none is heard."""
-    heard = [message for _, message in client.listen("downlink/state", _LISTEN_S)]
+def _shown(message: dict[str, Any], before: str) -> str:
+    """Print the line of a state where it is another one than before, and return it; a command that ended exits."""
+    line, word = _line(message), _STATES[message["state"]]
+    if line != before:
+        typer.echo(line)
+    if word in _ENDED:
+        raise typer.Exit(0 if word == "confirmed" else 1)
+    return line
+
+
+def _newest(client: GraphClient, seconds: float) -> dict[str, Any]:
+    """State published last; ValueError where none is heard for so long."""
+    heard: list[dict[str, Any]] = []
+    listened = 0.0
+    while not heard and listened < seconds:
+        heard = [message for _, message in client.listen("downlink/state", min(_LISTEN_S, seconds - listened))]
+        listened += _LISTEN_S
     if not heard:
         raise ValueError(
-            f"nothing was heard of a downlink within {_LISTEN_S:g} s: the machine is busy, or the surface sends no"
+            f"nothing was heard of a downlink within {seconds:g} s: the machine is busy, or the surface sends no"
             " commands (downlink.tool_file: a tool.yaml with a downlink)"
         )
     return heard[-1]
