@@ -191,7 +191,8 @@ def spread(pairs: Array, shapes: Array) -> Array:
     """
     out = np.zeros((len(shapes), len(shapes)))
     gram = shapes @ shapes.T
-    for gap in np.flatnonzero(pairs > _FEW):
+    # Two pulses at one place, gap 0, add nothing.
+    for gap in 1 + np.flatnonzero(pairs[1:] > _FEW):
         k = SAMPLES_PER_TU * int(gap)
         common = shapes[:, k:] @ shapes[:, :-k].T
         out += pairs[gap] * (2.0 * gram - common - common.T)

@@ -18,6 +18,11 @@ from mwd_surface.receiver.pulse.channel_estimate import (
 )
 
 
+def test_pulses_at_one_place_are_sure_of_their_distance():
+    shapes = np.random.default_rng(2).normal(size=(3, 50))
+    assert np.array_equal(spread(np.array([0.5, 0.0, 0.0]), shapes), np.zeros((3, 3)))
+
+
 def _apart(response, later=True):
     """Pulse less the pulse one TU later or earlier; the pulse begins one TU behind the first sample."""
     other = 2 * SAMPLES_PER_TU if later else 0
