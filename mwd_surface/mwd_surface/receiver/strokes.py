@@ -10,6 +10,8 @@ from mwd_sensors.core.arrays import Array
 # A pump whose strokes pause for so many times their usual interval stands, or its switch failed.
 _PAUSE = 2.5
 _LEAST = 8  # strokes that tell a pump's rate
+# Level of significance at which a line is said to be a pump's.
+_BY_CHANCE = 0.05
 
 
 class Strokes:
@@ -50,6 +52,22 @@ class Strokes:
             if len(inside) >= _LEAST:
                 rows[pump] = (len(inside) - 1) / float(inside[-1] - inside[0])
         return rows
+
+    def harmonic(self, line_hz: float, from_s: float, until_s: float) -> tuple[int, int] | None:
+        """
+        Pump whose harmonic is nearest to a line heard between two times, s, and which harmonic, from 1.
+
+        None where some line that no pump makes would often be as near: harmonics of several pumps are close together.
+        """
+        rates = self.rates(from_s, until_s)
+        near = [(abs(line_hz - max(round(line_hz / rate), 1) * rate), pump) for pump, rate in rates.items()]
+        if not near:
+            return None
+        apart, pump = min(near)
+        # The share of all frequencies that lie as near to a harmonic of one of the pumps.
+        if 2.0 * apart * sum(1.0 / rate for rate in rates.values()) > _BY_CHANCE:
+            return None
+        return pump, max(round(line_hz / rates[pump]), 1)
 
     def angles(self, time_s: Array) -> Array:
         """

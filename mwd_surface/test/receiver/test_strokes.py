@@ -32,6 +32,23 @@ def test_a_pump_that_stands_has_no_angle():
     assert counted(times[:4]).angles(TIME).shape == (0, len(TIME))
 
 
+def test_a_line_is_the_harmonic_of_the_nearest_pump():
+    strokes = counted(np.arange(0.0, 60.0, 1.0 / 1.45), np.arange(0.0, 60.0, 1.0 / 1.335))
+    assert strokes.harmonic(3 * 1.335 + 0.002, 0.0, 60.0) == (2, 3)
+    assert strokes.harmonic(3 * 1.45 - 0.002, 0.0, 60.0) == (1, 3)
+    assert strokes.harmonic(4.18, 0.0, 60.0) is None
+    assert counted().harmonic(4.0, 0.0, 60.0) is None
+
+
+def test_a_line_that_no_pump_makes_is_seldom_taken_for_a_harmonic():
+    random = np.random.default_rng(8)
+    named = 0
+    for _ in range(1000):
+        strokes = counted(*(np.arange(0.0, 17.0, 1.0 / rate) for rate in random.uniform(0.8, 2.0, 3)))
+        named += strokes.harmonic(random.uniform(7.0, 17.0), 0.0, 17.0) is not None
+    assert named < 0.05 * 1000 + 3.0 * np.sqrt(0.05 * 1000)
+
+
 def test_later_strokes_change_nothing():
     times = np.arange(0.0, 60.0, 0.7)
     early = counted(times[times <= TIME[-1]])

@@ -87,7 +87,9 @@ class CarrierReceiver(SampledReceiver):
         if self._grid.end:
             # As if the gauge had failed: what is there is decoded as far as it goes.
             missing = np.zeros(round((self._carrier.block_symbols + 4 * _HOP) * self._band.symbol))
+            line = self._line
             done.add(self._take(missing, missing))
+            self._line = line
         done.frames += self._end_pass("")
         return done
 
@@ -171,8 +173,7 @@ class CarrierReceiver(SampledReceiver):
         middle = at - first + 0.5 * symbol / PER_SYMBOL
         found, whole = baseband.envelope(value, known, self._band, middle, count, symbol)
         lines = baseband.lines(value, self._band)
-        if known.all():
-            self._line = self._named(lines, first, len(value))
+        self._line = self._named(lines, first, len(value)) if known.all() else ""
         return marker_score(found, whole, baseband.line_columns(lines, self._band, count, symbol))
 
     def _named(self, lines: Array, first: int, count: int) -> str:
@@ -183,14 +184,10 @@ class CarrierReceiver(SampledReceiver):
         if not len(near):
             return ""
         line = float(near[0])
-        # Half the width of a line under the Hann window.
-        wide = 2.0 / (count * step_s)
-        rates = self._grid.strokes.rates(self._grid.seconds(first), self._grid.seconds(first + count))
-        for pump, rate in rates.items():
-            harmonic = round(line / rate)
-            if abs(line - harmonic * rate) < wide:
-                return f"harmonic {harmonic} of pump {pump} ({line:.2f} Hz) is on the carrier"
-        return f"a line of {line:.2f} Hz is on the carrier"
+        made = self._grid.strokes.harmonic(line, self._grid.seconds(first), self._grid.seconds(first + count))
+        if made is None:
+            return f"a line of {line:.2f} Hz is on the carrier"
+        return f"harmonic {made[1]} of pump {made[0]} ({line:.2f} Hz) is on the carrier"
 
     def _data(self, start: float, symbol: float) -> BlockData:
         begin = start - MARGIN * symbol
@@ -318,7 +315,8 @@ class CarrierReceiver(SampledReceiver):
         last, self._pass = self._pass, None
         if last is None:
             return []
-        failed = f"the check of {last.failed} of {len(last.ebn0)} blocks failed"
+        if not reason and last.failed:
+            reason = self._beside_line(f"the check of {last.failed} of {len(last.ebn0)} blocks failed")
         report = FrameReport(
             self._frame,
             last.name.kind,
@@ -326,7 +324,7 @@ class CarrierReceiver(SampledReceiver):
             last.end_s,
             float(np.mean(last.ebn0)),
             self._clock_error,
-            reason or (self._beside_line(failed) if last.failed else ""),
+            reason,
         )
         self._frame += 1
         return [report]

@@ -120,6 +120,20 @@ def test_a_pump_s_harmonic_on_a_carrier_that_is_not_heard_is_named(counted, said
     assert re.match(rf"no words: {said} the carrier; ", receiver.why_nothing())
 
 
+def test_a_line_is_not_told_of_once_it_cannot_be_judged():
+    """A line, then a gauge that gives every other half second: the line may have gone."""
+    tool = tool_of(frequency_hz=4.0, symbol_rate_hz=1.25, medium="mud")
+    time = np.arange(0.0, 300.0, 1.0 / RATE_HZ)
+    value = 1e5 * np.sin(2.0 * np.pi * 4.2 * time) + np.random.default_rng(1).normal(size=len(time))
+    kept = (time < 150.0) | (time % 1.0 < 0.5)
+    receiver = CarrierReceiver(tool)
+    receiver.push(time[time < 150.0], value[time < 150.0])
+    assert "a line of 4.20 Hz is on the carrier" in receiver.why_nothing()
+    late = kept & (time >= 150.0)
+    receiver.push(time[late], value[late])
+    assert "on the carrier" not in receiver.why_nothing()
+
+
 def test_samples_too_far_apart_are_refused():
     time = np.arange(0.0, 300.0, 0.05)
     with pytest.raises(ValueError, match=r"20 samples a second; a carrier of 12 Hz needs"):
