@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from mwd_sensors.core.arrays import Array
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
     from mwd_surface.receiver.link.receivers import Receiver
     from mwd_surface.receiver.pressure_files import PressureFile
     from mwd_surface.receiver.words import Reception
-
-
-# Of a file without words so much is tried with other pulse widths, s: a quarter of an hour has a flow-on in it.
-_TRIED_S = 900.0
 
 
 def decode(
@@ -67,39 +64,39 @@ def decode(
         read = pressure_files.read(file, gauge, topic, configuration.link)
     for note in read.notes:
         terminal.warn(f"{file.name}: {note}")
+    if wired and strokes:
+        raise ValueError("--strokes: a serial line has no pumps; leave it out")
+    counted = pressure_files.read_strokes(strokes) if strokes else read.strokes
     receiver = receivers.receiver_of(configuration)
-    got = _received(receiver, read, strokes)
+    got = _received(receiver, read, counted)
     names = _write(output, configuration, read, got)
     _print_words(got, wired)
     if not any(word.status == BELIEVED for word in got.words):
-        terminal.warn(_why_nothing(receiver, configuration, read))
+        terminal.warn(_why_nothing(receiver, configuration, read, counted))
     terminal.output().print(f"written: {output}/{names} ({read.origin})", markup=False)
 
 
-def _why_nothing(receiver: Receiver, configuration: ToolConfiguration, read: PressureFile) -> str:
+def _why_nothing(
+    receiver: Receiver, configuration: ToolConfiguration, read: PressureFile, strokes: dict[int, Array]
+) -> str:
     """Reason why no word is believed; of pulses also whether they have another width."""
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
     from mwd_surface.receiver.link import other_width
 
     if configuration.code in PULSE_CODES and len(read.time_s):
-        first = read.time_s < read.time_s[0] + _TRIED_S
-        width = other_width.sent_width(configuration, read.time_s[first], read.pressure_pa[first])
+        width = other_width.sent_width(configuration, read.time_s, read.pressure_pa, strokes)
         if width is not None:
             return other_width.sentence(configuration, width)
     return receiver.why_nothing()
 
 
-def _received(receiver: Receiver, read: PressureFile, strokes: Path | None) -> Reception:
-    """What a receiver hears in a file; strokes: of the pumps, where they stand in a file of their own."""
-    from mwd_surface.receiver import pressure_files
+def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array]) -> Reception:
+    """What a receiver hears in a file; strokes of each pump, s."""
     from mwd_surface.receiver.sampled_receiver import SampledReceiver
 
-    counted = pressure_files.read_strokes(strokes) if strokes else read.strokes
     if isinstance(receiver, SampledReceiver):
-        for pump, times in counted.items():
+        for pump, times in strokes.items():
             receiver.strokes(pump, times)
-    elif strokes:
-        raise ValueError("--strokes: a serial line has no pumps; leave it out")
     got = receiver.push(read.time_s, read.pressure_pa)
     got.add(receiver.finish())
     return got

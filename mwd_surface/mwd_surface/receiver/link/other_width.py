@@ -9,14 +9,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.receiver.flow_spans import FlowSpans
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
 from mwd_surface.receiver.words import BELIEVED
+
+# So much of a recording is tried from a flow-on, s: a survey of 133 s in pulses of 0.8 s takes 332 s in the widest.
+_TRIED_S = 900.0
 
 
 def other_widths(tool: ToolConfiguration) -> list[float]:
@@ -25,9 +30,13 @@ def other_widths(tool: ToolConfiguration) -> list[float]:
     return sorted(others, key=lambda one: abs(math.log(one / tool.pulse_width_s)))
 
 
-def believed_with(tool: ToolConfiguration, width_s: float, time_s: Array, pressure_pa: Array) -> bool:
-    """Whether a word is believed with another pulse width; arrays of shape (n,): s, Pa."""
+def believed_with(
+    tool: ToolConfiguration, width_s: float, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
+) -> bool:
+    """Whether a word is believed with another pulse width; arrays of shape (n,): s, Pa; strokes of each pump, s."""
     receiver = PulseReceiver(dataclasses.replace(tool, pulse_width_s=width_s))
+    for pump, times in strokes.items():
+        receiver.strokes(pump, times)
     try:
         got = receiver.push(time_s, pressure_pa)
     except ValueError:
@@ -37,9 +46,24 @@ def believed_with(tool: ToolConfiguration, width_s: float, time_s: Array, pressu
     return any(word.status == BELIEVED for word in got.words)
 
 
-def sent_width(tool: ToolConfiguration, time_s: Array, pressure_pa: Array) -> float | None:
+def sent_width(
+    tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
+) -> float | None:
     """Pulse width by which words of a recording are believed, s, arguments as `believed_with`; None: none is."""
-    return next((one for one in other_widths(tool) if believed_with(tool, one, time_s, pressure_pa)), None)
+    on_s = _longest_flow(time_s, pressure_pa)
+    first = (time_s >= on_s) & (time_s < on_s + _TRIED_S)
+    tried = time_s[first], pressure_pa[first], strokes
+    return next((one for one in other_widths(tool) if believed_with(tool, one, *tried)), None)
+
+
+def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
+    """When the flow came on for the longest, s; the first time where no flow-on is seen."""
+    flow = FlowSpans()
+    flow.push(time_s, pressure_pa)
+    ends = [*(span.start_s for span in flow.spans[1:]), float(time_s[-1])]
+    # The last span may last to the end: no flow follows it.
+    flows = [(end - span.end_s, span.end_s) for span, end in zip(flow.spans, ends, strict=False)]
+    return max((one for one in flows if math.isfinite(one[1])), default=(0.0, float(time_s[0])))[1]
 
 
 def sentence(tool: ToolConfiguration, width_s: float) -> str:
@@ -107,6 +131,6 @@ class OtherWidth:
             return
         width = self._untried.pop(0)
         time, pressure = (np.concatenate(rows) for rows in zip(*self._kept, strict=True))
-        if believed_with(self._tool, width, time, pressure):
+        if believed_with(self._tool, width, time, pressure, {}):
             self.end()
             self.found_s = width

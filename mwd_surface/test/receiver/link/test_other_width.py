@@ -23,11 +23,11 @@ HERE = ToolConfiguration(
 FLOW_ON = 20.0
 
 
-def pressure(width_s, seconds=200.0, seed=5):
-    """Times and pressure of a tool with pulses of a width in a well of 2 km."""
+def pressure(width_s, seconds=200.0, seed=5, on_s=FLOW_ON, before=(), depth_m=2000.0):
+    """Times and pressure of a tool with pulses of a width; before: spans without flow, s."""
     tool = dataclasses.replace(HERE, pulse_width_s=width_s)
-    channel = MudChannel(well=Well(depth_m=2000.0), flow_off_s=((-100.0, FLOW_ON),))
-    run = link_run(channel, transmit(tool, ((FLOW_ON, seconds),), seed), seconds, seed)
+    channel = MudChannel(well=Well(depth_m=depth_m), flow_off_s=before or ((-100.0, on_s),))
+    run = link_run(channel, transmit(tool, ((on_s, seconds),), seed), seconds, seed)
     return run.time_s, run.pressure_pa
 
 
@@ -38,12 +38,22 @@ def test_the_nearest_widths_are_tried_first_and_its_own_is_not():
 
 @pytest.mark.parametrize("width", [0.25, 0.8, 1.2])
 def test_the_width_that_the_tool_sends_is_found(width):
-    assert sent_width(HERE, *pressure(width)) == width
+    assert sent_width(HERE, *pressure(width), {}) == width
+
+
+def test_a_recording_is_tried_from_the_flow_on_of_its_longest_flow():
+    spans = ((-100.0, 20.0), (60.0, 960.0), (1150.0, 1400.0))
+    assert sent_width(HERE, *pressure(0.8, 1160.0, on_s=960.0, before=spans), {}) == 0.8
 
 
 def test_no_width_is_found_in_pumps_alone():
-    run = link_run(MudChannel(well=Well(depth_m=2000.0)), transmit(HERE, (), 1), 200.0, 6)
-    assert sent_width(HERE, run.time_s, run.pressure_pa) is None
+    for seed in (6, 7, 8):
+        run = link_run(MudChannel(well=Well(depth_m=2000.0)), transmit(HERE, (), seed), 200.0, seed)
+        assert sent_width(HERE, run.time_s, run.pressure_pa, {}) is None
+
+
+def test_no_width_is_found_where_the_signal_of_its_own_is_weak():
+    assert sent_width(HERE, *pressure(0.5, depth_m=6000.0), {}) is None
 
 
 def searched(search, since_s, first_s, parts=1):
