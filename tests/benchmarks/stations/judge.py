@@ -23,7 +23,7 @@ from stations.tool_code import DEG, FIELD_NOISE, FORCE_NOISE
 
 HEAD = (
     "| stations | number | accepted % | not determined % | > 3 sigma % | > 10 deg % | > 45 deg % | rms deg "
-    "| NEES | NEES, all | inclination > 3 sigma % | of > 3 sigma: revised |"
+    "| NEES | NEES, all | inclination > 3 sigma % | of > 3 sigma: put right by a revision |"
 )
 UNKNOWN = PropagatedAzimuth(*[math.nan] * 5)
 _SECOND, _AVERAGED, _SAMPLES = 10**9, 10 * 10**9, 1000
@@ -35,7 +35,7 @@ class Judged:
     Of one station, rad: azimuth error and 1 sigma as published, whether accepted; of the inclination.
 
     undetermined: the attitude does not determine the azimuth, and the station is accepted for its inclination.
-    revised: once its run was over, another verdict or an azimuth more than a sigma away was proposed.
+    put_right: once its run was over, the estimator proposed a revision in which nothing beyond 3 sigma is accepted.
     """
 
     error: float
@@ -45,7 +45,7 @@ class Judged:
     inclination_error: float
     inclination_sigma: float
     inclination_accepted: bool
-    revised: bool = False
+    put_right: bool = False
 
     @property
     def leans(self) -> bool:
@@ -115,6 +115,6 @@ def row(name: str, found: list[Judged]) -> str:
     words += [share(off > 3.0 * limit), share(off > 10.0 * DEG)]
     words += [share(off > 45.0 * DEG), f"{math.sqrt(np.mean(off**2)) / DEG:.2f}" if len(off) else ""]
     words += [mean((off / limit) ** 2), mean((error[known] / sigma[known]) ** 2), share(np.array(leaning))]
-    wrong = [one.revised for one in found if one.wrong]
+    wrong = [one.put_right for one in found if one.wrong]
     words += [f"{sum(wrong)} of {len(wrong)}" if wrong else ""]
     return f"| {name} | " + " | ".join(words) + " |"

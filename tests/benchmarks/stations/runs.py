@@ -208,8 +208,10 @@ def decided(
             float(wrap_tau(known[0] + turned)), math.hypot(known[1], _PROPAGATED), known[2], math.nan, math.nan
         )
     if any(one.wrong for one in found):
-        revised = decision.revisions()
-        found = [dataclasses.replace(one, revised=k + 1 in revised) for k, one in enumerate(found)]
+        for number, survey in decision.revisions().items():
+            k = number - 1
+            now = judge.judged(survey, inclination[k], azimuth[k])
+            found[k] = dataclasses.replace(found[k], put_right=not now.wrong)
     return found
 
 
