@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.nodes.receiver import ReceiverNode
+from mwd_surface.receiver.link.link import NO_FLOW, SEARCHING
 from mwd_surface.receiver.link.link_attitude import AgeRules
 from mwd_surface.receiver.link.link_feed import LinkFeed
 
@@ -47,6 +48,15 @@ def test_an_angle_of_the_top_drive_that_is_not_finite_is_left_out(node, monkeypa
     for angle in (math.nan, math.inf, 0.5):
         ReceiverNode._on_quill(node, JointState(position=[angle]))
     assert taken == [0.5]
+
+
+def test_a_flow_whose_bit_goes_keeps_no_tool_silent(node):
+    link = node._inputs[0].feed.link
+    low = 0.5 * ToolConfiguration().flow_threshold
+    ReceiverNode._on_rig_state(node, RigState(flow_rate=low, valid=RigState.FLOW_RATE))
+    assert link.quality().state == NO_FLOW
+    ReceiverNode._on_rig_state(node, RigState(flow_rate=low))
+    assert link.quality().state == SEARCHING
 
 
 def test_a_receiver_without_a_tool_file_shuts_down_and_ends_its_process():

@@ -11,6 +11,7 @@ from mwd_sensors.simulator import carrier_tool
 from mwd_sensors.simulator.mud_channel import MudChannel
 from mwd_sensors.simulator.mud_line import Well
 from mwd_sensors.simulator.pulse_tool import link_run, transmit
+from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, starting
 from mwd_surface.receiver.link.link import DOUBTFUL, LOCKED, NO_FLOW, NO_INPUT, SEARCHING, Link
 from mwd_surface.receiver.link.link_attitude import AgeRules
@@ -98,12 +99,20 @@ def test_a_flow_below_the_threshold_of_the_tool_is_said(run):
         assert (link.quality().state, link.quality().reason) == said
 
 
-def test_pressure_that_begins_behind_the_sync_waits_for_the_next_flow_on(run):
-    link = link_of()
+@pytest.mark.parametrize(
+    ("changes", "begins"),
+    [
+        ({}, "flow-on"),
+        ({"header_bits": 2}, "flow-on or a change of rotation"),
+        ({"downlink": Downlink()}, "flow-on or a command"),
+    ],
+)
+def test_pressure_that_begins_behind_the_sync_waits_for_the_next(run, changes, begins):
+    link = link_of(dataclasses.replace(TOOL, **changes))
     link.take_flow(110.0, 2.0 * TOOL.flow_threshold)
     _, _, states = pushed(link, run.time_s[11000:13000], run.pressure_pa[11000:13000])
     assert {(one.state, one.reason) for one in states} == {
-        (SEARCHING, "the sync comes after flow-on, and none was seen yet: wait for the next one")
+        (SEARCHING, f"the sync comes after {begins}, and none was seen yet: wait for the next one")
     }
 
 
