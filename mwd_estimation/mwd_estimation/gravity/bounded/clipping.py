@@ -12,11 +12,12 @@ from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
 HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it counts as a shock
-UNUSUAL = 3.0  # times the usual acceleration; one in 170 000 samples of Gaussian vibration is beyond (chi-square of 3)
+UNUSUAL = 2.2  # times the usual acceleration
+CHANCE = 0.0023  # share of samples of Gaussian vibration that is beyond it (chi-square of 3)
 LOST = 1.0  # velocity lost for each velocity shown: 1.0 to 1.9 on simulated shocks beyond 4, 8 and 16 g
 USUAL_TIME = 0.3  # s, memory of the usual acceleration
 SHOCK_POWER = 1e4  # (m/s^2)^2, the most of a shock that enters it
-SHOCK_MEMORY, FREQUENT = 10.0, 6.0  # s; shocks in that time from which on losses that do not stand out are expected
+SHOCK_MEMORY = 10.0  # s, over which shocks are counted
 QUIET = 0.05  # least usual square of an innovation that the gate is a multiple of
 LEAST_EXPECTED = 1e-6  # shocks in one update: fewer are none
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
@@ -69,13 +70,15 @@ def jump_gate(s: Record) -> float:
     """
     Square of an innovation over its variance that shows a velocity lost in a shock that did not stand out.
 
-    As many such shocks are expected as stand out. The loss is likelier than chance from where the likelihood of an
-    innovation, exp(-square / 2), falls below the probability of a shock within one update.
+    It is taken for one where chance makes an innovation as large less often than shocks come: a normal one has a square
+    beyond x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Assumed: as many shocks do
+    not stand out as do, less those that are vibration by chance, and they come at random, with a probability of
+    1 - exp(-n T) of one or more within a time T.
     """
-    expected = s.shocks * s.sums.time / SHOCK_MEMORY
+    expected = (s.shocks / SHOCK_MEMORY - CHANCE / max(s.period, 1e-4)) * s.sums.time
     if expected < LEAST_EXPECTED:
         return NEVER
-    return -2.0 * math.log(expected) * max(s.innovations.usual, QUIET)
+    return -2.0 * math.log(-math.expm1(-expected)) * max(s.innovations.usual, QUIET)
 
 
 @compiled

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.core import track
-from mwd_estimation.gravity.bounded.clipping import FREQUENT
 from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import BIAS, DOWN, POS, SLOPE, TILT, VEL, Record
 from mwd_sensors.core.arrays import Array, Vector
@@ -27,6 +26,7 @@ WALK_PER_DISPLACEMENT = 2.7  # random walk of the point that stays for each disp
 FOLDED_LEAST = 0.6  # (m/s^2)^2 s, density of the force from which on it may be vibration that point samples fold down
 FOLDED_MEMORY, FOLDED_FIRST, FOLDED_AGE = 20.0, 2.0, 0.5  # s, over which it is judged whether it is; less at a start
 FOLDED_YOUNG = 1.0  # s since a start, in which the high-passes have not settled yet
+FREQUENT = 6.0  # shocks in 10 s (`clipping.SHOCK_MEMORY`) from which on white force is theirs, not folded vibration
 WHITE_SHARE = 0.16  # of the density that the displacement shows, in the noise: not all of it is white
 ROTARY_NOISE = 0.00005  # gyro noise for each rate about the axis, whose scale is a state
 CROSS_TURN = 5.0  # rad/s, rate lost while a cross-axis gyro clips

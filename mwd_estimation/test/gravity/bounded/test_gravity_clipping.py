@@ -44,12 +44,23 @@ def test_rare_shocks_that_do_not_stand_out_in_long_samples_cost_no_tilt_either()
     assert_consistent(np.stack(errors), np.stack(sigmas), correlated=True)
 
 
-def test_the_more_shocks_were_seen_the_smaller_an_innovation_shows_a_velocity_lost():
+def _gate(rate_hz: float, interval_s: float) -> float:
+    """Gate in units of the usual square after so many shocks a second, from samples of 0.01 s."""
     s = bounded.initial(bounded.Params()).record[0]
-    s.sums.time, s.innovations.usual = 0.03, 1.0
-    assert clipping.jump_gate(s) == clipping.NEVER
-    gates = []
-    for s.shocks in (1.0, 10.0):
-        gates.append(clipping.jump_gate(s))
-    # One shock in 333 updates, and in 33: as likely as a normal innovation of 3.4 and of 2.6 sigma.
-    assert gates == pytest.approx([2.0 * math.log(1000.0 / 3.0), 2.0 * math.log(100.0 / 3.0)])
+    s.shocks, s.sums.time, s.period, s.innovations.usual = rate_hz * clipping.SHOCK_MEMORY, interval_s, 0.01, 1.0
+    return clipping.jump_gate(s)
+
+
+def test_the_more_shocks_were_seen_the_smaller_an_innovation_shows_a_velocity_lost():
+    # Of 100 samples of Gaussian vibration a second 0.23 are beyond 2.2 times the usual: chi-square of 3 beyond 14.52.
+    assert _gate(0.2, 0.03) == clipping.NEVER
+    for rate_hz in (1.0, 8.0):
+        # A square is beyond the gate by chance with exp(-gate / 2) at most, as often as a shock comes in the interval.
+        often = 1.0 - math.exp(-(rate_hz - 0.23) * 0.03)
+        assert math.exp(-_gate(rate_hz, 0.03) / 2.0) == pytest.approx(often, rel=1e-6)
+
+
+@pytest.mark.parametrize("interval_s", [0.2, 1.0])
+def test_shocks_that_come_faster_than_updates_leave_a_gate_above_zero(interval_s):
+    # Ten shocks a second, and an update of a slow unit or at the end of a gap: a shock is never quite certain.
+    assert 0.0 < _gate(10.0, interval_s) < _gate(10.0, 0.1)
