@@ -45,13 +45,16 @@ def main() -> None:
     if pooled:
         show(judge.row("all disturbed but sensor defects", pooled))
     head(f"{length} runs of {runs.STATIONS} stations each", judge.HEAD)
-    pooled = []
+    pooled, numbers = [], []
     for name in chosen(runs.KINDS):
         for words, found in runs.parts(name, length, options.seed).items():
-            show(judge.row(f"{name}{words and f': {words}'}", found))
-            pooled += found if runs.POOLED.get(name) == words else []
+            label = f"{name}{words and f': {words}'}"
+            show(judge.row(label, found))
+            if runs.POOLED.get(name) == words:
+                pooled += found
+                numbers.append(f"{len(found)} of {label}")
     if pooled:
-        show(judge.row("all runs with interference, steel, storms, wrong references", pooled))
+        show(judge.row(f"stations pooled: {'; '.join(numbers)}", pooled))
     head(f"{2 * length} runs analysed together, declination known; deg", together.HEAD)
     for name in chosen(together.RUNS):
         show(together.row(name, 2 * length, options.seed))

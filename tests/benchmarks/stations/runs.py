@@ -147,7 +147,8 @@ KINDS = {
     "hot collar, .1-3 uT across": Kind(_curve, disturbances.cross_axial),
     "string and hot collar, .3-5 uT along, .1-3 uT across": Kind(_curve, disturbances.axial_and_cross),
 }
-# What the table's row of all disturbed runs holds, of each kind one part: interference, steel, storms, references.
+# What the table's row of disturbed runs pools, of each kind one part: the disturbances of `singles.POOLED`. The others
+# have no disturbance, one along the axis alone or weaker than these, a gyro, or a fault of a sensor or of the data.
 POOLED = {
     "hot collar, .1-3 uT across": "",
     "string and hot collar, .3-5 uT along, .1-3 uT across": "",
