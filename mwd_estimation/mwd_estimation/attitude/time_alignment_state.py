@@ -43,7 +43,7 @@ class FieldModel(NamedTuple):
     sigma_north: float = 0.0  #: its 1 sigma, rad
 
 
-class Recent(Ring):
+class GravityRing(Ring):
     """The last samples whose gravity is known."""
 
     rows: Annotated[MutableSequence[Sample], RING]
@@ -52,7 +52,7 @@ class Recent(Ring):
 class State:
     """All that changes."""
 
-    recent: Recent
+    recent: GravityRing
     last_ns: int  #: stamp of the last of these
     turn: float  #: about the tool axis since the start, rad
     near_vertical: bool  #: the hole is near vertical, with hysteresis
