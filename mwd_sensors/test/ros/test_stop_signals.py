@@ -85,8 +85,12 @@ sys.exit(run_node.run_node(Node, []))
 
 def asked_to_end(
     moment: str, *numbers: signal.Signals, patience: float = 60.0, environment: dict[str, str]
-) -> tuple[int, str]:
-    """Start a node, send the signals when it has come to that moment; its exit status and what it wrote."""
+) -> tuple[int, str, float]:
+    """
+    Start a node, send the signals when it has come to that moment.
+
+    Returns its exit status, what it wrote, and for how long it ran from then on, s.
+    """
     with subprocess.Popen(
         [sys.executable, "-P", "-c", NODE, moment, str(patience)],
         env=environment,
@@ -98,9 +102,11 @@ def asked_to_end(
             seen = []
             while (line := process.stdout.readline()) and line != "now\n":
                 seen.append(line)
+            asked = time.monotonic()
             for number in numbers:
                 process.send_signal(number)
-            return process.wait(50), "".join(seen) + process.stdout.read()
+            status = process.wait(50)
+            return status, "".join(seen) + process.stdout.read(), time.monotonic() - asked
         finally:
             process.kill()
 
@@ -114,7 +120,7 @@ def environment(tmp_path) -> dict[str, str]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("moment", ["make", "configure"])
 def test_a_node_that_hangs_in_native_code_while_it_starts_ends_when_asked(moment, number, environment):
-    status, output = asked_to_end(moment, number, environment=environment)
+    status, output, _ = asked_to_end(moment, number, environment=environment)
     assert (status, output.splitlines()[-1]) == (0, "stopped while it was starting")
 
 
@@ -122,21 +128,20 @@ def test_a_node_that_hangs_in_native_code_while_it_starts_ends_when_asked(moment
 @pytest.mark.parametrize("moment", ["idle", "busy", "exit", "background"])
 def test_a_node_ends_in_order_however_often_and_whenever_it_is_asked(moment, number, environment):
     both = (number, signal.SIGTERM, signal.SIGINT) * 20
-    status, output = asked_to_end(moment, *(() if moment == "exit" else both), environment=environment)
+    status, output, _ = asked_to_end(moment, *(() if moment == "exit" else both), environment=environment)
     assert (status, "Traceback" in output, "Thread" in output) == (0, False, False)
 
 
 def test_a_node_that_waits_for_a_processor_is_not_taken_for_one_that_hangs(environment):
-    began = time.monotonic()
-    status, output = asked_to_end("compute", signal.SIGINT, patience=3.0, environment=environment)
+    status, output, seconds = asked_to_end("compute", signal.SIGINT, patience=3.0, environment=environment)
     assert (status, "Thread" in output) == (0, False)
-    assert time.monotonic() - began > 3.0
+    assert seconds > 3.0
 
 
 # Both say that they are there: the callback hangs at once, the deactivation when it is asked to end.
 @pytest.mark.parametrize(("moment", "place"), [("callback", "in work"), ("deactivate", "in deactivate")])
 def test_a_node_that_hangs_is_cut_off_and_says_where(moment, place, environment):
-    status, output = asked_to_end(moment, signal.SIGTERM, patience=0.5, environment=environment)
+    status, output, _ = asked_to_end(moment, signal.SIGTERM, patience=0.5, environment=environment)
     assert status == 1
     assert " s after the request to stop; what its threads do:" in output
     assert "Timeout" not in output
@@ -145,5 +150,5 @@ def test_a_node_that_hangs_is_cut_off_and_says_where(moment, place, environment)
 
 
 def test_a_node_that_hangs_and_holds_the_interpreter_is_cut_off_too(environment):
-    status, output = asked_to_end("lock", signal.SIGTERM, patience=0.5, environment=environment)
+    status, output, _ = asked_to_end("lock", signal.SIGTERM, patience=0.5, environment=environment)
     assert (status, "in hold_the_lock" in output) == (1, True)
