@@ -73,6 +73,7 @@ class Reference:
     sigma_gravity: float = SIGMA_GRAVITY
     #: What strength, dip and declination contain of an observatory's disturbance; None where none was added.
     external: ExternalField | None = None
+    observatory: str = ""  #: IAGA code of the observatory asked for it, which may have no data of the time; empty: none
 
     def __post_init__(self) -> None:
         """Refuse figures that no place of the Earth has."""

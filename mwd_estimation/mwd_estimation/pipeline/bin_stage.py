@@ -9,13 +9,11 @@ from there on; its continuity check waits for the attitude up to it.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.attitude.block import BinEvent, MagneticModelInForce
-from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.time_bins import Bin, Binner
 from mwd_estimation.gyrocompass.solution import Solution
@@ -137,25 +135,7 @@ class BinStage:
 
     def rotary(self, average: StillAverage, rotary_speed: float) -> Survey:
         """Decide a survey averaged in a turning string; rotary_speed, rad/s."""
-        taken = self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
-        return self._noted(taken)
-
-    def complete(self, taken: Provisional, propagated: PropagatedAzimuth) -> Survey:
-        """Return a survey as it leaves the estimator; propagated: the azimuths carried to it."""
-        return self._noted(self.decision.complete(taken, propagated))
-
-    def revisions(self) -> dict[int, Survey]:
-        """Surveys of which the whole run says something else than was published, by number."""
-        return {number: self._noted(one) for number, one in self.decision.revisions().items()}
-
-    def judging_again(self, newest: int) -> Callable[[], dict[int, Survey]]:
-        """Return what judges the newest surveys again, by number; it may be called in a thread."""
-        judge = self.decision.judging_again(newest)
-        return lambda: {number: self._noted(one) for number, one in judge().items()}
-
-    def _noted(self, taken: Survey) -> Survey:
-        """Add what is to be said of the external field."""
-        return dataclasses.replace(taken, station=self._observatory.noted(taken.station))
+        return self.decision.rotary(average, self._numbering.next(), self._reference(average), rotary_speed)
 
     def _reference(self, average: StillAverage) -> Reference | None:
         """The reference at the time of an average."""

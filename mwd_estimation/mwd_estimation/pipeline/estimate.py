@@ -319,7 +319,7 @@ class Estimate:
 
     def _completed(self, taken: Provisional, propagated: PropagatedAzimuth) -> Survey:
         """Return a survey as it leaves the estimator; propagated: the azimuths carried to it."""
-        return self._with_status(self.bin_stage.complete(taken, propagated))
+        return self._with_status(self.bin_stage.decision.complete(taken, propagated))
 
     def _with_status(self, survey: Survey) -> Survey:
         return dataclasses.replace(survey, status=self._statuses.at(survey.end_ns))

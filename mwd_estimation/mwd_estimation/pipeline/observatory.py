@@ -6,12 +6,9 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from mwd_estimation.core.external_field import ObservatoryRecord, read_iaga2002, with_external
-from mwd_estimation.core.reasons import Reason
-from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.core.reference_field import STORM, Reference
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.pipeline.external_field import ObservatoryRecord, read_iaga2002, with_external
 from mwd_estimation.settings.place import Place
-from mwd_estimation.survey.station_record import Station
 from mwd_sensors.core.input_files import read_file
 from mwd_sensors.core.settings import SettingsError
 
@@ -39,34 +36,20 @@ class Observatory:
             except (OSError, ValueError) as error:
                 raise SettingsError(f"place.observatory_file: {error}") from error
 
-    def at(self, reference: Reference | None, stamp_ns: int) -> Reference | None:
-        """Return the reference at a time, UTC ns; as it is where there is no record of that time."""
-        if self._record is None or reference is None:
+    def at(self, reference: Reference | None, stamp_ns: int | None) -> Reference | None:
+        """Return the reference at a time, UTC ns (None: not known); without data of then it says only who was asked."""
+        if self._record is None or reference is None or not reference.has_field or reference.declination is None:
             return reference
         try:
             self._refresh()
         except (OSError, ValueError):
-            # Somebody is writing it just now: what was read before holds, and a time beyond it is said (`noted`).
+            # Somebody is writing it just now: what was read before holds, and a time beyond it is said.
             self._read_at = None
-        found = self._record.disturbance(stamp_ns)
+        found = None if stamp_ns is None else self._record.disturbance(stamp_ns)
+        asked = dataclasses.replace(reference, observatory=self._record.station)
         if found is None:
-            return reference
-        share, source = self._place.observatory_share, f"observatory {self._record.station}"
-        return with_external(reference, found, share, source)
-
-    def noted(self, station: Station) -> Station:
-        """Add to a station what is to be said of the external field in its reference, which came from `at`."""
-        reference = station.reference
-        if self._record is None or reference is None or not reference.has_field or reference.declination is None:
-            return station
-        external, names = reference.external, (self._record.station,)
-        if external is None:
-            reason = Reason(Code.EXTERNAL_FIELD_UNKNOWN, names=names)
-        elif external.is_storm:
-            reason = Reason(Code.MAGNETIC_STORM, external.strength, STORM, names=names)
-        else:
-            return station
-        return dataclasses.replace(station, reasons=(*station.reasons, reason))
+            return asked
+        return with_external(asked, found, self._place.observatory_share, f"observatory {self._record.station}")
 
     def _refresh(self) -> None:
         path = Path(self._place.observatory_file)

@@ -157,11 +157,11 @@ class Pipeline:
 
     def revisions(self) -> dict[int, Survey]:
         """Surveys, by number, of which the later ones say something else than was published; that stays."""
-        return self._estimate.bin_stage.revisions()
+        return self._estimate.bin_stage.decision.revisions()
 
     def judging_again(self, newest: int) -> Callable[[], dict[int, Survey]]:
         """Return what judges the newest surveys, by number, as the run is now; it may be called in a thread."""
-        return self._estimate.bin_stage.judging_again(newest)
+        return self._estimate.bin_stage.decision.judging_again(newest)
 
     def set_reference(self, reference: Reference) -> None:
         """Judge and correct by this field from now on; the interference is estimated anew."""

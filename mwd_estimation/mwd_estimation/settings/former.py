@@ -24,7 +24,7 @@ CONSTANT: Mapping[str, float | str] = {
     "tool.misalignment_deg": 0.1,  # XYM1, XYM2 of the ISCWSA MWD code (SensorErrors), or those of survey.tool_code
     "tool.course_misalignment_deg": 0.3,  # XYM3E, XYM4E, likewise
     "tool.sag_deg": 0.2,  # SAGE, likewise; 0.08 with a sag correction
-    "place.storm_nt": 100.0,  # (external_field.py)
+    "place.storm_nt": 100.0,  # (reference_field.STORM)
     "survey.rotary_s": 30.0,  # a request may name another
     "survey.north_seek_s": 120.0,  # likewise
     "survey.min_gyro_s": 30.0,  # (SeekParams)

@@ -16,6 +16,7 @@ import numpy as np
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
+from mwd_estimation.core.reference_field import STORM, Reference
 from mwd_estimation.core.verdicts import ACCEPT, DOUBTFUL, NOT_DETERMINED, REJECT, worse
 from mwd_estimation.survey import totals
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
@@ -74,7 +75,7 @@ def judged(
     """
     readings, station = measured.readings, measured.station
     if readings is None:
-        return replace(station, reasons=(*station.reasons, *faults))
+        return replace(station, reasons=(*station.reasons, *faults, *_of_external_field(station.reference)))
     # The posterior: azimuth and sigma of its chief mode.
     if finding is not None:
         station = _as_found(station, finding)
@@ -267,7 +268,18 @@ def _finished(
         remarks.append(Reason(Code.HYPOTHESES, values=values, names=names))
     beside = totals.against_limits(station.deviations, settings.quality)
     remarks += [total for total in beside if total not in reasons]
+    remarks += _of_external_field(station.reference)
     return replace(station, quantities=quantities, verdict=verdict, reasons=(*reasons, *remarks))
+
+
+def _of_external_field(reference: Reference | None) -> list[Reason]:
+    """What is to be said of the external field in a reference of which an observatory was asked."""
+    if reference is None or not reference.observatory:
+        return []
+    external, names = reference.external, (reference.observatory,)
+    if external is None:
+        return [Reason(Code.EXTERNAL_FIELD_UNKNOWN, names=names)]
+    return [Reason(Code.MAGNETIC_STORM, external.strength, STORM, names=names)] if external.is_storm else []
 
 
 def with_faults(station: Station, verdict: str, reasons: tuple[Reason, ...], *, inclination: bool) -> Station:

@@ -77,7 +77,7 @@ def survey(
     rows = RowReference(settings)
     read = table_rows(table, override, axial=axial, refine=rows.at, run=runs)
     compute = single_stations if single else run_stations
-    worked = rows.noted(compute(read, station_params(settings)))
+    worked = compute(read, station_params(settings))
     console = terminal.output()
     for remark in remarks:
         terminal.warn(remark)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_surface.list_files.six_axis_table import TableStation
 
 # Settings of the place that a table does not use beside each source of the field.
 _BESIDE_A_MODEL = ("total_nt", "dip_deg", "declination_deg", "convergence_deg")
@@ -109,13 +108,8 @@ class RowReference:
         from mwd_estimation.settings import derivation
 
         coded, moment = derivation.with_code(self._settings, reference), _moment(time)
-        if moment is None:
-            return coded
-        return self._observatory.at(coded, round(moment.timestamp() * 1e9)) or coded
-
-    def noted(self, rows: Sequence[TableStation]) -> list[TableStation]:
-        """Add to the rows the remarks on the external field."""
-        return [dataclasses.replace(row, station=self._observatory.noted(row.station)) for row in rows]
+        stamp_ns = None if moment is None else round(moment.timestamp() * 1e9)
+        return self._observatory.at(coded, stamp_ns) or coded
 
 
 def table_reference(

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_estimation.core.external_field import quiet_level, read_iaga2002, with_external
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.pipeline.external_field import quiet_level, read_iaga2002, with_external
 from mwd_sensors.core.frames import wrap_pi
 
 QUIET_NT = np.array([15000.0, 500.0, 48000.0])
