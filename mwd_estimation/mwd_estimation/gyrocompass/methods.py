@@ -17,7 +17,7 @@ from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek, static_ekf
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.seek_params import S1, SeekParams
-from mwd_estimation.gyrocompass.seek_refusal import gyro_clipped, polar, too_short, vertical_hole
+from mwd_estimation.gyrocompass.seek_refusal import WORST_SIGMA, gyro_clipped, polar, too_short, vertical_hole
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RATE
 from mwd_sensors.core.frames import mat_nt
@@ -99,7 +99,7 @@ class StaticSeek:
         return Solution(reason, S1, found.azimuth, found.sigma, found.inclination, scribe_azimuth, self.elapsed, limit)
 
     def _refusal(self, found: static_ekf.North) -> Reason | None:
-        params, worst = self.params, math.radians(self.params.worst_sigma_deg)
+        params = self.params
         pole = polar(params.latitude_deg)
         if pole is not None:
             return pole
@@ -113,7 +113,7 @@ class StaticSeek:
         vertical = vertical_hole(found.inclination)
         if vertical is not None:
             return vertical
-        if found.sigma > worst:
+        if found.sigma > WORST_SIGMA:
             bias = params.gyro_bias_deg_h * DEG_PER_HOUR
-            return Reason(ReasonCode.GYRO_BIAS_UNKNOWN_STATIC, found.sigma, worst, (bias,))
+            return Reason(ReasonCode.GYRO_BIAS_UNKNOWN_STATIC, found.sigma, WORST_SIGMA, (bias,))
         return None

@@ -25,7 +25,7 @@ from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.seek_filter import advance
 from mwd_estimation.gyrocompass.seek_measurement import frame
 from mwd_estimation.gyrocompass.seek_params import SeekParams, kernel_params
-from mwd_estimation.gyrocompass.seek_refusal import Fit, motion, polar, refusal
+from mwd_estimation.gyrocompass.seek_refusal import WORST_SIGMA, Fit, motion, polar, refusal
 from mwd_estimation.gyrocompass.seek_state import STATE, WORK, Error, KernelParams, Phase, State, estimate
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array
@@ -142,7 +142,7 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
     choices: tuple[tuple[float, float], ...] = ()
     if reason is not None and reason.code is ReasonCode.TWO_AZIMUTHS_FIT_GYRO:
         each = [azimuth_posterior.posterior(parts, p.horizontal, angle) for angle in circle.several]
-        if all(one.sigma <= math.radians(params.worst_sigma_deg) for one in each):
+        if all(one.sigma <= WORST_SIGMA for one in each):
             choices = tuple((float(wrap_tau(one.mean + heading)), one.sigma) for one in each)
     scribe = state.mat[:, 2]
     return Solution(

@@ -15,14 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.core import clip_flags, track
-from mwd_estimation.gyrocompass.seek_measurement import measure
+from mwd_estimation.gyrocompass.seek_measurement import LYING_VELOCITY, measure
 from mwd_estimation.gyrocompass.seek_state import Error, KernelParams, Phase, State, Sums, Work
 from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
-from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.kalman import level_matrix, propagate_covariance, rotate_left, rotate_right
 
 _GYRO_FLAGS, _ACCEL_FLAG = clip_flags.AXIAL_GYRO | clip_flags.CROSS_GYRO, clip_flags.ACCEL
+# A longer data gap begins the seek anew, ns.
+GAP_NS = 1_000_000_000
+# Duration of the mean force that starts the filter, and time between two Kalman steps, s.
+LEVEL_S, _BLOCK_S = 2.0, 0.1
+# Random walk of the direction of the hole axis, rad/sqrt(s).
+_AXIS_WALK = 0.0005 * DEG_PER_ROOT_HOUR
 # A tenth of a turn ends a block too: mean and two harmonics of the wobble need more than five looks per turn.
 _BLOCK_TURN = 0.64
 # A mean tool axis shorter than this share of one is vertical: its heading is taken at will.
@@ -156,7 +162,7 @@ def _predict(p: KernelParams, s: State, work: Work) -> None:
         _drift(s, i, t)
     for i in range(2):
         P[Error.VELOCITY + i, Error.VELOCITY + i] += p.accel_noise**2 * t + s.sums.lost_velocity
-        P[Error.AXIS + i, Error.AXIS + i] += p.axis_walk**2 * t
+        P[Error.AXIS + i, Error.AXIS + i] += _AXIS_WALK**2 * t
 
 
 @compiled
@@ -194,7 +200,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
     for j in range(2):
         s.velocity[j] = s.axis[j] = 0.0
         P[Error.ATTITUDE + j, Error.ATTITUDE + j] = _TILT**2
-        P[Error.VELOCITY + j, Error.VELOCITY + j] = _VELOCITY**2 + p.velocity**2
+        P[Error.VELOCITY + j, Error.VELOCITY + j] = _VELOCITY**2 + LYING_VELOCITY**2
         P[Error.EARTH_RATE + j, Error.EARTH_RATE + j] = (_EARTH_RATES * p.horizontal) ** 2
         P[Error.AXIS + j, Error.AXIS + j] = _DIRECTION**2
     P[Error.ATTITUDE + 2, Error.ATTITUDE + 2] = _HEADING_VARIANCE
@@ -266,7 +272,7 @@ def advance(
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
         last = s.clock.last_ns
-        verdict = track.admit(s.clock, stamps[i], w, f, p.gap_ns)
+        verdict = track.admit(s.clock, stamps[i], w, f, GAP_NS)
         s.samples += 1
         if verdict == track.REJECTED or verdict == track.FIRST:
             continue
@@ -278,14 +284,14 @@ def advance(
         sample(p, s, work.half, dt, w, f)
         if s.phase == Phase.LEVELLING:
             s.level_time += dt
-            if s.level_time < p.level_seconds - 1e-9:
+            if s.level_time < LEVEL_S - 1e-9:
                 continue
             _begin(p, s, work)
             s.phase = Phase.SETTLING
-        elif s.sums.time >= p.block_seconds - 1e-9 or abs(s.sums.turn) > _BLOCK_TURN:
+        elif s.sums.time >= _BLOCK_S - 1e-9 or abs(s.sums.turn) > _BLOCK_TURN:
             transition(p, s, work.phi)
             _predict(p, s, work)
-            measure(p, s, work)
+            measure(s, work)
         else:
             continue
         clear(s.sums)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from mwd_estimation.gyrocompass.seek_state import Error, KernelParams, Phase, State, Work
+from mwd_estimation.gyrocompass.seek_state import Error, Phase, State, Work
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, rotate_left, scalar_update
@@ -19,8 +19,10 @@ from mwd_sensors.core.kalman import project_covariance, reset_state, rotate_left
 _SETTLE_BLOCKS = 10
 # A direction off by more than so many variances is left out; after so many blocks in a row the axis lies elsewhere.
 _GATE, _MOVED_BLOCKS = 25.0, 5
-# Sigma of a direction beside its reference where nothing is known of it, rad.
-_DIRECTION = 0.05
+# Sigma of a direction beside its reference where nothing is known of it, rad, and the least noise of one.
+_DIRECTION, _LEAST_DIRECTION = 0.05, 1e-6
+# Sigma of the velocity of a tool that lies in its hole, m/s, and the rate about its axis below which it rests, rad/s.
+LYING_VELOCITY, _STILL_RATE = 0.005, 0.05
 # Share with which a block moves the scatter: one over the first number and the blocks seen, up to the second, which is
 # longer than a string sways for once.
 _SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 120.0
@@ -29,7 +31,7 @@ _REST_BLOCKS = 2
 
 
 @compiled
-def measure(p: KernelParams, s: State, work: Work) -> None:
+def measure(s: State, work: Work) -> None:
     """Kalman step at the end of a block: no velocity gained, hole axis and roll where they were."""
     for j in range(Error.SIZE):
         work.error[j] = 0.0
@@ -37,17 +39,17 @@ def measure(p: KernelParams, s: State, work: Work) -> None:
         _clear(work.h)
         work.h[Error.VELOCITY + i] = 1.0
         innovation, spread = _look(s.P, work, -s.velocity[i])
-        scalar_update(s.P, work.error, work.ph, spread + p.velocity**2, innovation)
+        scalar_update(s.P, work.error, work.ph, spread + LYING_VELOCITY**2, innovation)
     if s.phase == Phase.SETTLING:
         _settle(s)
     else:
         t = s.sums.time
         share = 1.0 / (_SCATTER_BLOCKS + min(float(s.seen), _SCATTER_MOST))
         s.seen += 1
-        _hold_axis(p, s, work, share)
-        quiet = abs(s.sums.turn) < p.still_rate * t
+        _hold_axis(s, work, share)
+        quiet = abs(s.sums.turn) < _STILL_RATE * t
         if quiet and s.still_run >= _REST_BLOCKS:
-            _hold_roll(p, s, work, share)
+            _hold_roll(s, work, share)
         s.still_run = s.still_run + 1 if quiet else 0
         if quiet:
             s.still_time += t
@@ -85,10 +87,10 @@ def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
 
 
 @compiled
-def _hold(p: KernelParams, s: State, work: Work, which: int, y: float, share: float) -> bool:
+def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
     """Update by an angle that keeps still, with the scatter seen so far as its noise; False if it was gated out."""
     innovation, spread = _look(s.P, work, y)
-    r2 = max(p.direction_floor**2, s.scatter[which])
+    r2 = max(_LEAST_DIRECTION**2, s.scatter[which])
     ok = innovation * innovation < _GATE * (spread + r2)
     # What the prediction does not explain; never below zero, or a wide start would claim a noise that is not there.
     seen = max(min(innovation * innovation, _GATE * (spread + r2)) - spread, 0.0)
@@ -120,7 +122,7 @@ def _settle(s: State) -> None:
 
 
 @compiled
-def _hold_axis(p: KernelParams, s: State, work: Work, share: float) -> None:
+def _hold_axis(s: State, work: Work, share: float) -> None:
     """Update by the hole axis, which lies where it lay but for a wobble once and twice per turn of the scribe line."""
     mat, reference, h = s.mat, s.axis_reference, work.h
     ax, ay, az, zx, zy, zz = mat[0, 0], mat[1, 0], mat[2, 0], mat[0, 2], mat[1, 2], mat[2, 2]
@@ -141,7 +143,7 @@ def _hold_axis(p: KernelParams, s: State, work: Work, share: float) -> None:
         y = (ax - reference[0]) * ux + (ay - reference[1]) * uy + (az - reference[2]) * uz - s.axis[i]
         for j in range(4):
             y -= h[wobble + j] * s.wobble[4 * i + j]
-        ok = _hold(p, s, work, i, y, share) and ok
+        ok = _hold(s, work, i, y, share) and ok
     s.refused_blocks = 0 if ok else s.refused_blocks + 1
     if s.refused_blocks >= _MOVED_BLOCKS:
         # The axis lies elsewhere now: forget where it lay.
@@ -152,7 +154,7 @@ def _hold_axis(p: KernelParams, s: State, work: Work, share: float) -> None:
 
 
 @compiled
-def _hold_roll(p: KernelParams, s: State, work: Work, share: float) -> None:
+def _hold_roll(s: State, work: Work, share: float) -> None:
     """Update by the roll of a tool at rest, which stays where it was; the first of a rest is the reference."""
     mat, a, k, h = s.mat, s.axis_reference, s.roll_reference, work.h
     zx, zy, zz = mat[0, 2], mat[1, 2], mat[2, 2]
@@ -168,7 +170,7 @@ def _hold_roll(p: KernelParams, s: State, work: Work, share: float) -> None:
     h[0], h[1], h[2] = uy * zz - uz * zy, uz * zx - ux * zz, ux * zy - uy * zx
     h[Error.ROLL] = 1.0
     y = (zx - k[0]) * ux + (zy - k[1]) * uy + (zz - k[2]) * uz - s.roll
-    if not _hold(p, s, work, 2, y, share):
+    if not _hold(s, work, 2, y, share):
         s.still_run = 0
 
 

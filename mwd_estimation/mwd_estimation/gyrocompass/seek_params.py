@@ -23,9 +23,8 @@ SEEK, S1 = "seek", "s1"
 TACTICAL_NOISE_DEG_RTH, _LEAST_NOISE = 0.05, 0.001
 # Samples averaged for the noise that counts, and by how much single ones may exceed it before they count no longer.
 _AVERAGED, _SHAKEN = 10, 1.5
-# Least noise of a direction, rad; share of its range from which a gyro counts as clipped; rate about the axis below
-# which the tool rests, rad/s.
-_DIRECTION_FLOOR, _CLIPS_FROM, _STILL_RATE = 1e-6, 0.98, 0.05
+# Share of its range from which a gyro counts as clipped.
+_CLIPS_FROM = 0.98
 # Least 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour: a Gaussian needs some. Time by which a bias that was
 # zeroed has drifted, h.
 LEAST_BIAS, _LEAST_RAMP, _DRIFTED_H = 1e-6, 1e-9, 1.0
@@ -46,7 +45,6 @@ class SeekParams:
     #: What the tool does while north is sought. auto judges by the motion; the others refuse another motion.
     mode: str = "auto"
     shortest: float = 30.0  #: shortest seek that gives an azimuth, s
-    worst_sigma_deg: float = 20.0  #: an azimuth with a larger sigma is refused, deg
     gyro_noise_deg_rth: float = 0.05  #: white noise of y and z, deg/sqrt(h)
     gyro_x_noise_deg_rth: float = 0.42  #: white noise of x, deg/sqrt(h)
     accel_noise_ug_rthz: float = 30.0  #: white noise of the accelerometers, ug/sqrt(Hz)
@@ -66,13 +64,7 @@ class SeekParams:
     lag_sigma_ms: float = 0.05  #: sigma of that delay, ms
     lead_ms: float = 0.0  #: time by which the accelerometer is ahead of the x gyro, ms
     lead_sigma_ms: float = 3.0  #: sigma of that time, ms; a spin-up shows it
-    sigma_velocity: float = 0.005  #: sigma of the tool's velocity, m/s
-    #: Random walk of the direction of the hole axis, deg/sqrt(h).
-    axis_walk_deg_rth: float = 0.0005
-    block_seconds: float = 0.1  #: time between two Kalman steps, s
-    level_seconds: float = 2.0  #: duration of the mean force that starts the filter, s
     longest_turn_s: float = 30.0  #: a turn between two rests that takes longer ends the seek of a station, s
-    gap: float = 1.0  #: a longer data gap begins the seek anew, s
     gyro_range_dps: float = 400.0  #: rate at which y and z clip, deg/s
 
     @property
@@ -135,13 +127,10 @@ def kernel_params(params: SeekParams) -> KernelParams:
     start_x, start_y, start_z = (_UNKNOWN * sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     along, across, stretch, shear = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
     return KernelParams(
-        gap_ns=round(params.gap * 1e9),
         horizontal=horizontal,
         down=-EARTH_RATE * math.sin(latitude),
         gravity=params.gravity,
         coarse_seconds=0.5 * params.shortest,
-        level_seconds=params.level_seconds,
-        block_seconds=params.block_seconds,
         gyro_noise=params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR,
         gyro_x_noise=params.gyro_x_noise_deg_rth * DEG_PER_ROOT_HOUR,
         accel_noise=params.accel_noise_ug_rthz * MICRO_G,
@@ -158,11 +147,7 @@ def kernel_params(params: SeekParams) -> KernelParams:
         lag_sigma=params.lag_sigma_ms * 1e-3,
         lead=params.lead_ms * 1e-3,
         lead_sigma=params.lead_sigma_ms * 1e-3,
-        velocity=params.sigma_velocity,
-        axis_walk=params.axis_walk_deg_rth * DEG_PER_ROOT_HOUR,
-        direction_floor=_DIRECTION_FLOOR,
         gyro_range=_CLIPS_FROM * math.radians(params.gyro_range_dps),
-        still_rate=_STILL_RATE,
     )
 
 

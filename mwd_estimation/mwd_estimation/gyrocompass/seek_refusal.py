@@ -13,6 +13,8 @@ from mwd_estimation.gyrocompass.seek_state import State
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
+# An azimuth with a larger sigma is refused, rad.
+WORST_SIGMA = math.radians(20.0)
 # Geodetic latitude above which the Earth's rotation has no usable horizontal part.
 _MAX_LATITUDE_DEG = 85.0
 # Share of clipped samples, of turning in a still shot and of turning in a rotating one.
@@ -45,7 +47,7 @@ def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
     """Reason to refuse the azimuth: the motion first, then the hole's attitude, the instrument and the uncertainty."""
     return (
         motion(params, state, fit.method)
-        or _attitude(params, fit)
+        or _attitude(fit)
         or _latitude(params, fit)
         or _instrument(params, state, fit)
         or _uncertainty(params, float(state.elapsed), fit)
@@ -101,7 +103,7 @@ def motion(params: SeekParams, state: State, method: str) -> Reason | None:
     return None
 
 
-def _attitude(params: SeekParams, fit: Fit) -> Reason | None:
+def _attitude(fit: Fit) -> Reason | None:
     vertical = vertical_hole(fit.inclination)
     if vertical is not None:
         return vertical
@@ -109,7 +111,7 @@ def _attitude(params: SeekParams, fit: Fit) -> Reason | None:
     if fit.azimuths:
         # The mean of two that fit is neither.
         seen = max(math.sqrt(max(1.0 - (math.sin(fit.inclination) * math.sin(a)) ** 2, 0.0)) for a in fit.azimuths)
-    uncertain = fit.sigma > math.radians(params.worst_sigma_deg) / 4.0
+    uncertain = fit.sigma > WORST_SIGMA / 4.0
     if seen < _LEAST_SENSITIVITY and fit.method in ("rotating", "two_position") and uncertain:
         off = max(math.asin(min(1.0, seen)), math.radians(0.5))
         return Reason(Code.EAST_WEST_HOLE, off, math.asin(_LEAST_SENSITIVITY), (fit.azimuth,))
@@ -142,13 +144,12 @@ def _instrument(params: SeekParams, state: State, fit: Fit) -> Reason | None:
 
 
 def _uncertainty(params: SeekParams, elapsed: float, fit: Fit) -> Reason | None:
-    worst = math.radians(params.worst_sigma_deg)
-    if fit.azimuths and fit.sigma > worst / 4.0:
-        return Reason(Code.TWO_AZIMUTHS_FIT_GYRO, fit.sigma, worst / 4.0, fit.azimuths)
-    if fit.sigma <= worst:
+    if fit.azimuths and fit.sigma > WORST_SIGMA / 4.0:
+        return Reason(Code.TWO_AZIMUTHS_FIT_GYRO, fit.sigma, WORST_SIGMA / 4.0, fit.azimuths)
+    if fit.sigma <= WORST_SIGMA:
         return None
     bias = params.gyro_bias_deg_h * DEG_PER_HOUR
     noise = params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR / math.sqrt(elapsed)
     if bias > 2.0 * noise and fit.method == "still":
-        return Reason(Code.GYRO_BIAS_UNKNOWN, fit.sigma, worst, (bias,))
-    return Reason(Code.SEEK_UNCERTAIN, fit.sigma, worst, (elapsed,))
+        return Reason(Code.GYRO_BIAS_UNKNOWN, fit.sigma, WORST_SIGMA, (bias,))
+    return Reason(Code.SEEK_UNCERTAIN, fit.sigma, WORST_SIGMA, (elapsed,))

@@ -56,13 +56,10 @@ class Phase(enum.IntEnum):
 class KernelParams(NamedTuple):
     """`mwd_estimation.gyrocompass.seek_params.SeekParams` in SI; sigmas unless stated otherwise."""
 
-    gap_ns: int  #: a longer data gap begins the seek anew, ns
     horizontal: float  #: horizontal Earth rate, rad/s
     down: float  #: vertical Earth rate, rad/s
     gravity: float  #: local gravity, m/s^2, a value
     coarse_seconds: float  #: duration of the mean that starts S1's filter, s
-    level_seconds: float  #: duration of the mean force that starts the filter, s
-    block_seconds: float  #: time between two Kalman steps, s
     gyro_noise: float  #: white noise of the y and z gyros, rad/s/sqrt(Hz)
     gyro_x_noise: float  #: white noise of the x gyro, rad/s/sqrt(Hz)
     accel_noise: float  #: white noise of the accelerometers, m/s^2/sqrt(Hz)
@@ -79,11 +76,7 @@ class KernelParams(NamedTuple):
     lag_sigma: float  #: of that delay, s
     lead: float  #: time by which the accelerometer is ahead of the x gyro, s, a value
     lead_sigma: float  #: of that time, s
-    velocity: float  #: velocity of the tool, m/s
-    axis_walk: float  #: random walk of the direction of the hole axis, rad/sqrt(s)
-    direction_floor: float  #: least noise of a direction, rad
     gyro_range: float  #: rate from which a sample counts as clipped, rad/s
-    still_rate: float  #: rate about the axis below which the tool rests, rad/s
 
 
 class Sums:

@@ -18,6 +18,7 @@ from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek
+from mwd_estimation.gyrocompass.seek_filter import LEVEL_S
 from mwd_estimation.gyrocompass.seek_params import SeekParams, at_place, white_noise
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
@@ -97,7 +98,7 @@ class NorthSession:
         if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= unit.shortest)):
             raise ValueError(f"duration: must be 0 or at least {unit.shortest:g} s, got {duration_s:g}")
         # Levelling and the first look at the scatter of the axis are no part of the shortest seek.
-        self.duration = max(duration_s or params.duration_s, unit.shortest + unit.level_seconds + _SETTLING_S)
+        self.duration = max(duration_s or params.duration_s, unit.shortest + LEVEL_S + _SETTLING_S)
         self.elapsed = 0.0
         self._conventional = params
         self._unit, self._latitude, self._gravity, self._mode = unit, latitude_deg, gravity, mode or "auto"

@@ -21,6 +21,7 @@ from mwd_estimation.core.time_bins import Bin
 from mwd_estimation.gyrocompass import gyro_errors, north_seek
 from mwd_estimation.gyrocompass.gyro_errors import GyroErrors
 from mwd_estimation.gyrocompass.methods import NorthSeek, StaticSeek
+from mwd_estimation.gyrocompass.seek_filter import GAP_NS
 from mwd_estimation.gyrocompass.seek_params import S1, SeekParams, at_place, white_noise
 from mwd_estimation.gyrocompass.seek_refusal import polar, too_short
 from mwd_estimation.gyrocompass.seek_state import State
@@ -113,7 +114,7 @@ class GyroStation:
         if self.params is None:
             return
         if len(stamps):
-            if self._last_ns is not None and stamps[0] - self._last_ns > self.params.gap * 1e9:
+            if self._last_ns is not None and stamps[0] - self._last_ns > GAP_NS:
                 # The unit may have been switched off meanwhile: nothing it has shown holds any more.
                 self._seek = self._found = None
             self._last_ns = int(stamps[-1])

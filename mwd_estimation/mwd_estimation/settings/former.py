@@ -33,7 +33,7 @@ CONSTANT: Mapping[str, float | str] = {
     "survey.max_force_noise": 0.25,
     "verdict.magnetised_string": 0.3,  # (hypotheses.Priors)
     "verdict.wrong_reference": 0.12,  # likewise
-    "verdict.max_gyro_sigma_deg": 20.0,  # beyond it an azimuth hardly weighs (SeekParams)
+    "verdict.max_gyro_sigma_deg": 20.0,  # beyond it an azimuth hardly weighs (seek_refusal.py)
     "dynamics.period_s": 1.0,  # (drilling_dynamics.py)
     "transmit.continuous_s": 10.0,  # (transmitter.py)
     "transmit.flow_threshold_lpm": 600.0,  # that of a tool configuration without it
