@@ -13,11 +13,10 @@ from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference, best_north, north_correction, to_north
-from mwd_estimation.core.verdicts import REJECT
 from mwd_estimation.magnetic import axial_correction
 from mwd_estimation.magnetic.axial_correction import AxialCorrection
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.station_record import MethodAzimuth, Station, blind
+from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.totals import deviations
 from mwd_sensors.core.arrays import Array
@@ -111,7 +110,10 @@ def measured(
     noise = np.zeros((6, 6))
     noise[:3, :3], noise[3:, 3:] = _matrix("covariance_f", covariance_f), _matrix("covariance_b", covariance_b)
     if not (np.isfinite(f_raw).all() and float(np.linalg.norm(f_raw)) > _NO_GRAVITY):
-        return Measured(blind(f_raw, b_raw, reference, (Reason(Code.NO_ACCELEROMETER),)), None)
+        b_total = float(np.linalg.norm(b_raw))
+        return Measured(
+            Station(f_raw, b_raw, reference, b_total=b_total, reasons=(Reason(Code.NO_ACCELEROMETER),)), None
+        )
     readings = _readings(f_raw, b_raw, noise, settings)
     north, missing = _north(reference, settings.north, readings.has_field)
     if readings.has_field and reference is not None and north.name != "magnetic":
@@ -155,17 +157,12 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
         sigma_azimuth=math.sqrt(covariance[1, 1]),
         north=north.name,
         method=AzimuthMethod.RAW if readings.has_field else AzimuthMethod.NONE,
-        corrected=False,
         azimuths=methods,
-        interference=math.nan,
-        sigma_interference=math.nan,
         covariance=covariance,
         alignment=alignment,
         deviations=deviations(
             readings.f_h, readings.b_h, reference, readings.covariance, settings.errors, 0.0, readings.has_field
         ),
-        verdict=REJECT,
-        reasons=(),
         reference=reference,
         north_correction=north.turn,
         f_t=readings.f_t,

@@ -6,23 +6,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 TOOLCODE, CUSTOM = "toolcode", "custom"
 
 
-@dataclass(frozen=True)
-class TotalLimits:
-    """Fixed limits on the deviations from the reference: gravity, m/s^2, field, T, and dip, rad."""
-
-    gravity: float
-    field: float
-    dip: float
-
-
-def _limits(gravity_mg: float, field_nt: float, dip_deg: float) -> TotalLimits:
-    return TotalLimits(gravity_mg * 1e-3 * STANDARD_GRAVITY, field_nt * 1e-9, math.radians(dip_deg))
+def _limits(gravity_mg: float, field_nt: float, dip_deg: float) -> Array:
+    """Limits on the deviations of gravity, m/s^2, field, T, and dip, rad, from the reference, shape (3,)."""
+    return np.array([gravity_mg * 1e-3 * STANDARD_GRAVITY, field_nt * 1e-9, math.radians(dip_deg)])
 
 
 # One service company's defaults; the rule of thumb of the ISCWSA e-book, which names none for gravity.
@@ -78,9 +73,9 @@ class QualitySettings:
             raise ValueError(f"custom_limits: {field_nt:g} nT is below the lowest limit on the field, 1 nT")
 
     @property
-    def fixed(self) -> TotalLimits | None:
+    def fixed(self) -> Array | None:
         """
-        The fixed limits in use; None where they follow from the tool code.
+        The fixed limits in use, of gravity, m/s^2, field, T, and dip, rad; None where they follow from the tool code.
 
         Raises
         ------

@@ -44,48 +44,54 @@ class Verdicts:
     toolface: str
 
 
+def _unknown() -> Array:
+    return np.full((3, 3), math.nan)
+
+
 @dataclass(frozen=True)
 class Station:
     """A survey station; angles in rad, totals in SI, nan where a reading or the reference is missing."""
 
-    #: `inclination`, `sigma_inclination`: from the vertical.
-    inclination: float
-    sigma_inclination: float
-    #: `gravity_toolface`, `magnetic_toolface`, `sigma_toolface`: from high side, from the named north, and 1 sigma of
-    #: the first.
-    gravity_toolface: float
-    magnetic_toolface: float
-    sigma_toolface: float
-    #: `g_total`, `b_total`, `dip`: as measured: m/s^2, T, rad. No correction is in them.
-    g_total: float
-    b_total: float
-    dip: float
-    #: `azimuth`, `sigma_azimuth`: the one chosen, from the named north; sigma is pi where nothing is known.
-    azimuth: float
-    sigma_azimuth: float
-    north: str  #: magnetic, true or grid
-    method: AzimuthMethod  #: which azimuth was chosen
-    corrected: bool  #: whether the azimuth is freed of what the run shows of the string's field
-    azimuths: tuple[MethodAzimuth, ...]  #: every method tried
-    #: `interference`, `sigma_interference`: axial field not of the Earth, T.
-    interference: float
-    sigma_interference: float
-    #: shape (3, 3); of (inclination, chosen azimuth, gravity toolface), rad^2, all errors included.
-    covariance: Array = field(repr=False)
-    #: shape (3, 3); the part of it that is common to all methods: tool against hole.
-    alignment: Array = field(repr=False)
-    #: Totals against the reference; for a corrected azimuth with the interference taken off.
-    deviations: Deviations = field(repr=False)
-    verdict: str  #: accept, doubtful or reject
-    reasons: tuple[Reason, ...]  #: those of an accepted station are the totals within their limits
-    reference: Reference | None  #: what it was judged and corrected by
-    north_correction: float  #: added to the magnetic azimuth, rad
     #: `f_t`, `b_t`: shape (3,); the readings.
     f_t: Array = field(repr=False)
     b_t: Array = field(repr=False)
+    reference: Reference | None  #: what it was judged and corrected by
+    #: `inclination`, `sigma_inclination`: from the vertical.
+    inclination: float = math.nan
+    sigma_inclination: float = math.nan
+    #: `gravity_toolface`, `magnetic_toolface`, `sigma_toolface`: from high side, from the named north, and 1 sigma of
+    #: the first.
+    gravity_toolface: float = math.nan
+    magnetic_toolface: float = math.nan
+    sigma_toolface: float = math.nan
+    #: `g_total`, `b_total`, `dip`: as measured: m/s^2, T, rad. No correction is in them.
+    g_total: float = math.nan
+    b_total: float = math.nan
+    dip: float = math.nan
+    #: `azimuth`, `sigma_azimuth`: the one chosen, from the named north; sigma is pi where nothing is known.
+    azimuth: float = math.nan
+    sigma_azimuth: float = math.nan
+    north: str = "magnetic"  #: magnetic, true or grid
+    north_correction: float = 0.0  #: added to the magnetic azimuth, rad
+    method: AzimuthMethod = AzimuthMethod.NONE  #: which azimuth was chosen
+    corrected: bool = False  #: whether the azimuth is freed of what the run shows of the string's field
+    azimuths: tuple[MethodAzimuth, ...] = ()  #: every method tried
+    #: `interference`, `sigma_interference`: axial field not of the Earth, T.
+    interference: float = math.nan
+    sigma_interference: float = math.nan
+    #: shape (3, 3); of (inclination, chosen azimuth, gravity toolface), rad^2, all errors included.
+    covariance: Array = field(default_factory=_unknown, repr=False)
+    #: shape (3, 3); the part of it that is common to all methods: tool against hole.
+    alignment: Array = field(default_factory=_unknown, repr=False)
+    #: Totals against the reference; for a corrected azimuth with the interference taken off.
+    deviations: Deviations = field(
+        default_factory=lambda: Deviations(math.nan, math.nan, math.nan, _unknown()), repr=False
+    )
     #: Deviation of gravity, field and dip beyond which the verdict is doubtful, m/s^2, T, rad; nan: not judged.
     limits: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    verdict: str = REJECT  #: accept, doubtful or reject
     quantities: Verdicts | None = None  #: verdict of each quantity; None: that of the station for each
+    reasons: tuple[Reason, ...] = ()  #: those of an accepted station are the totals within their limits
     #: Other azimuths that fit the readings, from the named north, rad, and their probabilities.
     alternatives: tuple[tuple[float, float], ...] = ()
     #: What may disturb the readings, and its probability; empty: not judged.
@@ -104,35 +110,3 @@ class Station:
     def by_method(self, method: str) -> MethodAzimuth | None:
         """The azimuth of one method, None where it was not tried."""
         return next((azimuth for azimuth in self.azimuths if azimuth.method == method), None)
-
-
-def blind(f_t: Array, b_t: Array, reference: Reference | None, reasons: tuple[Reason, ...]) -> Station:
-    """A station without a usable accelerometer: rejected, nothing known but the readings."""
-    nan = math.nan
-    return Station(
-        inclination=nan,
-        sigma_inclination=nan,
-        gravity_toolface=nan,
-        magnetic_toolface=nan,
-        sigma_toolface=nan,
-        g_total=nan,
-        b_total=float(np.linalg.norm(b_t)),
-        dip=nan,
-        azimuth=nan,
-        sigma_azimuth=nan,
-        north="magnetic",
-        method=AzimuthMethod.NONE,
-        corrected=False,
-        azimuths=(),
-        interference=nan,
-        sigma_interference=nan,
-        covariance=np.full((3, 3), nan),
-        alignment=np.full((3, 3), nan),
-        deviations=Deviations(nan, nan, nan, np.full((3, 3), nan)),
-        verdict=REJECT,
-        reasons=reasons,
-        reference=reference,
-        north_correction=0.0,
-        f_t=f_t,
-        b_t=b_t,
-    )

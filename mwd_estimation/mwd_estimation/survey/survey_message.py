@@ -51,9 +51,8 @@ def _verdict_fields(station: Station) -> dict[str, Any]:
 
 def _totals_fields(station: Station) -> dict[str, Any]:
     """Deviations of the totals as the verdict takes them, and what makes it doubtful."""
-    apart = (station.deviations.gravity, station.deviations.field, station.deviations.dip)
     return {
-        **{name: known(off, 0.0) for name, off in zip(DEVIATIONS, apart, strict=True)},
+        **{name: known(off, 0.0) for name, off in zip(DEVIATIONS, station.deviations.values, strict=True)},
         **{name: known(limit, -1.0) for name, limit in zip(LIMITS, station.limits, strict=True)},
     }
 

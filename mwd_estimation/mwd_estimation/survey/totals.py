@@ -44,6 +44,11 @@ class Deviations:
     covariance: Array  #: shape (3, 3); of the three, from sensors, interference expected and reference
     standard: bool = False  #: gravity is compared with standard gravity, which it fits better than that of the place
 
+    @property
+    def values(self) -> Array:
+        """The three, shape (3,)."""
+        return np.array([self.gravity, self.field, self.dip])
+
 
 def deviation_covariance(
     f_t: ArrayLike, b_t: ArrayLike, reference: Reference | None, covariance_s: ArrayLike, axial_sigma: float
@@ -182,12 +187,8 @@ def bounds(deviations: Deviations, quality: QualitySettings) -> Array:
         Unknown name of limits.
     """
     fixed = quality.fixed
-    if fixed is None:
-        found = TOOLCODE_DOUBTFUL * np.sqrt(np.diagonal(deviations.covariance))
-    else:
-        found = np.array([fixed.gravity, fixed.field, fixed.dip])
-    known = np.isfinite([deviations.gravity, deviations.field, deviations.dip])
-    return np.where(known, found, math.nan)
+    found = TOOLCODE_DOUBTFUL * np.sqrt(np.diagonal(deviations.covariance)) if fixed is None else fixed
+    return np.where(np.isfinite(deviations.values), found, math.nan)
 
 
 def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
@@ -207,7 +208,7 @@ def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
         Unknown name of limits.
     """
     doubtful, by_code = bounds(deviations, quality), quality.fixed is None
-    values = np.array([deviations.gravity, deviations.field, deviations.dip])
+    values = deviations.values
     reject = (TOOLCODE_REJECT / TOOLCODE_DOUBTFUL if by_code else _REJECT) * doubtful
     known = np.isfinite(values)
     verdict, reasons = ACCEPT, []
@@ -227,7 +228,7 @@ def judge(deviations: Deviations, quality: QualitySettings) -> Judgement:
 
 def against_limits(deviations: Deviations, quality: QualitySettings) -> list[Reason]:
     """Every deviation that is known, against its limit; those beyond it by themselves, the others in one reason."""
-    values = np.array([deviations.gravity, deviations.field, deviations.dip])
+    values = deviations.values
     limit = bounds(deviations, quality)
     gravity = (Code.GRAVITY_WITHIN_STANDARD, Code.GRAVITY_OFF_STANDARD)
     codes = (

@@ -9,13 +9,13 @@ import math
 import numpy as np
 from example_stations import survey
 
-from mwd_estimation.survey.station_record import blind
+from mwd_estimation.survey.station_record import Station
 from mwd_surface.commands.survey_table import list_warnings, revision_sentences
 from mwd_surface.surveys.survey_record import SurveyRecord
 
 
 def station(azimuth_deg, sigma_deg, verdict="accept"):
-    whole = blind(np.zeros(3), np.zeros(3), None, ())
+    whole = Station(np.zeros(3), np.zeros(3), None)
     azimuth, sigma = math.radians(azimuth_deg), math.radians(sigma_deg)
     return dataclasses.replace(whole, azimuth=azimuth, sigma_azimuth=sigma, verdict=verdict)
 
