@@ -10,7 +10,7 @@ from mwd_estimation.gyrocompass import north_seek, seek_measurement
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.static_survey import SHORTEST_S
+from mwd_estimation.survey.survey_settings import SHORTEST_S
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.constants import STANDARD_GRAVITY

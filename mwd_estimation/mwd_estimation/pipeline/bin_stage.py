@@ -92,7 +92,7 @@ class BinStage:
         self.requests = Requests(settings)
         self.precision = PrecisionUnit(settings)
         self.streams = SideStreams()
-        self.still = StillSurvey(derivation.still_params(settings))
+        self.still = StillSurvey(settings.survey)
         self.turning = TurningString()
         self.decision = SurveyDecision(derivation.station_params(settings), faults)
         self._observatory = Observatory(settings.place)

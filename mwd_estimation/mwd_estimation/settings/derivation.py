@@ -31,7 +31,6 @@ from mwd_estimation.settings.tool import Accelerometer, Gyro, Tool
 from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.posterior.hypotheses import Priors
 from mwd_estimation.survey.static_survey import BIN_NS
-from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -188,20 +187,6 @@ def north_params(settings: EstimatorSettings) -> SessionParams:
     return SessionParams(
         x_noise_deg_rth=gyro.noise_deg_sqrt_h,
         x_bias_deg_h=gyro.bias_deg_h,
-    )
-
-
-def still_params(settings: EstimatorSettings) -> StillParams:
-    """Parameters of surveys in still intervals."""
-    survey, usual = settings.survey, StillParams()
-    return StillParams(
-        automatic=survey.automatic,
-        settle_s=survey.settle_s,
-        duration_s=survey.duration_s,
-        wait_for_gyro_s=survey.wait_for_gyro_s,
-        max_rate=usual.max_rate * survey.motion,
-        max_rate_noise=usual.max_rate_noise * survey.motion,
-        max_force_noise=usual.max_force_noise * survey.motion,
     )
 
 

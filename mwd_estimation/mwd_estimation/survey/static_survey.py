@@ -16,29 +16,13 @@ import numpy as np
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.time_bins import Average, Bin, average
+from mwd_estimation.survey.survey_settings import LONGEST_S, SHORTEST_S, SurveySettings
 
 BIN_NS = 500_000_000
-SHORTEST_S, LONGEST_S = 1.0, 600.0  # of the averaging
 _BIN_S = BIN_NS * 1e-9
-
-
-@dataclasses.dataclass(frozen=True)
-class Params:
-    """When a tool counts as still and how long it is averaged; set by `settings.estimator.Survey`, which says more."""
-
-    automatic: bool = True  #: take a survey in each still interval
-    #: `settle_s`, `duration_s`: rest before averaging, and averaging, s.
-    settle_s: float = 2.0
-    duration_s: float = 8.0
-    #: Longest wait of an automatic survey for what `StillSurvey.add` is told to wait for, s.
-    wait_for_gyro_s: float = 120.0
-    #: `max_rate`, `max_rate_noise`: mean and standard deviation of the angular rate above which the tool moves, rad/s.
-    max_rate: float = 0.03
-    max_rate_noise: float = 0.03
-    #: `max_force_noise`, `max_force_step`: standard deviation of the specific force, and its change between bins, above
-    #: which it moves, m/s^2.
-    max_force_noise: float = 0.25
-    max_force_step: float = 0.1
+# Mean and standard deviation of the angular rate, rad/s, and standard deviation of the specific force, m/s^2, above
+# which the tool moves, times `SurveySettings.motion`; and change of that force between bins, m/s^2.
+MAX_RATE, MAX_FORCE_NOISE, _MAX_FORCE_STEP = 0.03, 0.25, 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,9 +61,9 @@ class BinSet:
 class StillSurvey:
     """State machine over bins; one average per still interval, more on request."""
 
-    def __init__(self, params: Params) -> None:
-        self.params = params
-        self._settles, self._lasts = _bins(params.settle_s, least=0), _bins(params.duration_s)
+    def __init__(self, settings: SurveySettings) -> None:
+        self.settings = settings
+        self._settles, self._lasts = _bins(settings.settle_s, least=0), _bins(settings.duration_s)
         self.still_bins = 0
         self._run: list[BinSet] = []
         self._taken = False
@@ -98,7 +82,7 @@ class StillSurvey:
         if duration_s and not SHORTEST_S <= duration_s <= LONGEST_S:
             rule = f"{SHORTEST_S:g} to {LONGEST_S:g} s, or 0 for the configured one"
             raise ValueError(f"duration: must be {rule}, got {duration_s:g}")
-        self._requested_bins = _bins(duration_s or self.params.duration_s)
+        self._requested_bins = _bins(duration_s or self.settings.duration_s)
         self._run, self.waits_for = [], None
 
     @property
@@ -122,7 +106,7 @@ class StillSurvey:
     @property
     def complete(self) -> bool:
         """Whether a survey taken by itself has all it needs: it may wait for something, and is given when that ends."""
-        unasked = self.params.automatic and not self._taken and self._requested_bins == 0
+        unasked = self.settings.automatic and not self._taken and self._requested_bins == 0
         return unasked and len(self._run) >= self._needed() - 1
 
     def add(self, bins: BinSet, wait: Reason | None = None) -> StillAverage | Refusal | None:
@@ -143,12 +127,12 @@ class StillSurvey:
         self._run.append(bins)
         settle = 0 if self._requested_bins else self._settles
         needed = self._needed()
-        if self._requested_bins == 0 and (self._taken or not self.params.automatic):
+        if self._requested_bins == 0 and (self._taken or not self.settings.automatic):
             self._run = self._run[-1:]
             return None
         if len(self._run) < needed:
             return None
-        over = len(self._run) - needed >= _bins(self.params.wait_for_gyro_s, least=0)
+        over = len(self._run) - needed >= _bins(self.settings.wait_for_gyro_s, least=0)
         self.waits_for = None if self._requested_bins or over else wait
         if self.waits_for is not None:
             return None
@@ -176,20 +160,21 @@ class StillSurvey:
         if last is not None and imu.index != last.index + 1:
             return Reason(Code.SAMPLES_MISSING)
         # Python's own numbers: for six of them arrays cost ten times as much.
-        mean, limits = imu.mean.tolist(), self.params
+        mean, motion = imu.mean.tolist(), self.settings.motion
+        max_rate, max_force_noise = MAX_RATE * motion, MAX_FORCE_NOISE * motion
         rate = max(abs(value) for value in mean[:3])
-        if rate > limits.max_rate:
-            return Reason(Code.TOOL_TURNS, rate, limits.max_rate)
+        if rate > max_rate:
+            return Reason(Code.TOOL_TURNS, rate, max_rate)
         variance = [max(value, 0.0) / (imu.count - 1) for value in imu.scatter.diagonal().tolist()]
         rate_noise, force_noise = math.sqrt(max(variance[:3])), math.sqrt(max(variance[3:]))
-        if rate_noise > limits.max_rate_noise:
-            return Reason(Code.TOOL_MOVES, rate_noise, limits.max_rate_noise)
-        if force_noise > limits.max_force_noise:
-            return Reason(Code.TOOL_SHAKES, force_noise, limits.max_force_noise)
+        if rate_noise > max_rate:
+            return Reason(Code.TOOL_MOVES, rate_noise, max_rate)
+        if force_noise > max_force_noise:
+            return Reason(Code.TOOL_SHAKES, force_noise, max_force_noise)
         if last is not None:
             step = max(abs(now - before) for now, before in zip(mean[3:], last.mean.tolist()[3:], strict=True))
-            if step > limits.max_force_step:
-                return Reason(Code.TOOL_SHIFTS, step, limits.max_force_step, (_BIN_S,))
+            if step > _MAX_FORCE_STEP:
+                return Reason(Code.TOOL_SHIFTS, step, _MAX_FORCE_STEP, (_BIN_S,))
         return None
 
 

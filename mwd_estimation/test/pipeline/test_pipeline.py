@@ -20,8 +20,9 @@ from mwd_estimation.gravity import methods as gravity
 from mwd_estimation.pipeline import estimate
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
-from mwd_estimation.settings.estimator import EstimatorSettings, Survey
+from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey import decision
+from mwd_estimation.survey.survey_settings import SurveySettings
 from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt, wrap_pi
@@ -257,7 +258,7 @@ def test_samples_of_a_rogue_among_those_of_the_tool_end_no_block_and_are_over_wi
 @pytest.mark.fault_case(21)
 def test_a_survey_asked_for_is_marked_and_one_while_turning_is_refused():
     imu, mag = _samples(seconds=20.0, rate=10.0, still_after=8.0)
-    pipeline = Pipeline(EstimatorSettings(survey=Survey(automatic=False)), REFERENCE)
+    pipeline = Pipeline(EstimatorSettings(survey=SurveySettings(automatic=False)), REFERENCE)
     first = _run(imu[:400], mag[:400], pipeline)
     pipeline.request_survey()
     second = _run(imu[400:1000], mag[400:1000], pipeline)

@@ -10,12 +10,14 @@ import yaml
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
+from mwd_estimation.gyrocompass import seek_refusal
 from mwd_estimation.gyrocompass.seek_params import TACTICAL
 from mwd_estimation.settings import derivation, tool_file
 from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
 from mwd_estimation.settings.former import CONSTANT, MERGED
 from mwd_estimation.settings.place import Place, reference_of
 from mwd_estimation.settings.tool import PrecisionUnit, Tool
+from mwd_estimation.survey import static_survey
 from mwd_sensors.core import earth, wire
 from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, changed, flat, from_mapping
@@ -99,7 +101,6 @@ def test_by_default_the_filters_get_their_own_defaults():
         derivation.interference_params,
         derivation.gyro_azimuth_params,
         derivation.north_params,
-        derivation.still_params,
     ):
         found = derive(settings)
         assert found == type(found)(), derive.__name__
@@ -231,7 +232,7 @@ def test_a_former_name_in_a_tool_file_is_refused_and_what_took_its_place_named(t
 def test_constants_are_what_the_filters_have_and_no_parameters():
     assert not set(CONSTANT) & set(flat(EstimatorSettings()))
     usual, errors = derivation.gyro_azimuth_params(EstimatorSettings()), SensorErrors()
-    seek, still = derivation.gyrocompass_params(EstimatorSettings()), derivation.still_params(EstimatorSettings())
+    seek = derivation.gyrocompass_params(EstimatorSettings())
     station = derivation.station_params(EstimatorSettings())
     assert {name: value for name, value in CONSTANT.items() if name.startswith(("tool", "verdict", "survey.max"))} == {
         "tool.gyro.walk_deg_h_sqrt_h": pytest.approx(usual.units[0].walk * 60.0 / DEG_PER_HOUR),
@@ -246,12 +247,12 @@ def test_constants_are_what_the_filters_have_and_no_parameters():
         "tool.course_misalignment_deg": errors.course_misalignment_deg,
         "tool.sag_deg": errors.sag_deg,
         "tool.possible_axial_nt": round(1e9 * derivation.interference_params(EstimatorSettings()).axial, 6),
-        "survey.max_rate": still.max_rate,
-        "survey.max_rate_noise": still.max_rate_noise,
-        "survey.max_force_noise": still.max_force_noise,
+        "survey.max_rate": static_survey.MAX_RATE,
+        "survey.max_rate_noise": static_survey.MAX_RATE,
+        "survey.max_force_noise": static_survey.MAX_FORCE_NOISE,
         "verdict.magnetised_string": station.priors.axial,
         "verdict.wrong_reference": station.priors.reference,
-        "verdict.max_gyro_sigma_deg": seek.worst_sigma_deg,
+        "verdict.max_gyro_sigma_deg": pytest.approx(math.degrees(seek_refusal.WORST_SIGMA)),
         "tool.precision.gyro.scale_ppm": seek.scale_x_ppm,
         "tool.mount.frame": wire.SONDE_FRAME,
         "tool.precision.gyro.bias_scale": "at_most",
@@ -281,13 +282,6 @@ def test_the_walk_of_a_gyros_bias_follows_its_bias():
     usual = derivation.gyro_azimuth_params(EstimatorSettings()).units[0]
     half = derivation.gyro_azimuth_params(changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 200.0})).units[0]
     assert (half.walk, half.lag) == (0.5 * usual.walk, usual.lag)
-
-
-def test_a_survey_may_move_as_much_as_is_set():
-    usual = derivation.still_params(EstimatorSettings())
-    more = derivation.still_params(changed(EstimatorSettings(), {"survey.motion": 2.0}))
-    for name in ("max_rate", "max_rate_noise", "max_force_noise"):
-        assert getattr(more, name) == 2.0 * getattr(usual, name)
 
 
 def test_a_sag_correction_leaves_the_sigma_of_a_corrected_sag():

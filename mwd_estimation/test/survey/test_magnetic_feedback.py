@@ -13,9 +13,9 @@ from mwd_estimation.survey.decision import SurveyDecision
 from mwd_estimation.survey.fault_history import FaultHistory
 from mwd_estimation.survey.magnetic_feedback import NORTH_CODES, MagneticFeedback
 from mwd_estimation.survey.static_survey import BIN_NS, BinSet, StillSurvey
-from mwd_estimation.survey.static_survey import Params as StillParams
 from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.survey.station_record import Verdicts
+from mwd_estimation.survey.survey_settings import SurveySettings
 from mwd_sensors.core.frames import mat_nt
 
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
@@ -32,7 +32,7 @@ def taken(axial=5e-7):
     field = mat.T @ field_n + [axial, 0.0, 0.0] + 5e-8 * rng.normal(size=(n, 3))
     imu = Binner(6, BIN_NS).add(stamps, np.hstack([1e-3 * rng.normal(size=(n, 3)), force]))
     mag = Binner(3, BIN_NS).add(stamps, field)
-    still = StillSurvey(StillParams())
+    still = StillSurvey(SurveySettings())
     for one, beside in zip(imu, mag, strict=True):
         average = still.add(BinSet(one, beside))
         if average is not None:

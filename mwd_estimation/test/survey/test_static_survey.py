@@ -9,7 +9,8 @@ import pytest
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.time_bins import Bin, Binner
-from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Params, Refusal, StillAverage, StillSurvey
+from mwd_estimation.survey.static_survey import BIN_NS, BinSet, Refusal, StillAverage, StillSurvey
+from mwd_estimation.survey.survey_settings import SurveySettings
 
 RATE = 100
 
@@ -30,7 +31,7 @@ def _outcomes(survey, bins):
 
 
 def test_one_survey_is_taken_per_still_interval_after_settling():
-    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0))
+    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0))
     found = _outcomes(survey, _bins(30.0))
     assert len(found) == 1
     (average,) = found
@@ -43,8 +44,14 @@ def test_one_survey_is_taken_per_still_interval_after_settling():
     np.testing.assert_allclose(average.imu.mean[3:], (-6.0, 0.0, 7.75), atol=3e-4)
 
 
+@pytest.mark.parametrize("moving", [{"rate": (0.045, 0.0, 0.0)}, {"noise": 0.045}])
+def test_a_survey_may_move_as_much_as_is_set(moving):
+    taken = [len(_outcomes(StillSurvey(SurveySettings(motion=motion)), _bins(30.0, **moving))) for motion in (1.0, 2.0)]
+    assert taken == [0, 1]
+
+
 def test_moving_in_between_allows_the_next_survey():
-    survey = StillSurvey(Params(settle_s=1.0, duration_s=2.0))
+    survey = StillSurvey(SurveySettings(settle_s=1.0, duration_s=2.0))
     still = _bins(5.0)
     turning = _bins(2.0, rate=(5.0, 0.0, 0.0), start=10**18 + 5 * 10**9)
     again = _bins(5.0, start=10**18 + 7 * 10**9)
@@ -60,7 +67,7 @@ def test_moving_in_between_allows_the_next_survey():
     ],
 )
 def test_a_requested_survey_is_refused_in_words_when_the_tool_moves(moving, words):
-    survey = StillSurvey(Params())
+    survey = StillSurvey(SurveySettings())
     _outcomes(survey, _bins(1.0))
     survey.request(4.0)
     survey.add(BinSet(_bins(0.5, start=10**18 + 10**9)[0]))
@@ -71,7 +78,7 @@ def test_a_requested_survey_is_refused_in_words_when_the_tool_moves(moving, word
 
 
 def test_a_requested_survey_starts_at_once_without_settling():
-    survey = StillSurvey(Params(automatic=False, settle_s=10.0))
+    survey = StillSurvey(SurveySettings(automatic=False, settle_s=10.0))
     bins = _bins(20.0)
     assert _outcomes(survey, bins[:6]) == []
     survey.request(3.0)
@@ -83,20 +90,20 @@ def test_a_requested_survey_starts_at_once_without_settling():
 
 @pytest.mark.parametrize("duration_s", [-1.0, 0.2, 601.0, 1e9, math.inf, math.nan])
 def test_a_request_for_an_average_that_says_nothing_or_never_ends_is_refused(duration_s):
-    survey = StillSurvey(Params())
+    survey = StillSurvey(SurveySettings())
     with pytest.raises(ValueError, match="duration: must be 1 to 600 s, or 0 for the configured one"):
         survey.request(duration_s)
     assert not survey.requested
 
 
 def test_a_gap_between_bins_ends_the_interval():
-    survey = StillSurvey(Params(settle_s=0.0, duration_s=4.0))
+    survey = StillSurvey(SurveySettings(settle_s=0.0, duration_s=4.0))
     bins = _bins(8.0)
     assert _outcomes(survey, bins[:6] + bins[8:12]) == []
 
 
 def test_a_bin_with_hardly_any_samples_is_not_called_still():
-    survey = StillSurvey(Params())
+    survey = StillSurvey(SurveySettings())
     survey.request()
     one = _bins(0.5)[0]
     (refused,) = _outcomes(survey, [Bin(one.index, 2, one.mean, one.scatter, one.low, one.high)])
@@ -105,7 +112,7 @@ def test_a_bin_with_hardly_any_samples_is_not_called_still():
 
 @pytest.mark.fault_case(49)
 def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
-    survey = StillSurvey(Params(settle_s=0.0, duration_s=2.0))
+    survey = StillSurvey(SurveySettings(settle_s=0.0, duration_s=2.0))
     bins = _bins(2.5)
     mag = Binner(3, BIN_NS).add(10**18 + np.arange(251) * 10**7, np.full((251, 3), 1e-5))
     sets = [BinSet(imu, mag=field) for imu, field in zip(bins, [*mag[:2], None, *mag[3:]], strict=True)]
@@ -114,7 +121,7 @@ def test_a_stream_that_was_silent_for_part_of_the_time_is_not_averaged():
 
 
 def test_how_long_a_survey_has_waited_counts_from_when_it_had_averaged_enough():
-    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
+    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
     waited = []
     for one in _bins(10.0):
         survey.add(BinSet(one), WAIT)
@@ -125,7 +132,7 @@ def test_how_long_a_survey_has_waited_counts_from_when_it_had_averaged_enough():
 
 
 def test_a_survey_taken_by_itself_reports_what_it_waits_for_and_averages_all_of_it():
-    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
+    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=30.0))
     bins = _bins(30.0)
     results = [survey.add(BinSet(one), WAIT if k < 40 else None) for k, one in enumerate(bins)]
     assert [k for k, result in enumerate(results) if result is not None] == [40]
@@ -134,11 +141,11 @@ def test_a_survey_taken_by_itself_reports_what_it_waits_for_and_averages_all_of_
 
 
 def test_waiting_has_an_end_and_motion_gives_what_was_held():
-    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=10.0))
+    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=10.0))
     bins = _bins(30.0)
     results = [survey.add(BinSet(one), WAIT) for one in bins]
     assert [k for k, result in enumerate(results) if result is not None] == [4 + 10 + 20 - 1]
-    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=100.0))
+    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0, wait_for_gyro_s=100.0))
     turning = _bins(2.0, rate=(5.0, 0.0, 0.0), start=10**18 + 30 * 10**9)
     results = [survey.add(BinSet(one), WAIT) for one in (*bins, *turning)]
     (held,) = [result for result in results if result is not None]
@@ -148,14 +155,14 @@ def test_waiting_has_an_end_and_motion_gives_what_was_held():
 
 
 def test_a_requested_survey_does_not_wait():
-    survey = StillSurvey(Params(automatic=False))
+    survey = StillSurvey(SurveySettings(automatic=False))
     survey.request(3.0)
     results = [survey.add(BinSet(one), WAIT) for one in _bins(5.0)]
     assert [k for k, result in enumerate(results) if result is not None] == [5]
 
 
 def test_when_nothing_more_comes_what_was_held_is_given_once():
-    survey = StillSurvey(Params(settle_s=2.0, duration_s=5.0))
+    survey = StillSurvey(SurveySettings(settle_s=2.0, duration_s=5.0))
     bins = _bins(20.0)
     assert [survey.add(BinSet(one), WAIT) for one in bins] == [None] * len(bins)
     held = survey.finish()

@@ -192,7 +192,7 @@ def _read(
     mount = mount_of(bag, topics, estimator.tool.mount)
     params = derivation.health_params(estimator)
     state = monitor.initial()
-    rests = Rests(derivation.still_params(estimator))
+    rests = Rests(estimator.survey)
     reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
     without_time = unstamped(bag, topics)
     first = True

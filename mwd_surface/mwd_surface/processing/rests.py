@@ -7,7 +7,8 @@ import itertools
 
 import numpy as np
 
-from mwd_estimation.survey.static_survey import Params
+from mwd_estimation.survey.static_survey import MAX_FORCE_NOISE, MAX_RATE
+from mwd_estimation.survey.survey_settings import SurveySettings
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Stamps
 
@@ -18,7 +19,7 @@ class Rests:
     """
     Counts the intervals at rest, taken block by block, by the limits of a survey.
 
-    params : of surveys in still intervals.
+    settings : of surveys in still intervals.
 
     Attributes
     ----------
@@ -28,8 +29,8 @@ class Rests:
         Longest interval.
     """
 
-    def __init__(self, params: Params) -> None:
-        self._params = params
+    def __init__(self, settings: SurveySettings) -> None:
+        self._settings = settings
         self.count = 0
         self.longest_s = 0.0
         self._still_s = 0.0
@@ -47,10 +48,11 @@ class Rests:
 
     def _close(self, values: Array) -> None:
         """Judge half a second."""
-        limit = self._params
+        limit = self._settings
+        max_rate = MAX_RATE * limit.motion
         mean, noise = values.mean(axis=0), values.std(axis=0)
-        turns = np.linalg.norm(mean[:3]) > limit.max_rate or noise[:3].max() > limit.max_rate_noise
-        if turns or noise[3:].max() > limit.max_force_noise or not np.isfinite(mean).all():
+        turns = np.linalg.norm(mean[:3]) > max_rate or noise[:3].max() > max_rate
+        if turns or noise[3:].max() > MAX_FORCE_NOISE * limit.motion or not np.isfinite(mean).all():
             self._still_s = 0.0
             return
         before, needed = self._still_s, limit.settle_s + limit.duration_s
