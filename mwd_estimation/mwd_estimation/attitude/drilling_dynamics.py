@@ -25,8 +25,9 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of
 
 PERIOD_NS, PERIODS = 1_000_000_000, 10  # a summary comes each period and looks back over so many
-SLOTS = 20  # of a period, over each of which the rotary speed is a mean: 50 ms
-_SLOT_NS = PERIOD_NS // SLOTS
+SLOT_NS = 50_000_000  # over which the rotary speed is a mean
+_PER_PERIOD = PERIOD_NS // SLOT_NS
+SLOTS = PERIODS * _PER_PERIOD
 # Excursions closer than this are one shock, ns, with a microsecond for stamps that are not even.
 _SEPARATION_NS = 10_001_000
 _LEAST_SPEED = 0.5  # rad/s; slower there is no stick-slip to name
@@ -40,10 +41,10 @@ class Params(NamedTuple):
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
 
 
-class Period:
-    """Sums over a period."""
+class Slot:
+    """Sums over a slot of time."""
 
-    index: int  #: of the period, its start over its length; _NONE where there is none
+    index: int  #: of the slot, its start over its length; _NONE where there is none
     samples: int
     rate: float  #: rad/s
     #: `axial2`, `lateral2`: squared non-gravity acceleration, (m/s^2)^2.
@@ -54,25 +55,19 @@ class Period:
     lateral_peak2: float
     whole_peak2: float
     shocks: int  #: that began in it
-    speeds: Annotated[Array, SLOTS]  #: mean rotary speed of its slots, rad/s; nan where a slot had no sample
 
 
 class State:
     """All that changes."""
 
-    open: Period  #: the period of now
-    #: `slot`, `slot_rate`, `slot_samples`: slot of the rotary speed that is open, and its sums, rad/s.
-    slot: int
-    slot_rate: float
-    slot_samples: float
+    index: int  #: of the slot that is open; _NONE before the first
+    slots: Annotated[MutableSequence[Slot], SLOTS]  #: the last ones, each at its index modulo their number
     #: `last_ns`, `shock_ns`: stamps of the last sample, and of the last beyond the threshold; _NONE before the first.
     last_ns: int
     shock_ns: int
     above: bool  #: the last sample was beyond the threshold
     shocks_total: int  #: since the start
     status: int  #: bits of the last sample
-    #: The periods that are over, each at its index modulo their number.
-    window: Annotated[MutableSequence[Period], PERIODS]
 
 
 STATE = dtype_of(State)
@@ -81,7 +76,7 @@ STATE = dtype_of(State)
 def initial() -> Samples:
     """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
     state = np.zeros(1, dtype=STATE)
-    state["window"]["index"] = state["open"]["index"] = state["last_ns"] = state["shock_ns"] = _NONE
+    state["index"] = state["slots"]["index"] = state["last_ns"] = state["shock_ns"] = _NONE
     return state
 
 
@@ -113,44 +108,39 @@ def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> 
 
 
 @compiled
-def _end_slot(s: State) -> None:
-    if s.slot_samples > 0.0:
-        s.open.speeds[s.slot] = s.slot_rate / s.slot_samples
-        s.slot_rate = s.slot_samples = 0.0
+def _open(s: State, index: int) -> None:
+    """Begin a slot."""
+    slot, s.index = s.slots[index % SLOTS], index
+    slot.index, slot.samples, slot.shocks = index, 0, 0
+    slot.rate = slot.axial2 = slot.lateral2 = slot.axial_peak2 = slot.lateral_peak2 = slot.whole_peak2 = 0.0
 
 
 @compiled
-def _begin_period(s: State, index: int) -> None:
-    p = s.open
-    p.index, p.samples, p.shocks, s.slot = index, 0, 0, 0
-    p.rate = p.axial2 = p.lateral2 = p.axial_peak2 = p.lateral_peak2 = p.whole_peak2 = 0.0
-    p.speeds[:] = math.nan
-
-
-@compiled
-def _speeds(s: State, mean: float) -> tuple[float, float, float]:
-    """Least and largest rotary speed of the window, rad/s, and the share of its slots below a tenth of the mean."""
-    oldest = s.open.index - PERIODS
-    least, most, slots, sticking = math.inf, -math.inf, 0, 0
-    for k in range(PERIODS):
-        if s.window[k].index > oldest:
-            for speed in s.window[k].speeds:
-                if math.isfinite(speed):
-                    least, most, slots = min(least, speed), max(most, speed), slots + 1
-                    if speed * mean < 0.1 * mean * mean:
-                        sticking += 1
-    return least, most, sticking / slots
+def _sticking(s: State, first: int, mean: float) -> float:
+    """Share of the slots from one on in which the string turns slower than a tenth of the mean speed, rad/s."""
+    slots, sticking = 0, 0
+    for slot in s.slots:
+        if slot.index >= first:
+            slots += 1
+            sticking += int(slot.rate / slot.samples * mean < 0.1 * mean * mean)
+    return sticking / slots
 
 
 @compiled
 def _summarise(s: State, row: Samples) -> None:
-    """Put the window that ends with the period now over into one output sample."""
-    count, periods, shocks = 0, 0, 0
+    """Put the window that ends with the period of the open slot into one output sample."""
+    periods, count, shocks, least, most = 0, 0, 0, math.inf, -math.inf
     rate, axial2, lateral2, axial_peak2, lateral_peak2, whole_peak2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for k in range(PERIODS):
-        one = s.window[k]
-        if one.index > s.open.index - PERIODS:
-            periods, count, shocks = periods + 1, count + one.samples, shocks + one.shocks
+    end = s.index // _PER_PERIOD + 1
+    first, period = (end - PERIODS) * _PER_PERIOD, _NONE
+    for one in s.slots:
+        if one.index >= first:
+            # The slots of a period lie side by side.
+            periods += int(one.index // _PER_PERIOD != period)
+            period = one.index // _PER_PERIOD
+            count, shocks = count + one.samples, shocks + one.shocks
+            speed = one.rate / one.samples
+            least, most = min(least, speed), max(most, speed)
             rate += one.rate
             axial2 += one.axial2
             lateral2 += one.lateral2
@@ -158,16 +148,15 @@ def _summarise(s: State, row: Samples) -> None:
             lateral_peak2 = max(lateral_peak2, one.lateral_peak2)
             whole_peak2 = max(whole_peak2, one.whole_peak2)
     mean = rate / count
-    least, most, sticking = _speeds(s, mean)
     turns = abs(mean) >= _LEAST_SPEED
-    row["stamp_ns"] = (s.open.index + 1) * PERIOD_NS
+    row["stamp_ns"] = end * PERIOD_NS
     row["duration"] = periods * PERIOD_NS * 1e-9
     row["samples"] = count
     row["rotary_speed"] = mean
     row["rotary_speed_least"] = least
     row["rotary_speed_most"] = most
     row["stick_slip_index"] = (most - least) / (2.0 * abs(mean)) if turns else -1.0
-    row["stick_share"] = sticking if turns else -1.0
+    row["stick_share"] = _sticking(s, first, mean) if turns else -1.0
     row["axial_rms"] = math.sqrt(axial2 / count)
     row["lateral_rms"] = math.sqrt(lateral2 / count)
     row["axial_peak"] = math.sqrt(axial_peak2)
@@ -186,32 +175,29 @@ def _count_shock(p: Params, s: State, stamp: int, whole2: float) -> None:
         return
     far = s.shock_ns == _NONE or stamp - s.shock_ns > _SEPARATION_NS
     if not s.above and far:
-        s.open.shocks += 1
+        s.slots[s.index % SLOTS].shocks += 1
         s.shocks_total += 1
     s.shock_ns, s.above = stamp, True
 
 
 @compiled
-def _add(s: State, rate: float, axial2: float, lateral2: float) -> None:
-    """Add a sample to the open period."""
-    p, whole2 = s.open, axial2 + lateral2
-    p.samples += 1
-    s.slot_rate += rate
-    s.slot_samples += 1.0
-    p.rate += rate
-    p.axial2 += axial2
-    p.lateral2 += lateral2
-    p.axial_peak2 = max(p.axial_peak2, axial2)
-    p.lateral_peak2 = max(p.lateral_peak2, lateral2)
-    p.whole_peak2 = max(p.whole_peak2, whole2)
+def _add(slot: Slot, rate: float, axial2: float, lateral2: float) -> None:
+    """Add a sample to a slot."""
+    slot.samples += 1
+    slot.rate += rate
+    slot.axial2 += axial2
+    slot.lateral2 += lateral2
+    slot.axial_peak2 = max(slot.axial_peak2, axial2)
+    slot.lateral_peak2 = max(slot.lateral_peak2, lateral2)
+    slot.whole_peak2 = max(slot.whole_peak2, axial2 + lateral2)
 
 
 @compiled
 def _run(p: Params, s: State, samples: Samples, attitude: Samples, out: Samples) -> int:
     """Arguments as in `run`; fills `out` and returns how many periods closed."""
     closed = 0
-    # Where the open period ends: a division for each sample would cost more than its sums.
-    end_ns = (s.open.index + 1) * PERIOD_NS if s.open.index != _NONE else _NONE
+    # Where the open slot ends: a division for each sample would cost more than its sums.
+    end_ns = (s.index + 1) * SLOT_NS if s.index != _NONE else _NONE
     for i in range(len(samples)):
         sample = samples[i]
         stamp, rate = sample.stamp_ns, sample.gyro[0]
@@ -223,18 +209,13 @@ def _run(p: Params, s: State, samples: Samples, attitude: Samples, out: Samples)
         if stamp <= s.last_ns or not math.isfinite(rate + axial2 + lateral2):
             continue
         if stamp >= end_ns:
-            if s.open.index != _NONE:
-                _end_slot(s)
-                s.window[s.open.index % PERIODS] = s.open
+            index = stamp // SLOT_NS
+            if s.index != _NONE and index // _PER_PERIOD > s.index // _PER_PERIOD:
                 _summarise(s, out[closed])
                 closed += 1
-            _begin_period(s, stamp // PERIOD_NS)
-            end_ns = (s.open.index + 1) * PERIOD_NS
+            _open(s, index)
+            end_ns = (index + 1) * SLOT_NS
         s.last_ns, s.status = stamp, attitude[i].status
-        slot = min((stamp - (end_ns - PERIOD_NS)) // _SLOT_NS, SLOTS - 1)
-        if slot != s.slot:
-            _end_slot(s)
-            s.slot = slot
-        _add(s, rate, axial2, lateral2)
+        _add(s.slots[s.index % SLOTS], rate, axial2, lateral2)
         _count_shock(p, s, stamp, axial2 + lateral2)
     return closed
