@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Array, Samples
+from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of

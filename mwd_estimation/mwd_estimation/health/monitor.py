@@ -24,7 +24,7 @@ from mwd_estimation.core.track import AT_RANGE, sample_arrays
 from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, signal_checks
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
-from mwd_estimation.health.motion_window import CARRIED, PARTS, Consistency, Expected, Samples
+from mwd_estimation.health.motion_window import PARTS, Consistency, Expected, Samples
 from mwd_estimation.health.replayed_samples import judge_replay
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
 from mwd_estimation.health.stream_checks import STREAM, judge_silence, judge_stamp, judge_stream
@@ -61,12 +61,11 @@ class Params(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """All arrays that change: checks, channels, stream (1), carried window (1), its steps, hashes of old samples."""
+    """All arrays that change: checks, channels, stream (1), steps of the window, hashes of old samples."""
 
     checks: Any
     channels: Any
     stream: Any
-    carried: Any
     steps: Any
     kept: Any
 
@@ -101,7 +100,6 @@ def initial(gravity: float | None = None, total: float | None = None, dip: float
         fault_debounce.blank(),
         signal_checks.blank(),
         np.zeros(1, dtype=STREAM),
-        np.zeros(1, dtype=CARRIED),
         np.zeros(motion_window.ROWS, dtype=motion_window.STEP),
         replayed_samples.blank(),
     )
@@ -188,11 +186,10 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
     changes = fault_debounce.take_changes(tables.checks, now)
     if stream.judge:
         stream.judge = 0
-        steps = tables.steps[: int(tables.carried[0].steps)]
-        window = Window(steps, int(stream.window_ns), 1e-9 * (now - int(stream.window_ns)))
+        window = Window(tables.steps[: int(stream.steps)], int(stream.window_ns), 1e-9 * (now - int(stream.window_ns)))
         WindowJudge(limits, state.expected, window, stream.window, tables.checks).judge()
         stream.doubtful |= fault_debounce.suspected(tables.checks)
-        if tables.carried[0].parts == PARTS:
+        if stream.parts == PARTS:
             stream.in_vain += int(window.path > _MOVES)
             stream.judged_ns = now
             weigh(tables.checks)
@@ -243,7 +240,7 @@ def _spoils(channels: Any, sensor: int) -> int:
 @compiled
 def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> bool:
     """Whether the window is to be judged: it is not as expected, or whole and something of it open."""
-    carried, checks = tables.carried[0], tables.checks
+    carried, checks = motion_window.carry(tables.steps[: s.steps]), tables.checks
     if not motion_window.consistent(k.consistency, expected, carried, 1e-9 * (s.end_ns - s.window_ns)):
         return True
     if not full:
@@ -265,18 +262,18 @@ def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> b
 @compiled
 def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, broken: bool) -> bool:
     """Judge the half second that waits; True where its window is to be judged too, or a fault has changed."""
-    s, channels, checks, carried = tables.stream[0], tables.channels, tables.checks, tables.carried[0]
+    s, channels, checks = tables.stream[0], tables.channels, tables.checks
     began = s.bin * BIN_NS
     s.end_ns, s.broken = began + BIN_NS, int(broken)
-    if carried.parts == 0:
+    if s.parts == 0:
         s.window_ns = began
-    used = motion_window.add(carried, tables.steps, samples, s.first, s.stop, s.mag_first, s.last_ns)
+    mag_first = s.mag_first
+    motion_window.add(s, tables.steps, samples)
     ranges = AT_RANGE * np.array([k.gyro_range, k.accel_range, k.mag_range])
     for c in range(3):
         signal_checks.count(channels[c], samples.gyro, c, s.first, s.stop, ranges[0])
         signal_checks.count(channels[3 + c], samples.accel, c, s.first, s.stop, ranges[1])
-        signal_checks.count(channels[6 + c], samples.mag, c, s.mag_first, used, ranges[2])
-    s.mag_first = used
+        signal_checks.count(channels[6 + c], samples.mag, c, mag_first, s.mag_first, ranges[2])
     for sensor in range(3):
         s.window[sensor] = max(s.window[sensor], _spoils(channels, sensor))
     judge_silence(k.mag_expected, s, checks, channels, began)
@@ -288,7 +285,7 @@ def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, brok
     changes = weigh(checks)
     if changes:
         s.unusable = fault_debounce.unusable(checks)
-    full = carried.parts == PARTS
+    full = s.parts == PARTS
     s.judge = int(not broken and _due(k, s, tables, expected, full))
     if s.judge and s.window[1] == BROKEN and s.window[2] == BROKEN:
         s.judge = 0
@@ -298,10 +295,10 @@ def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, brok
 @compiled
 def _finish(tables: Tables, samples: Samples) -> None:
     """Open the next half second, and the next window behind a whole one."""
-    s, carried = tables.stream[0], tables.carried[0]
+    s = tables.stream[0]
     s.suspect = fault_debounce.doubt(s.doubt_left, s.doubtful) & ~s.unusable
-    if s.broken or carried.parts == PARTS:
-        motion_window.begin(carried)
+    if s.broken or s.parts == PARTS:
+        s.steps = s.parts = 0
         s.window[:] = 0
     s.first = s.stop
     s.bin = samples.stamps[s.first] // BIN_NS
@@ -351,7 +348,6 @@ def _run(
     if not s.open:
         s.open, s.last_ns, s.newest_ns = 1, stamps[0], stamps[0] - 1
         s.bin = stamps[0] // BIN_NS
-        motion_window.begin(tables.carried[0])
     i = start
     while i < len(stamps):
         if s.stage == _CLOSED:

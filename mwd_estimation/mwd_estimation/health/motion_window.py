@@ -3,14 +3,16 @@
 Some seconds of motion as a plain array of steps, and whether it looks as healthy sensors see it.
 
 A step is a tenth of a second, or less where the tool turns fast: its turn and the sums of its samples. `window_checks`
-judges the array. Beside it the vectors are carried along by the gyros as they are, so that the long judgement is needed
-only where gravity, field or dip do not come out as expected (`consistent`).
+judges the array, but only where its vectors, carried along by the gyros as they are (`carry`), do not show gravity,
+field and dip as expected (`consistent`).
 """
 
 from __future__ import annotations
 
 import math
 from typing import Annotated, Any, NamedTuple
+
+import numpy as np
 
 from mwd_estimation.core.time_jumps import BACK_NS
 from mwd_estimation.health.signal_checks import ABSURD
@@ -56,33 +58,27 @@ class MotionStep:
 STEP = dtype_of(MotionStep)
 
 
-class Carried:
-    """The window as the gyros carry it: its vectors in the axes in which it began."""
+class Carried(NamedTuple):
+    """Steps as the gyros carry them: their vectors in the axes in which the first one began."""
 
-    mat: Annotated[Array, 3, 3]  #: from the axes of now to those
-    #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the carried vectors, how many, and of their
-    #: squares.
-    force: Annotated[Array, 3]
-    field: Annotated[Array, 3]
-    #: `part_force`, `part_forces`: sums of the carried forces, and how many, by half second.
-    part_force: Annotated[Array, PARTS, 3]
-    part_forces: Annotated[Indices, PARTS]
-    #: `product`, `products`: sum of force times mean field of the same step, and its number of forces.
-    product: float
-    products: int
+    #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the carried vectors, shape (3,), how many, and
+    #: of their squares.
+    force: Array
+    field: Array
     forces: int
     fields: int
     force2: float
     field2: float
+    #: `part_force`, `part_forces`: sums of the carried forces, shape (PARTS, 3), and how many, by half second.
+    part_force: Array
+    part_forces: Indices
+    #: `product`, `products`: sum of force times mean field of the same step, and its number of forces.
+    product: float
+    products: int
+    parts: int  #: half seconds
     path: float  #: length of the turn, whatever its direction, rad
-    turn: Annotated[Array, 3]  #: sum of the turns in the tool's own axes, rad
+    turn: Array  #: sum of the turns in the tool's own axes, shape (3,), rad
     force_x: float  #: sum of the forces along the tool's x
-    #: `steps`, `parts`: steps and half seconds so far.
-    steps: int
-    parts: int
-
-
-CARRIED = dtype_of(Carried)
 
 
 class Samples(NamedTuple):
@@ -113,60 +109,48 @@ class Consistency(NamedTuple):
 
 
 @compiled
-def begin(carried: Any) -> None:
-    """Open a window."""
-    carried.mat[:] = 0.0
-    carried.mat[0, 0] = carried.mat[1, 1] = carried.mat[2, 2] = 1.0
-    carried.force[:] = 0.0
-    carried.field[:] = 0.0
-    carried.part_force[:] = 0.0
-    carried.part_forces[:] = 0
-    carried.turn[:] = 0.0
-    carried.product = carried.force2 = carried.field2 = carried.path = carried.force_x = 0.0
-    carried.products = carried.forces = carried.fields = carried.steps = carried.parts = 0
+def carry(steps: Any) -> Carried:
+    """Carry the sums of steps, dtype STEP, into the axes in which the first one began."""
+    mat, force, field, turn = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
+    part_force, part_forces = np.zeros((PARTS, 3)), np.zeros(PARTS, dtype=np.int64)
+    forces, fields, products, parts = 0, 0, 0, 0
+    force2, field2, product, path, force_x = 0.0, 0.0, 0.0, 0.0, 0.0
+    for step in steps:
+        own_product, parts = 0.0, step.part + 1
+        for a in range(3):
+            carried_force, carried_field = 0.0, 0.0
+            for b in range(3):
+                carried_force += mat[a, b] * step.force[b]
+                carried_field += mat[a, b] * step.field[b]
+            force[a] += carried_force
+            field[a] += carried_field
+            part_force[step.part, a] += carried_force
+            own_product += step.force[a] * step.field[a]
+            turn[a] += step.turn[a]
+        if step.forces and step.fields:
+            product += own_product / step.fields
+            products += step.forces
+        part_forces[step.part] += step.forces
+        forces, fields = forces + step.forces, fields + step.fields
+        force2, field2, force_x = force2 + step.force2, field2 + step.field2, force_x + step.force[0]
+        path += math.sqrt(step.turn[0] ** 2 + step.turn[1] ** 2 + step.turn[2] ** 2)
+        rotate_right(mat, step.turn[0], step.turn[1], step.turn[2])
+    sums = force, field, forces, fields, force2, field2
+    return Carried(*sums, part_force, part_forces, product, products, parts, path, turn, force_x)
 
 
 @compiled
-def _follow(carried: Any, step: Any) -> None:
-    """Carry a step's sums into the axes in which the window began, and turn on."""
-    part = min(step.part, PARTS - 1)
-    product = 0.0
-    for a in range(3):
-        force, field = 0.0, 0.0
-        for b in range(3):
-            force += carried.mat[a, b] * step.force[b]
-            field += carried.mat[a, b] * step.field[b]
-        carried.force[a] += force
-        carried.field[a] += field
-        carried.part_force[part, a] += force
-        product += step.force[a] * step.field[a]
-    if step.forces and step.fields:
-        carried.product += product / step.fields
-        carried.products += step.forces
-    carried.part_forces[part] += step.forces
-    carried.forces += step.forces
-    carried.fields += step.fields
-    carried.force2 += step.force2
-    carried.field2 += step.field2
-    carried.force_x += step.force[0]
-    carried.turn[0] += step.turn[0]
-    carried.turn[1] += step.turn[1]
-    carried.turn[2] += step.turn[2]
-    carried.path += math.sqrt(step.turn[0] ** 2 + step.turn[1] ** 2 + step.turn[2] ** 2)
-    rotate_right(carried.mat, step.turn[0], step.turn[1], step.turn[2])
-
-
-@compiled
-def add(carried: Any, steps: Any, samples: Samples, start: int, stop: int, used: int, before_ns: int) -> int:
+def add(stream: Any, steps: Any, samples: Samples) -> None:
     """
-    Add half a second: samples from start to stop, after one at `before_ns`; gives the magnetic samples used by then.
+    Add half a second of samples to the steps of a window.
 
-    used : magnetic samples used before. A magnetic sample belongs to the first one of the IMU that is not earlier.
+    stream : record of `stream_checks.Stream`; its `steps`, `parts` and `mag_first` move on. A magnetic sample belongs
+    to the first one of the IMU that is not earlier.
     """
-    last, opened = before_ns, before_ns
+    last = opened = stream.last_ns
     # In local names: this runs for every sample.
     tx, ty, tz, fx, fy, fz, force2, forces = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
-    for i in range(start, stop):
+    for i in range(stream.first, stream.stop):
         at = samples.stamps[i]
         dt = 1e-9 * (at - last)
         dt = dt if 0.0 < dt <= _LONGEST else 0.0
@@ -180,17 +164,15 @@ def add(carried: Any, steps: Any, samples: Samples, start: int, stop: int, used:
             fx, fy, fz = fx + x, fy + y, fz + z
             force2 += x * x + y * y + z * z
         turn2 = tx * tx + ty * ty + tz * tz
-        if turn2 > _TURN2 or at - opened >= _STEP_NS or at < opened or i == stop - 1:
-            step = steps[carried.steps]
-            used = _add_fields(step, samples, used, at)
+        if turn2 > _TURN2 or at - opened >= _STEP_NS or at < opened or i == stream.stop - 1:
+            step = steps[stream.steps]
+            stream.mag_first = _add_fields(step, samples, stream.mag_first, at)
             step.turn[0], step.turn[1], step.turn[2] = tx, ty, tz
             step.force[0], step.force[1], step.force[2] = fx, fy, fz
-            step.force2, step.forces, step.part = force2, forces, carried.parts
-            _follow(carried, step)
-            carried.steps = min(carried.steps + 1, ROWS - 1)
+            step.force2, step.forces, step.part = force2, forces, stream.parts
+            stream.steps = min(stream.steps + 1, ROWS - 1)
             tx, ty, tz, fx, fy, fz, force2, forces, opened = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, at
-    carried.parts += 1
-    return used
+    stream.parts += 1
 
 
 @compiled
@@ -211,12 +193,12 @@ def _add_fields(step: Any, samples: Samples, used: int, at: int) -> int:
 
 
 @compiled
-def _length_noise(carried: Any) -> float:
+def _length_noise(carried: Carried) -> float:
     """1 sigma of the mean force along one axis, from what the half seconds differ by; white noise's at least."""
     mean2, total2, n = 0.0, 0.0, 0
     for a in range(3):
         total, n = 0.0, 0
-        for part in range(min(carried.parts, PARTS)):
+        for part in range(PARTS):
             if carried.part_forces[part]:
                 mean = carried.part_force[part, a] / carried.part_forces[part]
                 total += mean
@@ -232,7 +214,7 @@ def _length_noise(carried: Any) -> float:
 
 
 @compiled
-def _turns_about_x(expected: Expected, carried: Any, seconds: float) -> bool:
+def _turns_about_x(expected: Expected, carried: Carried, seconds: float) -> bool:
     """Whether the tool stands, or turns about x as a string does that points downwards, whatever it shakes beside."""
     upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
     turn_x = carried.turn[0]
@@ -245,7 +227,7 @@ def _turns_about_x(expected: Expected, carried: Any, seconds: float) -> bool:
 
 
 @compiled
-def consistent(p: Consistency, expected: Expected, carried: Any, seconds: float) -> bool:
+def consistent(p: Consistency, expected: Expected, carried: Carried, seconds: float) -> bool:
     """Whether gravity is g long, the field steady and of its size, and the dip the place's, with axes as they are."""
     if carried.path > 50.0 * seconds:
         return False

@@ -39,6 +39,9 @@ class Stream:
     last_ns: int  #: stamp from which the next interval is counted
     newest_ns: int  #: stamp of the last sample that came
     stamp_score: int  #: two for each stamp that does not advance, less one for each that does
+    #: `steps`, `parts`: steps and half seconds of the window that is open (`motion_window`).
+    steps: int
+    parts: int
     period: float  #: usual interval of the samples, s; 0: not learned yet
     mag_came: int  #: 1 once a magnetic sample came
     doubt_left: Annotated[Indices, 3]  #: half seconds for which each sensor stays in doubt

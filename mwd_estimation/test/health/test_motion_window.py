@@ -11,7 +11,8 @@ import pytest
 from mwd_estimation.core.axis_mappings import ACCEL, GYRO, MAG, MAPPINGS, MISTAKES
 from mwd_estimation.health import motion_window
 from mwd_estimation.health.carried_vectors import Window
-from mwd_estimation.health.motion_window import CARRIED, ROWS, STEP, Consistency, Expected, Samples
+from mwd_estimation.health.motion_window import ROWS, STEP, Consistency, Expected, Samples
+from mwd_estimation.health.stream_checks import STREAM
 from mwd_sensors.core.kalman import in_turned_axes
 
 F = np.array([-3.0, 2.0, -9.0])
@@ -27,7 +28,7 @@ def steadily(*rate):
 
 
 def filled(rate, gyro=IDENTITY, accel=IDENTITY, mag=IDENTITY, push=None):
-    """Carried vectors and steps of a tool that turns at `rate`(t), rad/s, its sensors mapped by three matrices."""
+    """Steps of a tool that turns at `rate`(t), rad/s, its sensors mapped by three matrices."""
     n = round(SECONDS * HZ)
     rates, forces, fields = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     f, b = F.copy(), B.copy()
@@ -38,18 +39,18 @@ def filled(rate, gyro=IDENTITY, accel=IDENTITY, mag=IDENTITY, push=None):
         rates[k], forces[k], fields[k] = gyro @ w, accel @ f + (0.0 if push is None else push(k)), mag @ b
     stamps = np.arange(n) * (10**9 // HZ)
     samples = Samples(stamps, rates, forces, stamps, fields)
-    carried, steps = np.zeros(1, CARRIED), np.zeros(ROWS, STEP)
-    motion_window.begin(carried[0])
-    used = 0
+    stream, steps = np.zeros(1, STREAM), np.zeros(ROWS, STEP)
+    stream["last_ns"] = stamps[0]
     for start in range(0, n, HZ // 2):
-        before = int(stamps[max(start - 1, 0)])
-        used = motion_window.add(carried[0], steps, samples, start, start + HZ // 2, used, before)
-    assert used == n
-    return carried[0], steps[: int(carried[0].steps)]
+        stream["first"], stream["stop"] = start, start + HZ // 2
+        motion_window.add(stream[0], steps, samples)
+        stream["last_ns"] = stamps[start + HZ // 2 - 1]
+    assert stream[0].mag_first == n
+    return steps[: int(stream[0].steps)]
 
 
 def window(*args, **kwargs):
-    return Window(filled(*args, **kwargs)[1], 0, SECONDS)
+    return Window(filled(*args, **kwargs), 0, SECONDS)
 
 
 def shares(found):
@@ -121,7 +122,8 @@ def test_a_healthy_window_is_consistent_and_each_mistake_that_shows_is_not():
         return 8.0, 0.5 * math.sin(3.0 * t), 0.5 * math.cos(3.0 * t)
 
     def healthy(*mats, expected=EXPECTED, motion=motion, push=None):
-        return motion_window.consistent(Consistency(), expected, filled(motion, *mats, push=push)[0], SECONDS)
+        carried = motion_window.carry(filled(motion, *mats, push=push))
+        return motion_window.consistent(Consistency(), expected, carried, SECONDS)
 
     assert healthy()
     assert healthy(motion=steadily(0.0, 0.0, 0.0))

@@ -12,7 +12,8 @@ from mwd_estimation.health import fault_debounce as debounce
 from mwd_estimation.health import motion_window
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, OK, STRONGLY, UNKNOWN
-from mwd_estimation.health.motion_window import CARRIED, ROWS, STEP, Expected, Samples
+from mwd_estimation.health.motion_window import ROWS, STEP, Expected, Samples
+from mwd_estimation.health.stream_checks import STREAM
 from mwd_estimation.health.window_checks import CLIPPED, WindowJudge, WindowLimits
 from mwd_sensors.core.frames import mat_nt
 
@@ -57,15 +58,15 @@ def observed(
     )
     stamps = np.arange(n) * (10**9 // RATE)
     samples = Samples(stamps, rates, forces, stamps, fields)
-    carried, steps = np.zeros(1, CARRIED), np.zeros(ROWS, STEP)
-    motion_window.begin(carried[0])
-    used = 0
+    stream, steps = np.zeros(1, STREAM), np.zeros(ROWS, STEP)
+    stream["last_ns"] = stamps[0]
     for start in range(0, n, RATE // 2):
-        before = int(stamps[max(start - 1, 0)])
-        used = motion_window.add(carried[0], steps, samples, start, start + RATE // 2, used, before)
+        stream["first"], stream["stop"] = start, start + RATE // 2
+        motion_window.add(stream[0], steps, samples)
+        stream["last_ns"] = stamps[start + RATE // 2 - 1]
     checks = debounce.blank()
     checks[FaultCode.AXES, 0].state = OK if known else UNKNOWN
-    window = Window(steps[: int(carried[0].steps)], 4_000_000_000, SECONDS)
+    window = Window(steps[: int(stream[0].steps)], 4_000_000_000, SECONDS)
     WindowJudge(WindowLimits(), expected, window, np.array(spoilt), checks).judge()
     return checks
 
