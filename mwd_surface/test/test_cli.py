@@ -86,6 +86,15 @@ def test_help_needs_no_heavy_package():
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
+def test_a_visit_to_a_graph_needs_no_simulator_and_no_compiler():
+    pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
+    code = (
+        "import sys, mwd_surface.commands.graph, mwd_surface.runs.launch_plan, mwd_surface.ros.graph_client\n"
+        "print([m for m in ('numba', 'scipy', 'mwd_sensors.simulator.scenario') if m in sys.modules])"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
 def test_the_surveys_of_a_real_well_are_reproduced_and_judged(tmp_path):
     """Volve 15/9-F-5 (Equinor, open data): published angles and totals; two stations beside casing, one sound."""
     done = mwd("survey", VOLVE, "-o", tmp_path / "out.csv")
