@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 DEB = [sys.executable, str(ROOT / ".ci/deb")]
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.slow(3),
     pytest.mark.skipif(
         not Path(sys.prefix, "share/mwd_msgs").exists(), reason="no environment of `make setup`: make setup"
     ),

@@ -21,7 +21,7 @@ ROS = (
 WITHOUT_ROS = f"import sys; sys.modules.update(dict.fromkeys({ROS!r}.split())); "
 MWD = WITHOUT_ROS + "from mwd_surface.cli import main; sys.argv[0] = 'mwd'; sys.exit(main())"
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(3)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,8 @@ Plugin of the gate: in which order the workers of pytest-xdist get the files of 
 Files that start real nodes mostly wait for real time, so they are spread among those that compute: as few as possible
 run at once, and what a waiting worker leaves of the processor the others use. The files that take longest come first,
 so that no worker is left alone with one at the end. How long a file takes is the sum over those of its tests that run:
-a test marked `slow` counts a second, one marked `slow(20)` twenty.
+a test marked `slow` counts a second, one marked `slow(20)` twenty. Tests that share a graph or a simulated run count
+their parts of what the file takes.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ from mwd_surface.control.status import Achieved, Judgement, Request
 from mwd_surface.live.alarms import Severity
 from mwd_surface.trajectory.advice import Advice, AdviceMode
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 
 def test_without_a_token_on_the_server_there_is_nothing_to_press(browser):

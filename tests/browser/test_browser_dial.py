@@ -9,7 +9,7 @@ import pytest
 from browser_page import ALL_SIZES, By, box, click, font_sizes, rig_on, show, text, wait
 from mwd_estimation.core.status import Status
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 
 def test_the_dial_follows_the_message(browser):

@@ -14,7 +14,7 @@ from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import ReferenceField
 from mwd_surface.trajectory.plan import Offset
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 
 def test_the_first_screen_says_where_the_tool_points_with_unit_sigma_and_age(browser):

@@ -10,7 +10,7 @@ from browser_page import ALL_SIZES, EVIL, By, click, rig_on, survey, tab, text, 
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.well_state import SurveyProgress
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 
 def test_the_survey_table_has_words_for_verdicts_and_a_projected_last_line(browser):

@@ -10,7 +10,7 @@ from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 from running_graph import PLACE, samples_of, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(11)]
 
 RATE_HZ, BURST = 5000, 10
 SCENARIO = f"""

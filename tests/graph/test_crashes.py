@@ -17,7 +17,7 @@ from mwd_surface.runs import launch_plan
 from mwd_surface.runs.supervise import Order, Supervisor
 from running_graph import PLACE, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(12)]
 WELL = "w1"
 STORY = """
 name: crashes

@@ -12,7 +12,7 @@ from project import SCENARIOS
 from running_graph import CALL, PLACE, until
 
 SCENARIO = SCENARIOS / "bench" / "drillvib.yaml"
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
 
 TALK = (
     CALL

@@ -14,7 +14,7 @@ from mwd_surface.runs import launch_plan
 from project import SCENARIOS
 from running_graph import CALL, PLACE, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(10)]
 RATE, FLOOD = 10_000, 80_000
 
 # Both streams of samples and rig data, at this rate together or as fast as the machine can.

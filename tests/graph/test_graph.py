@@ -27,7 +27,7 @@ from mwd_surface.rig.status import FILE_NAME, read_status
 from running_graph import CALL, PLACE, samples_of, until
 
 SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(5)]
 
 
 class Talk:

@@ -9,7 +9,7 @@ import pytest
 import running_graph
 from running_graph import PLACE, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(15)]
 
 
 def mwd(graph, *words):

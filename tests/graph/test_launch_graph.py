@@ -46,7 +46,7 @@ def test_another_source_is_refused_with_those_there_are():
 
 
 @pytest.mark.ros
-@pytest.mark.slow
+@pytest.mark.slow(15)
 def test_what_the_launch_file_starts_records_a_survey_and_ends_when_told(tmp_path):
     parameters = {
         "surface": {"folder": str(tmp_path / "data"), "page.port": 0, "record.name": "run"},

@@ -20,7 +20,7 @@ from mwd_surface.receiver.link import receivers
 from mwd_surface.ros.topics import OF_TOOL
 from running_graph import until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
 
 SCENARIO = Path(__file__).parent / "scenarios" / "two_links.yaml"
 PLACE = {"place__field": "model", "place__lat_deg": 38.3, "place__lon_deg": 109.6}

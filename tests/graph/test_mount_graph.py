@@ -21,7 +21,7 @@ from mwd_surface.processing import process
 from mwd_surface.runs import simulate
 from running_graph import PLACE, samples_of, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(7)]
 
 SCENARIO = """
 name: mounted

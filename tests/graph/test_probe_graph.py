@@ -25,7 +25,7 @@ from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.surveys.survey_source import surveys_of
 from running_graph import PLACE, samples_of, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(20)]
 
 SCENARIO = """
 name: probe

@@ -76,7 +76,7 @@ def whole_well(folder):
 
 
 @pytest.mark.ros
-@pytest.mark.slow
+@pytest.mark.slow(14)
 @pytest.mark.fault_case(94)
 def test_the_policy_allows_all_that_the_nodes_of_a_well_have_open(tmp_path):
     found = whole_well(tmp_path)

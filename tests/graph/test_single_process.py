@@ -8,7 +8,7 @@ from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.runs import launch_plan
 from running_graph import graph
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow(8)]
 STORY = """
 name: one
 place: {latitude_deg: 38.3, longitude_deg: 109.6}

@@ -8,7 +8,7 @@ import pytest
 
 from running_graph import EXECUTABLES, PLACE, Graph, graph, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(10)]
 
 
 def hears_signals(running: Graph, name: str) -> bool:

@@ -20,7 +20,7 @@ from mwd_surface.runs import simulate
 from running_graph import PLACE, samples_of, until
 
 SCENARIO = Path(__file__).parent / "scenarios" / "short.yaml"
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(5)]
 
 
 async def watch(address, topic, count, protocol="foxglove.sdk.v1"):

@@ -22,7 +22,7 @@ RATE = 3.0  # s of the run in a second
 UNSTEERED = 12.0  # s of the run before the controller comes
 HELD = 30.0  # s of the run
 NOTICED = 3.0  # s
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(7)]
 
 
 class Controller:

@@ -81,7 +81,7 @@ def fails(imu, how):
         rates[:, 0] = np.clip(rates[:, 0], -5.0, 5.0)
 
 
-@pytest.mark.slow(4)
+@pytest.mark.slow(0.5)
 @pytest.mark.parametrize("how", ["reversed", "stuck", "no numbers", "clipped"])
 @pytest.mark.parametrize("late_s", [0.0, 0.1])
 def test_the_delay_is_found_and_none_made_up_where_the_gyro_fails(how, late_s):

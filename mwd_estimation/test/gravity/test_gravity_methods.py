@@ -12,7 +12,7 @@ from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import methods as gravity
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 FIELDS = ("g_t", "sigma_inclination", "sigma_toolface", "non_gravity", "rotary_speed", "status")
 every_method = pytest.mark.parametrize("name", list(gravity.METHODS))

@@ -81,7 +81,7 @@ def test_each_kind_of_unit_has_its_exact_posterior_and_evidence_whatever_the_see
     assert_allclose(log - log[0], np.array(evidence) - evidence[0], atol=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(5)
 @pytest.mark.parametrize(("bias", "walk"), [(5.0, 0.3), (1.0, 0.0), (15.0, 0.0)], ids=["stated", "better", "worse"])
 def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias, walk):
     rng, errors, sigmas = np.random.default_rng(3), [], []
@@ -100,7 +100,7 @@ def test_stations_of_a_run_find_the_biases_of_any_unit_with_an_honest_sigma(bias
     assert np.median(sigma) < math.radians(10.0)
 
 
-@pytest.mark.slow
+@pytest.mark.slow(5)
 def test_stations_at_one_attitude_do_not_show_their_azimuth_by_being_many():
     rng, errors, sigmas = np.random.default_rng(4), [], []
     for _ in range(30):
@@ -127,7 +127,7 @@ def test_a_kind_of_unit_that_does_not_fit_keeps_its_own_biases():
     assert np.diagonal(later.covariance, axis1=1, axis2=2).min() > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.slow(5)
 def test_biases_that_step_after_they_are_known_are_found_again():
     rng, off, sigma = np.random.default_rng(5), [], []
     for _ in range(40):

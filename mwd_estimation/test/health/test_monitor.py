@@ -21,7 +21,7 @@ from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import REFERENCE_DATA, ROOT
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 SCENARIOS = ROOT / "bags" / "scenarios"
 BROAD = REFERENCE_DATA / "broad"

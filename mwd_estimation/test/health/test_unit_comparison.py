@@ -22,7 +22,7 @@ from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 SCENARIO = SCENARIOS / "bench" / "drillvib.yaml"
 BIN = 500_000_000

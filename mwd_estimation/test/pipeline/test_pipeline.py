@@ -61,7 +61,7 @@ def _joined(outputs, name):
     return np.concatenate([getattr(output, name) for output in outputs])
 
 
-@pytest.mark.slow
+@pytest.mark.slow(6)
 @settings(max_examples=8)
 @given(cuts=st.lists(st.integers(0, 1600), max_size=8))
 def test_any_cut_into_blocks_gives_the_same_bits(cuts):
@@ -205,7 +205,7 @@ def test_a_magnetometer_beside_a_silent_imu_keeps_the_newest_samples_only():
     assert np.isfinite(output.attitude["azimuth"][-1])
 
 
-@pytest.mark.slow
+@pytest.mark.slow(6)
 def test_what_is_kept_while_the_time_of_the_imu_stands_still_is_bounded(monkeypatch):
     monkeypatch.setattr(estimate, "MOST_AHEAD", 2000)
     imu, mag = _samples(seconds=4.0)
@@ -231,7 +231,7 @@ def test_what_is_kept_while_the_time_of_the_imu_stands_still_is_bounded(monkeypa
     assert np.isfinite(output.attitude["azimuth"][-1])
 
 
-@pytest.mark.slow
+@pytest.mark.slow(6)
 @pytest.mark.fault_case(55)
 @settings(max_examples=10)
 @given(
@@ -436,7 +436,7 @@ def test_innovations_count_what_the_field_check_rejects_however_the_stream_is_cu
     assert 0.0 < before["gravity_inclination"].test_ratio < 20.0
 
 
-@pytest.mark.slow
+@pytest.mark.slow(6)
 @pytest.mark.fault_case(70)
 def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeypatch):
     # Of fewer stations than here, so that what is kept of them is full too.

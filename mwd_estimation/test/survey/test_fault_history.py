@@ -25,7 +25,7 @@ from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.7)
 
 SCENARIO = SCENARIOS / "bench" / "drillvib.yaml"
 TOPICS = ("imu/mag", "imu/data_raw", "truth")

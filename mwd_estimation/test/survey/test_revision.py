@@ -50,7 +50,7 @@ def revised(taken):
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_north_found_after_a_half_turn_revises_the_survey_before_the_turn():
     unknown = Reason(ReasonCode.GYRO_BIAS_UNKNOWN, 0.5, 0.3)
     taken = []
@@ -64,7 +64,7 @@ def test_north_found_after_a_half_turn_revises_the_survey_before_the_turn():
         assert abs(wrap_pi(one.azimuth - AZIMUTH)) < one.sigma_azimuth
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_azimuths_of_one_seek_are_one_reading_of_the_gyro():
     # A wrong gyro beside a magnetometer in order: two readings of it would be believed, one is not.
     apart = [revised([station(0.8, 0.0, seek(1, 2.3)), station(0.8, 2.0, seek(began, 2.3))]) for began in (1, 2)]
@@ -73,7 +73,7 @@ def test_azimuths_of_one_seek_are_one_reading_of_the_gyro():
     assert {one.verdict for one, _ in apart[0]} == {"doubtful"}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_the_second_azimuth_of_one_seek_does_not_bear_out_the_first():
     """A wrong gyro beside a magnetometer in order, read before and after a turn in place; the next one is right."""
     found = []
@@ -88,7 +88,7 @@ def test_the_second_azimuth_of_one_seek_does_not_bear_out_the_first():
     assert found[1] == ["doubtful", "accept", "accept"]
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 @pytest.mark.parametrize("more", [((0.0, 1e-9),), ((math.pi, 0.0), (0.0, 1e-9)), ((0.0, 0.0),)])
 def test_surveys_asked_for_in_a_seek_leave_its_reading_with_the_run(more):
     """Steel at each station: again at rest, a turn there and back, and the same readings again."""
@@ -106,7 +106,7 @@ def test_surveys_asked_for_in_a_seek_leave_its_reading_with_the_run(more):
     assert {one.verdict for one, found in revised(taken) if found.repeats is None} == {"accept"}
 
 
-@pytest.mark.slow
+@pytest.mark.slow(3)
 def test_a_refusal_amid_a_seek_makes_no_second_reading_of_it():
     refusal = Solution(Reason(ReasonCode.TOOL_NOT_STILL), "still")
     for began_ns in (1, None):

@@ -18,7 +18,7 @@ from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
 from project import SCENARIOS
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.4)
 
 
 @functools.cache

@@ -18,7 +18,7 @@ import pytest
 from mwd_surface.bags.bag_reader import Bag
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
-pytestmark = [pytest.mark.ros, pytest.mark.slow]
+pytestmark = [pytest.mark.ros, pytest.mark.slow(15)]
 
 SCENARIO = (
     "name: brief\nschedule: [{kind: still, seconds: 24.0}]\n"

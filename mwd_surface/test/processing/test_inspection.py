@@ -24,7 +24,7 @@ from mwd_surface.processing.inspection import inspect
 from mwd_surface.runs import simulate
 from running_graph import samples_of
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.3)
 
 SCENARIO = """
 name: other

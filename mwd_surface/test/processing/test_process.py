@@ -26,7 +26,7 @@ from mwd_surface.processing.run_config import estimator_config
 from mwd_surface.processing.run_output import OutputSettings
 from mwd_surface.surveys.survey_source import surveys_of
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.3)
 
 START = 1_772_344_800_000_000_000
 S3 = settings.changed(EstimatorSettings(), {"gravity.method": "s3"})

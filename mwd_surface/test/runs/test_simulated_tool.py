@@ -14,7 +14,7 @@ from mwd_surface.receiver.link import receivers
 from mwd_surface.runs import simulate
 from mwd_surface.runs.simulated_tool import SimulatedTool
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(2)
 
 SCENARIO = """
 name: short_link

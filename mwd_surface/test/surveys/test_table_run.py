@@ -14,7 +14,7 @@ from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_surface.list_files.six_axis_table import TableRow, single_stations, table_rows
 from mwd_surface.surveys.table_run import run_stations
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(2)
 
 REFERENCE = Reference(total=50e-6, dip=math.radians(70.0), declination=math.radians(2.0), gravity=9.81)
 SETTINGS = StationSettings()

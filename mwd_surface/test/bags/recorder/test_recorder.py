@@ -28,7 +28,7 @@ from mwd_surface.bags.recorder.recorder import Recorder
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.bags.recorder.status import Level, RecorderError, RecorderState
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 START = 1_700_000_000_000_000_000
 STRING, IMU = "std_msgs/msg/String", "sensor_msgs/msg/Imu"

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mwd_surface.rig.wits.format import KEEP_ALIVE, Decoder, checked_text, encode, plain_text
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.slow(0.1)
 
 
 def numbers(frame):
