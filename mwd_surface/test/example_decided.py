@@ -31,4 +31,4 @@ def decided(*, magnetometer=True, gyro_sigma=None, reference=REFERENCE, inclinat
     gyro = None if gyro_sigma is None else Solution(None, "still", azimuth, gyro_sigma, inclination, 0.0, 60.0, 0.1)
     run = SurveyDecision(StationSettings(), FaultHistory())
     survey = run.complete(run.begin(still, 1, reference, gyro), NOT_PROPAGATED)
-    return survey_of_fields(survey_fields(survey, 0), survey.stamp_ns)
+    return survey_of_fields(survey_fields(survey), survey.stamp_ns)

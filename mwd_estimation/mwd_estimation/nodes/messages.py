@@ -25,7 +25,7 @@ MIN_SPACING_NS = 800_000
 
 def survey_message(survey: Survey, frame_id: str) -> SurveyMessage:
     """Survey as mwd_msgs/msg/Survey."""
-    fields = survey_fields(survey, survey.status)
+    fields = survey_fields(survey)
     azimuths = [AzimuthEstimate(**one) for one in fields.pop("azimuths")]
     message = SurveyMessage(azimuths=azimuths, **fields)
     message.header.stamp = stamp(survey.stamp_ns)

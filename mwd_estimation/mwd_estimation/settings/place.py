@@ -8,7 +8,7 @@ import datetime
 import math
 
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.posterior.field_model import FieldErrors
+from mwd_estimation.survey.posterior.field_model import DECLINATION_DEGNT, DIP_DEG, TOTAL_NT
 from mwd_sensors.core import earth
 from mwd_sensors.core.settings import SettingsError, setting
 
@@ -187,15 +187,11 @@ def _fixed(place: Place) -> Reference:
             "order is total (nT), dip (deg), declination (deg)"
         )
     # A certificate knows core and crust; the field of the Sun it knows only where an observatory is part of it (IFR2).
-    outside = (
-        FieldErrors(total_nt=0.0, dip_deg=0.0, declination_degnt=0.0)
-        if _IFR2 in place.source.upper()
-        else FieldErrors()
-    )
+    outside = 0.0 if _IFR2 in place.source.upper() else 1.0
     return dataclasses.replace(
         reference,
-        sigma_total=math.hypot(total_nt, outside.total_nt) * 1e-9,
-        sigma_dip=math.radians(math.hypot(dip_deg, outside.dip_deg)),
+        sigma_total=math.hypot(total_nt, outside * TOTAL_NT) * 1e-9,
+        sigma_dip=math.radians(math.hypot(dip_deg, outside * DIP_DEG)),
         sigma_declination=math.radians(declination_deg),
-        sigma_declination_field=math.radians(outside.declination_degnt) * 1e-9,
+        sigma_declination_field=math.radians(outside * DECLINATION_DEGNT) * 1e-9,
     )

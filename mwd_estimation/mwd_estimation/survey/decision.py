@@ -27,8 +27,8 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.fault_history import Accusation, FaultHistory
 from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, measured
-from mwd_estimation.survey.revision import Taken, findings, is_revised, with_last_readings
-from mwd_estimation.survey.run_model import RunModel, declination_sigma, gyro_azimuth
+from mwd_estimation.survey.revision import findings, is_revised, with_last_readings
+from mwd_estimation.survey.run_model import RunModel, Taken, declination_sigma, gyro_azimuth
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
@@ -71,10 +71,14 @@ class Provisional:
     #: (ndarray (22,), ndarray (22, 22)) or None; what the run shows of the errors that its stations share, as
     #: `RunModel.shared`.
     shared: tuple[Array, Array] | None = None
-    sound: bool = True  #: whether no sensor was at fault while it was taken: only then anything is learnt from it
-    #: What was known of the sensors then. What later samples show has no say, for how many of them are known when a
-    #: survey is completed depends on how they were cut into blocks.
+    #: What was known then to speak against its sensors. What later samples show has no say, for how many of them are
+    #: known when a survey is completed depends on how they were cut into blocks.
     against: Accusation | None = None
+
+    @property
+    def sound(self) -> bool:
+        """Whether no sensor was at fault while it was taken: only then anything is learnt from it."""
+        return self.against is None
 
     @property
     def gyro(self) -> tuple[float, float]:
@@ -155,7 +159,7 @@ class SurveyDecision:
         average = self._faults.readable(average)
         one = _measured(average, reference, self._settings)
         taken = Taken(one, average.end_ns / _NS_PER_HOUR, gyro, turning)
-        finding = self._run.take(*taken, learn=usable)
+        finding = self._run.take(taken, learn=usable)
         survey = _survey(average, sequence, self._decided(one, finding, gyro), _weights(finding, gyro))
         against = self._faults.against(survey)
         if usable and against is None:
@@ -163,7 +167,7 @@ class SurveyDecision:
             while len(self._taken) > _REVISABLE:
                 del self._taken[next(iter(self._taken))]
         judged_by_faults = survey if against is None else against.judge(survey)
-        return Provisional(judged_by_faults, one, finding, self._run.shared(), against is None, against)
+        return Provisional(judged_by_faults, one, finding, self._run.shared(), against)
 
     def complete(self, provisional: Provisional, propagated: PropagatedAzimuth) -> Survey:
         """The survey, with what the azimuth propagated to it says of its own."""
@@ -219,7 +223,7 @@ class SurveyDecision:
         """Decide a survey averaged in axes that do not turn (`rotary_survey`); rotary_speed, rad/s, for the record."""
         one = _measured(average, reference, self._settings)
         # Axes that do not turn with the string show its errors across the axis in no direction: a run of its own.
-        finding = RunModel(self._settings).take(one)
+        finding = RunModel(self._settings).take(Taken(one))
         station = without_toolface(self._decided(one, finding, None), rotary_speed)
         taken = _survey(average, sequence, station, _weights(finding, None))
         return self._faults.judge(dataclasses.replace(taken, kind=ROTARY))

@@ -77,7 +77,6 @@ class Finding:
     axial: tuple[float, float] = (math.nan, math.nan)
     mount: float = 0.0  #: 1 sigma of the inclination, rad, by accelerometers that may be turned in their mount
     repeats: int | None = None  #: number in the run, from 1, of an earlier station with these very readings
-    stations: int = 1  #: in the run, with this one
 
     @functools.cached_property
     def circle(self) -> circle.Circle:

@@ -12,34 +12,17 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
-from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.finding import Finding
-from mwd_estimation.survey.measurement import Measured
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
-from mwd_estimation.survey.run_model import RunModel
+from mwd_estimation.survey.run_model import RunModel, Taken
 from mwd_estimation.survey.station_record import Station
 from mwd_estimation.survey.station_settings import StationSettings
-from mwd_estimation.survey.turning_string import Turning
 
 # Probability of an external field from which the others of the run speak against a station.
 _OUTLIER = 0.5
 # An azimuth that moves by less, rad, is no revision worth a word.
 _MOVED = math.radians(0.05)
-
-
-class Taken(NamedTuple):
-    """
-    A station as a run takes it in.
-
-    Readings, when, h from anywhere (nan: not known), north by a gyro, and what the string showed while it turned.
-    """
-
-    measured: Measured
-    hours: float = math.nan
-    gyro: Solution | None = None
-    turning: Turning | None = None
 
 
 def findings(
@@ -95,7 +78,7 @@ def _seeks(taken: dict[int, Taken]) -> list[dict[int, Taken]]:
 
 def _learn(model: RunModel, seek: dict[int, Taken]) -> None:
     for one in seek.values():
-        model.take(*one)
+        model.take(one)
 
 
 def _without_each(model: RunModel, seeks: list[dict[int, Taken]], found: dict[int, Finding | None]) -> None:
@@ -119,4 +102,4 @@ def _of_seek(model: RunModel, seek: dict[int, Taken], found: dict[int, Finding |
     for k, one in seek.items():
         aware = copy.deepcopy(model)
         _learn(aware, {other: field for other, field in fields.items() if other != k})
-        found[k] = aware.take(*one, learn=False)
+        found[k] = aware.take(one, learn=False)

@@ -23,7 +23,7 @@ from mwd_estimation.survey.finding import Finding, GyroParts, gyro_share
 from mwd_estimation.survey.measurement import Measured, Readings
 from mwd_estimation.survey.posterior import circle, field_model
 from mwd_estimation.survey.posterior.evidence import Evidence
-from mwd_estimation.survey.posterior.field_model import FieldErrors, Row, Shared
+from mwd_estimation.survey.posterior.field_model import Row, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.posterior.run_filter import RunFilter, State
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
@@ -54,6 +54,19 @@ class _Last(NamedTuple):
     before: State
 
 
+class Taken(NamedTuple):
+    """
+    A station as a run takes it in.
+
+    Readings, when, h from anywhere (nan: not known), north by a gyro, and what the string showed while it turned.
+    """
+
+    measured: Measured
+    hours: float = math.nan
+    gyro: Solution | None = None
+    turning: Turning | None = None
+
+
 class RunModel:
     """
     Stations of one tool in one assembly, in the order they were taken.
@@ -64,7 +77,7 @@ class RunModel:
     """
 
     def __init__(self, settings: StationSettings) -> None:
-        self._settings, self._errors = settings, FieldErrors()
+        self._settings = settings
         self._filter: RunFilter | None = None
         self._of: tuple[Reference | None, bool] = (None, False)
         self._seen: dict[bytes, int] = {}
@@ -73,34 +86,13 @@ class RunModel:
         self._count, self._agreed = 0, False
         self._told: dict[str, Across] = {}
 
-    def take(
-        self,
-        measured: Measured,
-        hours: float = math.nan,
-        gyro: Solution | None = None,
-        turning: Turning | None = None,
-        *,
-        learn: bool = True,
-    ) -> Finding | None:
+    def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
         """
-        Take a station in.
+        Take a station in: what is found of it, None where nothing says anything of the azimuth.
 
-        Parameters
-        ----------
-        measured : Measured
-        hours : float
-            When, h from anywhere; nan: not known.
-        gyro : Solution or None
-        turning : Turning or None
-            What the string has shown while it turned.
-        learn : bool
-            Whether the station counts for those after it.
-
-        Returns
-        -------
-        Finding or None
-            None where nothing says anything of the azimuth.
+        learn: whether the station counts for those after it.
         """
+        measured, hours, gyro, turning = taken
         readings, station = measured.readings, measured.station
         if readings is None:
             return None
@@ -162,7 +154,7 @@ class RunModel:
         station, reference = measured.station, measured.station.reference
         b_h = readings.b_h if readings.has_field else np.full(3, math.nan)
         declination = self._north(measured)
-        row = field_model.geometry(readings.f_h, b_h, readings.noise, reference, declination, self._errors)
+        row = field_model.geometry(readings.f_h, b_h, readings.noise, reference, declination)
         one = row[0]
         if gyro is None or not gyro.answers:
             return one
@@ -186,7 +178,7 @@ class RunModel:
         reference, magnetic = measured.station.reference, measured.station.north == "magnetic"
         if self._filter is None or magnetic != self._of[1] or _elsewhere(reference, self._of[0]):
             known = reference if reference is not None and reference.has_field else None
-            sigmas = field_model.nominal_sigmas(self._settings.errors, known, self._errors, magnetic)
+            sigmas = field_model.nominal_sigmas(self._settings.errors, known, magnetic)
             self._filter, self._of = RunFilter(self._settings.priors, sigmas), (reference, magnetic)
             self._seen, self._lay, self._count, self._agreed, self._told = {}, [], 0, False, {}
             self._last = None
@@ -198,7 +190,7 @@ class RunModel:
 
         The errors of the two, which share where the magnetometers have the axis of rotation, count as independent.
         """
-        sigma, at, bias = model.sigma, int(Shared.MOUNT), int(Shared.FIELD_BIAS)
+        sigma, at, bias = model.sigma, Shared.MOUNT, Shared.FIELD_BIAS
         mount, field = np.zeros((2, field_model.SIZE)), np.zeros((2, field_model.SIZE))
         # Accelerometers turned by (0, y, z) see the axis of rotation at (1, z, -y).
         mount[0, at + 2], mount[1, at + 1] = sigma[at + 2], -sigma[at + 1]
@@ -251,7 +243,7 @@ class RunModel:
             by_gyro = gyro_share(evidence.angles, mass, wrong if one["has_field"] else None) * float(right.sum())
             gyro_wrong = float((stepped + wrong).sum())
         mean, covariance = model.shared()
-        at, turned = int(Shared.FIELD_BIAS), slice(int(Shared.MOUNT), int(Shared.MOUNT) + 3)
+        at, turned = Shared.FIELD_BIAS, slice(Shared.MOUNT, Shared.MOUNT + 3)
         known = bool(one["has_field"])
         axial = (float(mean[at]), math.sqrt(float(covariance[at, at]))) if known else (math.nan, math.nan)
         # The inclination errs by the turn about the level axis across the hole.
@@ -271,7 +263,6 @@ class RunModel:
             axial=(axial[0] * field_model.UT, axial[1] * field_model.UT),
             mount=mount,
             repeats=repeats,
-            stations=max(self._count, 1),
         )
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.measurement import measured
-from mwd_estimation.survey.run_model import RunModel
+from mwd_estimation.survey.run_model import RunModel, Taken
 from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.verdict import judged
@@ -52,4 +52,4 @@ def station(
     """
     settings = StationSettings() if settings is None else settings
     one = measured(f_t, b_t, reference, settings, covariance_f=covariance_f, covariance_b=covariance_b)
-    return judged(one, RunModel(settings).take(one), settings, faults)
+    return judged(one, RunModel(settings).take(Taken(one)), settings, faults)

@@ -57,12 +57,8 @@ def _totals_fields(station: Station) -> dict[str, Any]:
     }
 
 
-def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
-    """
-    Every field but the header, by name; `azimuths` as tables of the fields of mwd_msgs/msg/AzimuthEstimate.
-
-    status : bits of the attitude at the survey.
-    """
+def survey_fields(survey: Survey) -> dict[str, Any]:
+    """Every field but the header, by name; `azimuths` as tables of the fields of mwd_msgs/msg/AzimuthEstimate."""
     station, reference = survey.station, survey.station.reference
     has_mag = bool(np.isfinite(station.b_t).all())
     covariance = np.nan_to_num(station.covariance)
@@ -115,5 +111,5 @@ def survey_fields(survey: Survey, status: int) -> dict[str, Any]:
         "sigma_axial_interference": known(station.sigma_interference, -1.0),
         **_totals_fields(station),
         **_verdict_fields(station),
-        "status": status,
+        "status": survey.status,
     }

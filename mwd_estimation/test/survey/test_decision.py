@@ -19,7 +19,7 @@ from mwd_estimation.core.time_bins import Average
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.decision import SurveyDecision
-from mwd_estimation.survey.fault_history import FaultHistory
+from mwd_estimation.survey.fault_history import Accusation, FaultHistory
 from mwd_estimation.survey.static_survey import StillAverage
 from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.survey.survey import ROTARY
@@ -73,12 +73,12 @@ def drawn_run(seed):
 @pytest.mark.slow
 def test_rewording_every_reason_changes_no_survey_verdict_azimuth_or_sigma(monkeypatch):
     plain = [drawn_run(seed) for seed in range(5)]
-    messages = [survey_fields(survey, 0) for run in plain for _, survey in run]
+    messages = [survey_fields(survey) for run in plain for _, survey in run]
     for code in ReasonCode:
         monkeypatch.setitem(reason_text.WORDS, code, "reworded")
     again = [drawn_run(seed) for seed in range(5)]
     assert repr(again) == repr(plain)
-    reworded = [survey_fields(survey, 0) for run in again for _, survey in run]
+    reworded = [survey_fields(survey) for run in again for _, survey in run]
     assert {message["verdict"] for message in messages} == {0, 1, 2}
     for one, other in zip(reworded, messages, strict=True):
         assert set(one["reasons"]) == {"reworded"}
@@ -105,7 +105,7 @@ def test_a_survey_of_a_rotating_string_has_no_toolface():
 def test_nothing_is_learnt_from_a_survey_taken_during_a_fault(sound):
     gyro = Solution(None, "still", 1.9, 0.01, 0.8, 0.0, 60.0, 0.001)
     begun = decision().begin(average(1, 0.8, 1.9), 1, REFERENCE, gyro)
-    begun = dataclasses.replace(begun, sound=sound)
+    begun = dataclasses.replace(begun, against=None if sound else Accusation("reject", (), True))
     assert math.isfinite(begun.gyro[0]) == math.isfinite(begun.accepted_azimuth.azimuth) == sound
 
 

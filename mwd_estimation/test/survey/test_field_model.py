@@ -9,11 +9,11 @@ import pytest
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.posterior import field_model
-from mwd_estimation.survey.posterior.field_model import SIZE, FieldErrors, Shared
+from mwd_estimation.survey.posterior.field_model import SIZE, Shared
 from mwd_sensors.core.frames import mat_nt
 
 REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.2, gravity=9.81)
-NOMINAL = field_model.nominal_sigmas(SensorErrors(), REFERENCE, FieldErrors(), False)
+NOMINAL = field_model.nominal_sigmas(SensorErrors(), REFERENCE, False)
 AZIMUTH = 2.2
 
 
@@ -23,7 +23,7 @@ def field_n(total=5e-5, dip=1.1, declination=0.2):
 
 
 def row(f_t, b_t):
-    return field_model.geometry(f_t, b_t, np.zeros((6, 6)), REFERENCE, 0.2, FieldErrors())[0]
+    return field_model.geometry(f_t, b_t, np.zeros((6, 6)), REFERENCE, 0.2)[0]
 
 
 def residual(f_t, b_t, angle=AZIMUTH):

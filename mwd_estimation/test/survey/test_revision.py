@@ -14,8 +14,8 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.measurement import measured
 from mwd_estimation.survey.posterior.field_model import Shared
-from mwd_estimation.survey.revision import Taken, findings
-from mwd_estimation.survey.run_model import RunModel
+from mwd_estimation.survey.revision import findings
+from mwd_estimation.survey.run_model import RunModel, Taken
 from mwd_estimation.survey.station import StationSettings
 from mwd_estimation.survey.turning_string import Across, Turning
 from mwd_estimation.survey.verdict import judged
@@ -39,14 +39,14 @@ def seek(began_ns, azimuth=AZIMUTH, sigma=0.05, refused=None):
 
 def live(taken):
     model = RunModel(SETTINGS)
-    return [(judged(one.measured, found, SETTINGS), found) for one in taken for found in (model.take(*one),)]
+    return [(judged(one.measured, found, SETTINGS), found) for one in taken for found in (model.take(one),)]
 
 
 def revised(taken):
     model = RunModel(SETTINGS)
     return [
         (judged(one.measured, found, SETTINGS), found)
-        for one, found in zip(taken, findings(taken, [model.take(*one) for one in taken], SETTINGS), strict=True)
+        for one, found in zip(taken, findings(taken, [model.take(one) for one in taken], SETTINGS), strict=True)
     ]
 
 
@@ -80,7 +80,7 @@ def test_the_second_azimuth_of_one_seek_does_not_bear_out_the_first():
     for began in (1, 2):
         model = RunModel(SETTINGS)
         taken = [station(0.8, 0.0, seek(1, 2.3)), station(0.8, 2.0, seek(began, 2.3)), station(0.9, 1.0, seek(3))]
-        stations = [judged(one.measured, model.take(*one), SETTINGS) for one in taken]
+        stations = [judged(one.measured, model.take(one), SETTINGS) for one in taken]
         found.append([one.verdict for one in stations])
         assert abs(wrap_pi(stations[-1].azimuth - AZIMUTH)) < stations[-1].sigma_azimuth
     assert found[0] == ["doubtful", "doubtful", "accept"]
@@ -123,8 +123,8 @@ def test_what_the_turning_string_showed_during_a_seek_is_kept():
     for began in ((1, 1, 1), (1, 1, 2)):
         model = RunModel(SETTINGS)
         for k, of_seek in enumerate(began):
-            model.take(*station(0.8, 0.3 + 1.3 * k, seek(of_seek))._replace(turning=turning if k else None))
-        at = int(Shared.FIELD_BIAS) + 1
+            model.take(station(0.8, 0.3 + 1.3 * k, seek(of_seek))._replace(turning=turning if k else None))
+        at = Shared.FIELD_BIAS + 1
         sigmas.append(np.sqrt(np.diag(model.shared()[1])[at : at + 2]))
     np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=0.1)
 

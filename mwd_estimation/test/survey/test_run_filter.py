@@ -12,14 +12,13 @@ from consistency import consistency
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.posterior import circle, field_model
-from mwd_estimation.survey.posterior.field_model import FieldErrors, Shared
+from mwd_estimation.survey.posterior.field_model import Shared
 from mwd_estimation.survey.posterior.hypotheses import EXTERNAL_UT, Hypothesis, Priors, external_weights
 from mwd_estimation.survey.posterior.run_filter import RunFilter
 from mwd_sensors.core.frames import mat_nt, wrap_pi
 
 REFERENCE = Reference(total=5e-5, dip=1.15, declination=0.0, gravity=9.81)
-ERRORS = FieldErrors()
-SIGMAS = field_model.nominal_sigmas(SensorErrors(), REFERENCE, ERRORS, False)
+SIGMAS = field_model.nominal_sigmas(SensorErrors(), REFERENCE, False)
 ALONE = Priors(axial=0.0, cross_axial=0.0, reference=0.0, sensor=0.0, external=0.0, turned=0.0)
 FIELD_N = np.array([REFERENCE.horizontal, 0.0, REFERENCE.vertical])
 
@@ -27,9 +26,7 @@ FIELD_N = np.array([REFERENCE.horizontal, 0.0, REFERENCE.vertical])
 def station(inclination, azimuth, toolface, bias=(0.0, 0.0, 0.0), noise=0.0, rng=None):
     mat_tn = mat_nt(inclination, azimuth, toolface).T
     off = np.array(bias) + (noise * rng.normal(size=3) if rng is not None else 0.0)
-    return field_model.geometry(
-        mat_tn @ [0.0, 0.0, -9.81], mat_tn @ FIELD_N + off, np.zeros((6, 6)), REFERENCE, 0.0, ERRORS
-    )[0]
+    return field_model.geometry(mat_tn @ [0.0, 0.0, -9.81], mat_tn @ FIELD_N + off, np.zeros((6, 6)), REFERENCE, 0.0)[0]
 
 
 def read(evidence):
@@ -123,7 +120,7 @@ def drawn(model, horizontal, rng):
     mat_tn = mat_nt(rng.uniform(0.05, 1.9), azimuth := rng.uniform(0.0, math.tau), rng.uniform(0.0, math.tau)).T
     field_n = np.array([reference.horizontal, 0.0, reference.vertical])
     force, noise = mat_tn @ [0.0, 0.0, -9.81], np.diag([1e-6] * 3 + [1e-16] * 3)
-    one = field_model.geometry(force, mat_tn @ field_n, noise, reference, 0.0, ERRORS)[0]
+    one = field_model.geometry(force, mat_tn @ field_n, noise, reference, 0.0)[0]
     kind = rng.choice(len(model.filters.weight), p=model.filters.weight)
     shared = rng.normal(size=field_model.SIZE) * np.sqrt(model.filters.variance[kind])
     shared[Shared.TOTAL : Shared.OUTSIDE] += SIGMAS.own * rng.normal(size=3)

@@ -12,7 +12,7 @@ from consistency import assert_consistent
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.measurement import measured
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
-from mwd_estimation.survey.run_model import RunModel
+from mwd_estimation.survey.run_model import RunModel, Taken
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.turning_string import Across, Turning
 from mwd_estimation.survey.verdict import judged
@@ -41,7 +41,7 @@ def shown(turn, across, *, sigma_deg=0.2):
 def taken(turn, across, turning):
     """Finding and station of the first station of such a tool."""
     one = measured(*readings(0.4, turn, across), REFERENCE, SETTINGS)
-    finding = RunModel(SETTINGS).take(one, turning=turning)
+    finding = RunModel(SETTINGS).take(Taken(one, turning=turning))
     return finding, judged(one, finding, SETTINGS)
 
 
@@ -76,9 +76,9 @@ def test_what_was_told_already_counts_once():
     one = measured(*readings(0.4, TURN, np.zeros(2)), REFERENCE, SETTINGS)
     first, better = shown(TURN, np.zeros(2)), shown(TURN, np.zeros(2), sigma_deg=0.1)
     alone, again = RunModel(SETTINGS), RunModel(SETTINGS)
-    alone.take(one, turning=better, learn=False)
+    alone.take(Taken(one, turning=better), learn=False)
     for turning in (first, first, better, better):
-        again.take(one, turning=turning, learn=False)
+        again.take(Taken(one, turning=turning), learn=False)
     for now, then in zip(again.shared(), alone.shared(), strict=True):
         # No filter falls below its floor, which is all that a second telling changes.
         at = slice(12, 15) if now.ndim == 1 else (slice(12, 15), slice(12, 15))
@@ -93,7 +93,7 @@ def test_single_stations_of_a_tool_err_by_their_sigma_where_it_states_how_its_mo
     for _ in range(60):
         turn, azimuth = np.radians(mount_deg) * rng.standard_normal(3), rng.uniform(0.0, math.tau)
         one = measured(*readings(rng.uniform(0.0, math.tau), turn, np.zeros(2), azimuth), REFERENCE, settings)
-        station = judged(one, RunModel(settings).take(one), settings)
+        station = judged(one, RunModel(settings).take(Taken(one)), settings)
         found.append((station, station.inclination - INCLINATION, wrap_pi(station.azimuth - azimuth)))
     assert_consistent([off for _, off, _ in found], [station.sigma_inclination for station, _, _ in found])
     assert all(abs(off) < 3.0 * station.sigma_azimuth for station, _, off in found)

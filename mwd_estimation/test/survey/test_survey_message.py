@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The fields of a survey against its message's definition and its own numbers."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -38,7 +39,7 @@ def _declared(name):
 
 def test_the_fields_and_codes_are_those_of_the_message():
     fields, constants = _declared("Survey")
-    found = survey_message.survey_fields(_survey(with_mag=True), 5)
+    found = survey_message.survey_fields(dataclasses.replace(_survey(with_mag=True), status=5))
     assert ["header", *found] == fields
     assert {name.upper(): code for name, code in (survey_message.KINDS | survey_message.VERDICTS).items()} == constants
     names, _ = _declared("AzimuthEstimate")
@@ -48,7 +49,7 @@ def test_the_fields_and_codes_are_those_of_the_message():
 
 @pytest.mark.parametrize("with_mag", [True, False])
 def test_unknown_is_written_as_the_message_defines_it_and_nothing_is_not_a_number(with_mag):
-    found = survey_message.survey_fields(_survey(with_mag), 0)
+    found = survey_message.survey_fields(_survey(with_mag))
     assert (found["magnetic_field_covariance"][0] == -1.0) == (not with_mag)
     assert (found["b_total"] == -1.0) == (not with_mag)
     assert (found["covariance"][4] == -1.0) == (not with_mag)
@@ -62,7 +63,7 @@ def test_unknown_is_written_as_the_message_defines_it_and_nothing_is_not_a_numbe
 
 
 def test_deviations_are_those_that_the_verdict_took():
-    found = survey_message.survey_fields(_survey(with_mag=True), 0)
+    found = survey_message.survey_fields(_survey(with_mag=True))
     station = _survey(with_mag=True).station
     assert found["g_deviation"] == station.deviations.gravity
     assert (found["b_deviation"], found["dip_deviation"]) == (0.0, 0.0)

@@ -12,7 +12,7 @@ from consistency import assert_consistent
 from mwd_estimation.core.magnetic_geometry import dip
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.measurement import measured
-from mwd_estimation.survey.run_model import RunModel
+from mwd_estimation.survey.run_model import RunModel, Taken
 from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.turning_string import TurningString
@@ -165,7 +165,7 @@ def test_a_sound_tool_that_bounces_by_two_millimetres_errs_within_its_sigma():
     one = measured(f_t, b_t, reference, settings)
     for seconds in (7.0, 60.0):
         turning = string(seconds, np.random.default_rng(3), bounce=2e-3)
-        finding = RunModel(settings).take(one, turning=turning)
+        finding = RunModel(settings).take(Taken(one, turning=turning))
         station = judged(one, finding, settings)
         assert abs(station.inclination - math.radians(60.0)) < 3.0 * station.sigma_inclination
         assert station.verdicts.azimuth != "reject"

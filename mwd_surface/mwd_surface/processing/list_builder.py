@@ -139,7 +139,7 @@ class ListBuilder:
         return md if md >= 0.0 else math.nan
 
     def _listed(self, survey: Survey) -> ListedSurvey:
-        fields = survey_fields(survey, survey.status)
+        fields = survey_fields(survey)
         return dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
 
     def replace(self, survey: Survey) -> None:

@@ -120,7 +120,7 @@ class Merger:
         types = self._store.types
         seconds, nanoseconds = divmod(survey.stamp_ns, wire.NANOSECONDS)
         stamp = types["builtin_interfaces/msg/Time"](seconds, nanoseconds)
-        fields = survey_fields(survey, survey.status)
+        fields = survey_fields(survey)
         azimuths = [types[_AZIMUTH_TYPE](**one) for one in fields.pop("azimuths")]
         header = types["std_msgs/msg/Header"](stamp, self.frame)
         return bytes(self._store.serialize_cdr(types[_SURVEY_TYPE](header, azimuths=azimuths, **fields), _SURVEY_TYPE))

@@ -17,8 +17,8 @@ import numpy as np
 from mwd_estimation.core.reference_field import to_north
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.measurement import Measured, measured
-from mwd_estimation.survey.revision import Taken, findings, is_outlier
-from mwd_estimation.survey.run_model import RunModel, declination_sigma
+from mwd_estimation.survey.revision import findings, is_outlier
+from mwd_estimation.survey.run_model import RunModel, Taken, declination_sigma
 from mwd_estimation.survey.station_record import MethodAzimuth
 from mwd_estimation.survey.station_settings import StationSettings
 from mwd_estimation.survey.verdict import judged
@@ -59,7 +59,7 @@ def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
     hours = _hours([rows[k].time for k in sound])
     taken = {k: Taken(own[k], hour) for k, hour in zip(sound, hours, strict=True)}
     model = RunModel(settings)
-    first = {k: model.take(*one) for k, one in taken.items()}
+    first = {k: model.take(one) for k, one in taken.items()}
     final = dict(zip(sound, findings(list(taken.values()), list(first.values()), settings), strict=True))
     fitting = [k for k in sound if not is_outlier(final[k])]
     if len(fitting) < len(sound):

@@ -17,8 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,41 +29,32 @@ from mwd_sensors.core.compiled import compiled
 UT = 1e-6
 
 
-class Shared(IntEnum):
+class SharedErrors(NamedTuple):
     """Where the errors that stations share begin in the state; each group is x, y, z of the tool or as it says."""
 
-    FIELD_BIAS = 0  # of the magnetometers, and the string's field
-    FIELD_SCALE = 3
-    FORCE_BIAS = 6
-    FORCE_SCALE = 9
-    MOUNT = 12  # turn of the accelerometers against the magnetometers
-    TOTAL = 15  # of the reference
-    DIP = 16
-    DECLINATION = 17
-    OUTSIDE = 18  # field from outside, north, east, down
-    GYRO = 21  # what the gyro gets wrong alike at all stations
-    SIZE = 22
+    FIELD_BIAS: int = 0  #: of the magnetometers, and the string's field
+    FIELD_SCALE: int = 3
+    FORCE_BIAS: int = 6
+    FORCE_SCALE: int = 9
+    MOUNT: int = 12  #: turn of the accelerometers against the magnetometers
+    TOTAL: int = 15  #: of the reference
+    DIP: int = 16
+    DECLINATION: int = 17
+    OUTSIDE: int = 18  #: field from outside, north, east, down
+    GYRO: int = 21  #: what the gyro gets wrong alike at all stations
+    SIZE: int = 22
 
 
-_BIAS, _SCALE, _FORCE, _STRETCH, _MOUNT = 0, 3, 6, 9, 12
-_TOTAL, _DIP, _DECLINATION, _OUTSIDE = 15, 16, 17, 18
-SIZE = int(Shared.SIZE)
+Shared = SharedErrors()
+SIZE = Shared.SIZE
 # The level direction of a hole nearer to the vertical than this, rad, is taken as if it were so far from it.
 _UPRIGHT = 1e-3
-
-
-@dataclasses.dataclass(frozen=True)
-class FieldErrors:
-    """Nominal sigmas that are not those of the tool code or the reference."""
-
-    quiet_nt: float = 25.0  #: field from outside on a quiet day, each component, nT
-    #: What of the reference's sigmas changes from station to station (MFIR, MDIR, DECR and DBHR of OWSG A003Mc rev
-    #: 5.1): nT, deg, deg, and what of the declination grows with a weak horizontal field, times that field, deg nT.
-    total_nt: float = 60.0
-    dip_deg: float = 0.08
-    declination_deg: float = 0.1
-    declination_degnt: float = 3000.0
-    station_nt: float = 15.0  #: error of each component that is a station's own, beside its noise, nT
+# Nominal sigmas that are not those of the tool code or the reference. Field from outside on a quiet day, and error of a
+# station's own beside its noise, each component, nT.
+_QUIET_NT, _STATION_NT = 25.0, 15.0
+# What of the reference's sigmas changes from station to station (MFIR, MDIR, DECR and DBHR of OWSG A003Mc rev 5.1): nT,
+# deg, deg, and what of the declination grows with a weak horizontal field, times that field, deg nT.
+TOTAL_NT, DIP_DEG, _DECLINATION_DEG, DECLINATION_DEGNT = 60.0, 0.08, 0.1, 3000.0
 
 
 # A station laid out for the kernels. Axes: level, right and down, unit vectors in tool axes. Sine (at least that of
@@ -107,9 +97,7 @@ def level_axes(f_h: Array) -> tuple[Array, tuple[float, float]]:
     return np.stack([level, np.cross(down, level), down]), (max(sine, _UPRIGHT), float(down[0]))
 
 
-def geometry(
-    f_h: Array, b_h: Array, covariance: Array, reference: Reference | None, declination: float, errors: FieldErrors
-) -> Samples:
+def geometry(f_h: Array, b_h: Array, covariance: Array, reference: Reference | None, declination: float) -> Samples:
     """
     One record of `GEOMETRY` without a gyro.
 
@@ -123,7 +111,6 @@ def geometry(
         Without a field the reading says nothing of the azimuth.
     declination : float
         Of magnetic north from the north that azimuths count from, rad.
-    errors : FieldErrors
     """
     row = np.zeros(1, GEOMETRY)
     one = row[0]
@@ -133,7 +120,7 @@ def geometry(
         one["has_field"], one["field"] = True, b_h / UT
         one["horizontal"], one["vertical"] = reference.horizontal / UT, reference.vertical / UT
         one["declination"] = declination
-        one["noise"] = covariance[3:, 3:] / UT**2 + (errors.station_nt * 1e-3) ** 2 * np.eye(3)
+        one["noise"] = covariance[3:, 3:] / UT**2 + (_STATION_NT * 1e-3) ** 2 * np.eye(3)
     return row
 
 
@@ -149,26 +136,26 @@ class Sigmas:
 _MOST_OWN = 0.5
 
 
-def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, errors: FieldErrors, magnetic: bool) -> Sigmas:
+def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic: bool) -> Sigmas:
     """Nominal sigmas; magnetic: azimuths count from magnetic north, which the declination does not change."""
     sigma, own = np.zeros(SIZE), np.zeros(3)
-    bias = sensors.magnetometer_bias_nt * 1e-3
-    sigma[_BIAS : _BIAS + 3] = math.hypot(bias, sensors.axial_interference_nt * 1e-3), bias, bias
-    sigma[_SCALE : _SCALE + 3] = sensors.magnetometer_scale
-    sigma[_FORCE : _FORCE + 3] = sensors.accelerometer_bias_mps2
-    sigma[_STRETCH : _STRETCH + 3] = sensors.accelerometer_scale
-    sigma[_MOUNT : _MOUNT + 3] = math.radians(sensors.mount_deg)
+    bias, axial = sensors.magnetometer_bias_nt * 1e-3, sensors.axial_interference_nt * 1e-3
+    sigma[Shared.FIELD_BIAS : Shared.FIELD_BIAS + 3] = math.hypot(bias, axial), bias, bias
+    sigma[Shared.FIELD_SCALE : Shared.FIELD_SCALE + 3] = sensors.magnetometer_scale
+    sigma[Shared.FORCE_BIAS : Shared.FORCE_BIAS + 3] = sensors.accelerometer_bias_mps2
+    sigma[Shared.FORCE_SCALE : Shared.FORCE_SCALE + 3] = sensors.accelerometer_scale
+    sigma[Shared.MOUNT : Shared.MOUNT + 3] = math.radians(sensors.mount_deg)
     if reference is not None:
-        field = math.radians(errors.declination_degnt * 1e-3) / (reference.horizontal / UT)
-        declination = math.hypot(math.radians(errors.declination_deg), field)
+        field = math.radians(DECLINATION_DEGNT * 1e-3) / (reference.horizontal / UT)
+        declination = math.hypot(math.radians(_DECLINATION_DEG), field)
         whole = np.array([reference.sigma_total / UT, reference.sigma_dip, 0.0])
         whole[2] = 0.0 if magnetic else math.sqrt(reference.declination_variance(reference.horizontal))
-        station = np.array([errors.total_nt * 1e-3, math.radians(errors.dip_deg), declination])
+        station = np.array([TOTAL_NT * 1e-3, math.radians(DIP_DEG), declination])
         station = np.minimum(station, math.sqrt(_MOST_OWN) * whole)
-        sigma[_TOTAL:_OUTSIDE] = np.sqrt(whole**2 - station**2)
-        own = np.divide(station, sigma[_TOTAL:_OUTSIDE], out=own, where=whole > 0.0)
-    sigma[_OUTSIDE : _OUTSIDE + 3] = errors.quiet_nt * 1e-3
-    sigma[SIZE - 1] = 1.0
+        sigma[Shared.TOTAL : Shared.OUTSIDE] = np.sqrt(whole**2 - station**2)
+        own = np.divide(station, sigma[Shared.TOTAL : Shared.OUTSIDE], out=own, where=whole > 0.0)
+    sigma[Shared.OUTSIDE : Shared.OUTSIDE + 3] = _QUIET_NT * 1e-3
+    sigma[Shared.GYRO] = 1.0
     return Sigmas(sigma, own)
 
 
@@ -194,15 +181,15 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
         level, right, down = axes[0, i], axes[1, i], axes[2, i]
         residual[i] = field[i] - (b_l * level + b_r * right + b_d * down)
         north_m, east_m = cos_m * level - sin_m * right, sin_m * level + cos_m * right
-        slopes[i, _TOTAL] = (b_l * level + b_r * right + b_d * down) / total * sigma[_TOTAL]
-        slopes[i, _DIP] = (horizontal * down - vertical * north_m) * sigma[_DIP]
-        slopes[i, _DECLINATION] = horizontal * east_m * sigma[_DECLINATION]
-        slopes[i, _OUTSIDE] = (cos_a * level - sin_a * right) * sigma[_OUTSIDE]
-        slopes[i, _OUTSIDE + 1] = (sin_a * level + cos_a * right) * sigma[_OUTSIDE + 1]
-        slopes[i, _OUTSIDE + 2] = down * sigma[_OUTSIDE + 2]
+        slopes[i, Shared.TOTAL] = (b_l * level + b_r * right + b_d * down) / total * sigma[Shared.TOTAL]
+        slopes[i, Shared.DIP] = (horizontal * down - vertical * north_m) * sigma[Shared.DIP]
+        slopes[i, Shared.DECLINATION] = horizontal * east_m * sigma[Shared.DECLINATION]
+        slopes[i, Shared.OUTSIDE] = (cos_a * level - sin_a * right) * sigma[Shared.OUTSIDE]
+        slopes[i, Shared.OUTSIDE + 1] = (sin_a * level + cos_a * right) * sigma[Shared.OUTSIDE + 1]
+        slopes[i, Shared.OUTSIDE + 2] = down * sigma[Shared.OUTSIDE + 2]
         for j in range(3):
-            slopes[i, _BIAS + j] = sigma[_BIAS + j] if i == j else 0.0
-            slopes[i, _SCALE + j] = field[i] * sigma[_SCALE + j] if i == j else 0.0
+            slopes[i, Shared.FIELD_BIAS + j] = sigma[Shared.FIELD_BIAS + j] if i == j else 0.0
+            slopes[i, Shared.FIELD_SCALE + j] = field[i] * sigma[Shared.FIELD_SCALE + j] if i == j else 0.0
     for j in range(3):
         # An error of the force along axis j turns the axes of b(A) by w = -b e1 + a e2 - b cot(I) down.
         a, b = axes[0, j] / g, axes[1, j] / g
@@ -210,14 +197,14 @@ def predicted(angle: float, one: Row, sigma: Array, residual: Array, slopes: Arr
         t_l, t_r, t_d = w_r * b_d - w_d * b_r, w_d * b_l - w_l * b_d, w_l * b_r - w_r * b_l
         for i in range(3):
             turns[i, j] = t_l * axes[0, i] + t_r * axes[1, i] + t_d * axes[2, i]
-            slopes[i, _FORCE + j] = turns[i, j] * sigma[_FORCE + j]
-            slopes[i, _STRETCH + j] = turns[i, j] * force[j] * sigma[_STRETCH + j]
+            slopes[i, Shared.FORCE_BIAS + j] = turns[i, j] * sigma[Shared.FORCE_BIAS + j]
+            slopes[i, Shared.FORCE_SCALE + j] = turns[i, j] * force[j] * sigma[Shared.FORCE_SCALE + j]
     for i in range(3):
         # A turned mount errs by its turn x force.
-        slopes[i, _MOUNT] = (turns[i, 2] * force[1] - turns[i, 1] * force[2]) * sigma[_MOUNT]
-        slopes[i, _MOUNT + 1] = (turns[i, 0] * force[2] - turns[i, 2] * force[0]) * sigma[_MOUNT + 1]
-        slopes[i, _MOUNT + 2] = (turns[i, 1] * force[0] - turns[i, 0] * force[1]) * sigma[_MOUNT + 2]
-        slopes[i, SIZE - 1] = 0.0
+        slopes[i, Shared.MOUNT] = (turns[i, 2] * force[1] - turns[i, 1] * force[2]) * sigma[Shared.MOUNT]
+        slopes[i, Shared.MOUNT + 1] = (turns[i, 0] * force[2] - turns[i, 2] * force[0]) * sigma[Shared.MOUNT + 1]
+        slopes[i, Shared.MOUNT + 2] = (turns[i, 1] * force[0] - turns[i, 0] * force[1]) * sigma[Shared.MOUNT + 2]
+        slopes[i, Shared.GYRO] = 0.0
 
 
 def basis(angle: Array) -> Array:
@@ -242,5 +229,5 @@ def expansion(one: Row, sigma: Array) -> tuple[Array, Array, Array]:
             predicted(angle, one, sigma, at[0][k], at[1][k], at[2][k])
         for whole, part in zip((residual, slopes, turns), at, strict=True):
             whole[:, :3] = np.tensordot(_TO_BASIS, part, axes=1)
-    slopes[0, 3, SIZE - 1] = one["gyro_lasting"]
+    slopes[0, 3, Shared.GYRO] = one["gyro_lasting"]
     return residual, slopes, turns

@@ -82,7 +82,7 @@ def filters(priors: Priors, sigma: Array) -> Filters:
     def add(kind: Hypothesis, weight: float, **sizes: float | tuple[float, ...]) -> None:
         variance = np.ones(Shared.SIZE)
         for name, size in sizes.items():
-            begin = int(Shared[name])
+            begin = getattr(Shared, name)
             for j, one in enumerate(np.atleast_1d(size)):
                 if one > 0.0 and sigma[begin + j] > 0.0:
                     variance[begin + j] = max((one / sigma[begin + j]) ** 2, 1.0)
@@ -94,7 +94,7 @@ def filters(priors: Priors, sigma: Array) -> Filters:
         add(Hypothesis.AXIAL, priors.axial * share, FIELD_BIAS=size)
     for along, across in _CROSS:
         add(Hypothesis.CROSS_AXIAL, priors.cross_axial / len(_CROSS), FIELD_BIAS=(along, across, across))
-    of_field = {name: _REFERENCE_TIMES * float(sigma[int(Shared[name])]) for name in ("TOTAL", "DIP", "DECLINATION")}
+    of_field = {name: _REFERENCE_TIMES * float(sigma[getattr(Shared, name)]) for name in _PLACE}
     near = 0.5 * (1.0 - _PLACE_SHARE) * priors.reference
     add(Hypothesis.REFERENCE, near, **of_field)
     add(Hypothesis.REFERENCE, near, OUTSIDE=_STORM_UT)

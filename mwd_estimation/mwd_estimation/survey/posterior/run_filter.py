@@ -44,8 +44,8 @@ _GOES_ON = 0.5
 _BELIEVED = 20.0
 # A kind that is more probable than this is counted.
 _DECIDED = 0.9
-_REFERENCE = slice(int(Shared.TOTAL), int(Shared.OUTSIDE))
-_OUTSIDE = slice(int(Shared.OUTSIDE), int(Shared.OUTSIDE) + 3)
+_REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
+_OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)
 
 
 @dataclasses.dataclass
