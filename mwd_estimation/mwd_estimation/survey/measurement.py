@@ -129,7 +129,9 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
     azimuth = toolface_north = math.nan
     methods: tuple[MethodAzimuth, ...] = ()
     if readings.has_field:
-        covariance[1] += readings.jacobian[:, 3] * readings.jacobian[1, 3] * _expected(settings) ** 2
+        covariance[1] += (
+            readings.jacobian[:, 3] * readings.jacobian[1, 3] * (settings.errors.axial_interference_nt * 1e-9) ** 2
+        )
         covariance[:, 1] = covariance[1]
         covariance[1, 1] += north.variance
         azimuth = to_north(float(magnetic_geometry.raw_azimuth(readings.f_h, readings.b_h)), north.turn)
@@ -168,11 +170,6 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
         f_t=readings.f_t,
         b_t=readings.b_t,
     )
-
-
-def _expected(settings: StationSettings) -> float:
-    """Axial interference of a sound string, 1 sigma, T."""
-    return settings.errors.axial_interference_nt * 1e-9
 
 
 def _corrected(readings: Readings, reference: Reference | None, north: North) -> tuple[MethodAzimuth, ...]:

@@ -120,7 +120,7 @@ class RunModel:
             model.learn(one, evidence)
         if seek is not None and self._last is not None:
             self._learn_last(model, self._last, one if learn and math.isfinite(one["gyro"]) else seek.row)
-        turn = _turn(station.north_correction, self._north(measured))
+        turn = station.north_correction - self._north(measured)
         found = self._finding(model, one, evidence, doubts, turn, repeats)
         outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
         self._agreed |= learn and found.of_gyro is not None and found.gyro_wrong < _AGREES and outside < _AGREES
@@ -282,11 +282,6 @@ def _with_gyro(one: Row, other: Row | None) -> Row:
 def _learn(model: RunFilter, one: Row) -> None:
     if one["has_field"] or math.isfinite(one["gyro"]):
         model.learn(one, model.evidence(one))
-
-
-def _turn(correction: float, declination: float) -> float:
-    """What to add to the model's azimuth for one from the station's north, rad."""
-    return correction - declination
 
 
 def _elsewhere(reference: Reference | None, first: Reference | None) -> bool:

@@ -147,11 +147,16 @@ def _by_standard(local: float, standard: float) -> float:
     return local if abs(local) <= abs(standard) else standard
 
 
-def gross_faults(g_total: float, b_total: float, dip: float, reference: Reference | None) -> list[Reason]:
-    """What shows a wrong unit, a dead sensor or a flipped sign. Totals in m/s^2 and T, dip in rad."""
+def gravity_faults(g_total: float) -> list[Reason]:
+    """What shows a wrong unit or a dead accelerometer; total in m/s^2."""
+    if 9.0 < g_total < 10.6:
+        return []
+    return [Reason(Code.GRAVITY_IN_G if 0.9 < g_total < 1.1 else Code.GRAVITY_NOT_EARTH, g_total)]
+
+
+def field_faults(b_total: float, dip: float, reference: Reference | None) -> list[Reason]:
+    """What shows a wrong unit, a dead magnetometer or a flipped sign; total in T, dip in rad."""
     found = []
-    if not 9.0 < g_total < 10.6:
-        found.append(Reason(Code.GRAVITY_IN_G if 0.9 < g_total < 1.1 else Code.GRAVITY_NOT_EARTH, g_total))
     if math.isfinite(b_total) and not 1.5e-5 < b_total < 1e-4:
         units = ((1e-9, "nT"), (1e-6, "uT"), (1e-4, "G"))
         unit = next((unit for factor, unit in units if 2e-5 < b_total * factor < 7e-5), None)

@@ -26,8 +26,7 @@ from mwd_estimation.survey.posterior.circle import Circle
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.station_record import Station, Verdicts
 from mwd_estimation.survey.station_settings import StationSettings
-from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.frames import magnetic_toolface, mat_nt, wrap_tau
+from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 
 # A disturbance that is more probable makes an azimuth doubtful.
 _DISTURBED = 0.5
@@ -143,7 +142,7 @@ def _widened(station: Station, found: Circle) -> Station:
 def _of_inclination(station: Station, finding: Finding | None, settings: StationSettings) -> _Findings:
     """Gravity against its limits, and a turned accelerometer."""
     level, apart = _Findings(), station.deviations
-    level.add(REJECT, *(one for one in totals.gross_faults(station.g_total, math.nan, math.nan, None)))
+    level.add(REJECT, *totals.gravity_faults(station.g_total))
     gravity = replace(apart, field=math.nan, dip=math.nan)
     judgement = totals.judge(gravity, settings.quality)
     level.add(judgement.verdict, *judgement.reasons)
@@ -161,7 +160,7 @@ def _of_azimuth(
     if readings.has_field:
         b_earth = readings.b_h - np.array([station.interference if station.corrected else 0.0, 0.0, 0.0])
         total = float(np.linalg.norm(b_earth))
-        azimuth.add(REJECT, *totals.gross_faults(STANDARD_GRAVITY, total, station.dip, station.reference))
+        azimuth.add(REJECT, *totals.field_faults(total, station.dip, station.reference))
     if not readings.has_field and (finding is None or finding.by_gyro == 0.0):
         what = Code.NO_HORIZONTAL_FIELD if np.isfinite(readings.b_t).all() else Code.NO_MAGNETOMETER
         azimuth.add(REJECT, Reason(Code.INCLINATION_ONLY, causes=(Reason(what),)))
@@ -302,7 +301,7 @@ def without_toolface(station: Station, rotary_speed: float) -> Station:
     return replace(
         station,
         gravity_toolface=0.0,
-        magnetic_toolface=float(wrap_tau(0.0)),
+        magnetic_toolface=0.0,
         sigma_toolface=math.pi,
         covariance=covariance,
         quantities=replace(station.verdicts, toolface=NOT_DETERMINED),

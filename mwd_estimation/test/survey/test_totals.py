@@ -18,7 +18,8 @@ from mwd_estimation.survey.totals import (
     bounds,
     deviation_covariance,
     deviations,
-    gross_faults,
+    field_faults,
+    gravity_faults,
     judge,
     totals_jacobian,
 )
@@ -85,12 +86,12 @@ def test_the_reference_s_own_sigmas_are_in_the_covariance():
     ],
 )
 def test_a_wrong_unit_or_sign_is_named(g_total, b_total, dip_, words):
-    (found,) = gross_faults(g_total, b_total, dip_, REFERENCE)
+    (found,) = gravity_faults(g_total) + field_faults(b_total, dip_, REFERENCE)
     assert words in joined([found])
 
 
 def test_sound_totals_are_no_fault():
-    assert gross_faults(9.81, 5e-5, 72 * DEG, REFERENCE) == []
+    assert gravity_faults(9.81) + field_faults(5e-5, 72 * DEG, REFERENCE) == []
 
 
 @pytest.mark.parametrize(

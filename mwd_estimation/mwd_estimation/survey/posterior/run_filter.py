@@ -79,14 +79,10 @@ class RunFilter:
         self.priors, self.sigma, self._own = priors, sigmas.shared, sigmas.own
         self.filters = hypotheses.filters(priors, self.sigma)
         self._external = hypotheses.external_weights(priors)
-        self.state = self.initial()
-
-    def initial(self) -> State:
-        """State before the first station."""
         k = len(self.filters.weight)
         covariance = np.zeros((k, SIZE, SIZE))
         covariance[:, range(SIZE), range(SIZE)] = self.filters.variance
-        return State(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
+        self.state = State(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
 
     def pass_time(self, hours: float) -> None:
         """Let the field from outside drift up to this time, h."""
