@@ -262,7 +262,7 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
 @compiled
 def seek(p: Params, s: State, azimuth: float, sigma: float) -> None:
     """
-    Take in an azimuth that owes nothing to the magnetometer, rad; where it disagrees the azimuth begins anew from it.
+    Take in an azimuth measured without the magnetometer, rad; where it disagrees the azimuth begins anew from it.
 
     North seeks of one gyro share their error: where the azimuth rests on an earlier one, the better of both stands,
     not their mean.

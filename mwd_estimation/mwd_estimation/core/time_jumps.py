@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Stamps that go back: a recording that loops or is wound back, a clock that was set; and single stamps that are garbage.
+Stamps that go back: a recording that loops or is wound back, a clock that was set; and single stamps that are wrong.
 
 The leading stream (the AHRS) decides. One of its samples more than a second before the last is rejected; when a few in
 a row advance from there, time has gone back, and the estimate begins anew with exactly those samples. The other streams
@@ -115,7 +115,7 @@ class Clocks:
             return True
         last = self._last.get(name, _NONE)
         if stamp > last - BACK_NS and len(self._ahead.get(name, [])) < CONFIRMED:
-            # The stamps before were garbage, or nothing has changed.
+            # The stamps before were wrong, or nothing has changed.
             self._ahead.pop(name, None)
             self._last[name] = max(last, stamp)
             return True

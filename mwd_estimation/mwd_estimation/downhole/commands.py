@@ -50,7 +50,7 @@ class Commands:
             try:
                 tool_commands.applied(self._tool, settings)
             except ValueError:
-                # The surface asks for what this tool does not have; without an echo it learns that nothing changed.
+                # The surface asks for what this tool does not have; a missing echo says that nothing changed.
                 continue
             self.settings, self.echo = settings, frame.echo
         return self.echo != before

@@ -5,7 +5,7 @@ Commands from the surface, found in the tool's own rotation or flow.
 The signal is averaged in cells of 0.2 s and smoothed over a hold with a triangle: two means over half a hold, one after
 the other, so that an oscillation whose period is half a hold (stick-slip) is left out twice. At every cell the smoothed
 signal one symbol apart is compared with the start of a command: drilling value, lowest level, drilling value. Where
-that fits, the nine levels between are read on the scale that these teach, and count if they lie near whole levels and
+that fits, the nine levels between are read on the scale of these three, and count if they lie near whole levels and
 the check holds. All sums are of whole numbers, so that the result does not depend on how the samples are cut.
 """
 

@@ -41,7 +41,7 @@ def to_magnetic(north: str, reference: Reference | None) -> float | None:
 
 
 def of_attitude(row: Samples, reference: Reference | None) -> Readings:
-    """Readings of one sample of `wire.ATTITUDE`; what it does not know is left out."""
+    """Readings of one sample of `wire.ATTITUDE`; what is not known is left out."""
     stamp, status = int(row["stamp_ns"]), int(row["status"])
     found: Readings = {}
     if row["sigma_inclination"] >= 0.0:

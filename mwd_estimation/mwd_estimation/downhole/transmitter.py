@@ -315,7 +315,7 @@ class Transmitter:
         return (self._survey | of_now if kind == Kind.TOOLFACE else of_now | self._survey).get(quantity)
 
     def _code(self, item: SequenceItem, reading: Reading | None) -> int | None:
-        """Code of a reading; None where there is none: it is sent so that no receiver believes it."""
+        """Code of a reading; None where there is none: what is sent then cannot be taken for a reading."""
         if reading is None:
             return None
         word = self.tool.table[item.name]

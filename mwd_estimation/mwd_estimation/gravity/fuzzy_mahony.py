@@ -185,7 +185,7 @@ def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Ar
 
 @compiled
 def _begin(p: Params, s: Any) -> None:
-    """Begin the mean that starts the estimate; the integral, a gyro bias, outlives a gap."""
+    """Begin the mean that starts the estimate; the integral, a gyro bias, is kept over a gap."""
     for c in range(3):
         s.last_angle[c] = s.mean[c] = s.slow_error[c] = 0.0
     s.age = s.slow_power = s.mean_power = 0.0

@@ -108,7 +108,7 @@ class _Cost:
             tangent = self._horizontal * np.array([-math.sin(mode), -math.cos(mode)])
             resolved = 0.0
             for width in sorted(1.0 / math.sqrt(float(tangent @ inverse @ tangent)) for inverse in self.inverses):
-                # A narrow peak wants points of its own, and those of one a little narrower resolve it too.
+                # A narrow peak needs a finer grid; that of a peak a little narrower is fine enough for it too.
                 if _ALIKE * resolved < width < _NARROW:
                     spread.append(mode + np.linspace(-8.0, 8.0, 81) * width)
                     resolved = width

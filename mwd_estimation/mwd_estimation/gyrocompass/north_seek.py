@@ -178,7 +178,7 @@ def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
 
 
 def _limit(p: KernelParams, seen: float, elapsed: float) -> float:
-    """Sigma of an ideal estimator, rad: see `Solution.limit`; seen: share of the Earth rate that the method sees."""
+    """Sigma of an ideal estimator, rad: see `Solution.limit`; seen: share of the Earth rate that is measured."""
     rate = p.horizontal * max(seen, 1e-3)
     return min(p.gyro_noise / (rate * math.sqrt(max(elapsed, 1e-3))), math.pi)
 

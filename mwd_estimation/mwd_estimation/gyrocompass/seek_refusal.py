@@ -37,7 +37,7 @@ class Fit:
     azimuth: float
     sigma: float
     inclination: float
-    sensitivity: float  #: share of the horizontal Earth rate that this method sees at this attitude, 0 to 1
+    sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
     misfit: float  #: squared distance of the horizontal Earth rate from the latitude's, in sigmas
     azimuths: tuple[float, ...]  #: all that fit alike, rad, where there are several
     bias: Array  #: shape (3,); of the gyros, rad/s; 0 where it is not found

@@ -100,7 +100,7 @@ def _in_order(rules: Mapping[FaultCode, Rule]) -> Indices:
 
 
 _RULES = _in_order(RULES)
-# Mappings up to which a frame that does not fit accuses the accelerometer as well.
+# With at most so many mappings left, a frame that does not fit means the accelerometer as well.
 _FEW_MAPPINGS = 4
 
 

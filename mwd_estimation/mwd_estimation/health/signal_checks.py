@@ -247,7 +247,7 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
     for c in range(9):
         row = channels[c]
         if not (gyro or accel or row.constant_bins) and row.n >= _SOME:
-            # A healthy axis varies at rest, most of the time; one whose steps hide its noise never proves it.
+            # A healthy axis varies at rest, most of the time; one whose steps exceed its noise does not show it.
             varies = row.n - row.repeats >= 0.3 * row.n
             row.varied = min(row.varied + 1, 30) if varies else max(row.varied - 3, -30)
         row.n = row.not_finite = row.repeats = row.at_limit = 0

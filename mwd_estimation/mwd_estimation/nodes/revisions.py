@@ -36,7 +36,7 @@ class LiveRevisions:
         self._frame = ""
 
     def close(self) -> None:
-        """Judge nothing more; a judgement under way ends by itself."""
+        """Start no further judgement; one under way is completed."""
         self._waiting = None
         self._executor.shutdown(wait=False, cancel_futures=True)
 

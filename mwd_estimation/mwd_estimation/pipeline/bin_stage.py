@@ -56,7 +56,7 @@ class Bins:
 
 
 class SideStreams:
-    """Bins of magnetometer, precision unit and temperature, kept until the conventional unit's of their time asks."""
+    """Bins of magnetometer, precision unit and temperature, kept for the conventional unit's bin of that time."""
 
     def __init__(self) -> None:
         self._binners = {"mag": Binner(3, BIN_NS), "precision": Binner(6, BIN_NS), "temperature": Binner(1, BIN_NS)}

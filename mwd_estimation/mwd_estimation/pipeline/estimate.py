@@ -174,7 +174,7 @@ class Estimate:
         self.watch.note_declared(samples)
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
         self.watch.take_mag(stamps - self.mag_late_ns, b_t)
-        # A field that no tool meets is another unit, none at all is no reading; the health of the sensors names it.
+        # A field beyond any on Earth is in another unit, and zero is no reading; the checks of the sensors name both.
         usable = (np.abs(b_t) < _STRONGEST).all(axis=1) & b_t.any(axis=1)
         usable &= ~input_covariance.clipped(samples, "magnetic_field").any(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])

@@ -137,7 +137,7 @@ def time_alignment_params(settings: EstimatorSettings) -> time_alignment_state.P
 def interference_params(settings: EstimatorSettings) -> interference_state.Params:
     """Parameters of the filter of the drill string's field."""
     tool, usual = settings.tool, interference_state.Params()
-    # What is possible at all is in proportion to what is expected; below the bias of the magnetometer neither shows.
+    # The largest possible field is in proportion to the expected one, and no smaller than the magnetometer's bias.
     axial = usual.axial * (tool.axial_interference_nt / Tool().axial_interference_nt)
     return interference_state.Params(axial=max(axial, tool.magnetometer.bias_nt * 1e-9))
 

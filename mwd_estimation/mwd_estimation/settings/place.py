@@ -186,7 +186,7 @@ def _fixed(place: Place) -> Reference:
             f"place.source_sigmas: {dip_deg:g} and {declination_deg:g} deg are no sigmas of dip and declination; the "
             "order is total (nT), dip (deg), declination (deg)"
         )
-    # A certificate knows core and crust; the field of the Sun it knows only where an observatory is part of it (IFR2).
+    # A certificate covers core and crust, and the Sun's field only where an observatory is part of it (IFR2).
     outside = 0.0 if _IFR2 in place.source.upper() else 1.0
     return dataclasses.replace(
         reference,

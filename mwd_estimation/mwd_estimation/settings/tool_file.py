@@ -17,7 +17,7 @@ from mwd_sensors.core.settings import SettingsError, unknown_key
 TUMBLE_MRAD = 0.1  # what a tumble calibration leaves of the directions of the axes
 # What the blocks are called in the settings of the estimator.
 _BLOCKS = {PrecisionUnit: "tool.precision", PrecisionGyro: "tool.precision.gyro", Tool: "tool"}
-# Terms of a grade that a simulated sensor has and that not every block here asks for.
+# Terms of a grade that a simulated sensor has and that some blocks here do not use.
 _SIMULATED_ONLY = {
     "": "name source temperature_c calibrated_at_c adc_hz gyro accelerometer magnetometer",
     "gyro": "bandwidth_hz instability_deg_h instability_s walk_deg_h_sqrt_h scale_ppm delay_ms bias_deg_h_per_c "

@@ -44,7 +44,7 @@ _SURVEYS = uuid.UUID("6b0d4f5e-6f0e-5c1b-9a55-3a5d2c1b7e10")
 _NS_PER_HOUR = 3.6e12
 # A gyro with a smaller share in the azimuth does not correct that of the samples.
 _COUNTS = 0.01
-# Stations that a run may still revise; a recording has fewer, and a tool that stays down for months forgets the first.
+# Stations that a run may still revise. A recording has fewer; a tool that stays in the hole for months drops the first.
 _REVISABLE = 1000
 
 

@@ -103,7 +103,7 @@ class Finding:
         found = circle.read(self.angles, density)
         off = float(wrap_pi(found.mean - azimuth))
         apart = abs(off) / math.sqrt(max(sigma**2 + found.sigma**2 - 2.0 * shared, 1e-4 * sigma**2))
-        # Where the gyro found north here, it is the station above that was wrong, unless a gyro has borne that out.
+        # Where the gyro found north here, the station above was wrong, unless a gyro has confirmed that station.
         trusted = self.by_gyro < _MOSTLY or self.gyro_agreed
         broken = (off, apart) if apart > _APART and abs(off) > _NEAR and trusted else None
         # Where an earlier gyro azimuth bore the magnetometer out, two that agree show which of the three is wrong.

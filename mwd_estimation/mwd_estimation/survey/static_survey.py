@@ -36,7 +36,7 @@ class StillAverage:
     mag: Average | None  #: T; None without usable magnetometer
     precision: Average | None  #: as `imu`, of the precision unit
     temperature: float | None  #: degC
-    requested: bool  #: asked for, not taken by itself
+    requested: bool  #: asked for, not automatic
     moved: bool = False  #: the tool has moved since, which ended the interval
 
 
@@ -105,7 +105,7 @@ class StillSurvey:
 
     @property
     def complete(self) -> bool:
-        """Whether a survey taken by itself has all it needs: it may wait for something, and is given when that ends."""
+        """Whether an automatic survey has all it needs: it may wait for the gyro, and is given when the wait ends."""
         unasked = self.settings.automatic and not self._taken and self._requested_bins == 0
         return unasked and len(self._run) >= self._needed() - 1
 

@@ -37,7 +37,7 @@ _SAMPLES, _PER_TURN = 5, 4
 # beyond this the samples of a slow magnetometer leave most of the turn out.
 _WORST_CONDITION = 1e4
 # What every window shows alike, 1 sigma: motion along the hole in step with the turns, m (on a bottom that is a
-# millimetre higher on one side, a healthy tool looks turned by 2 deg at 120 rpm), axes that calibration leaves skew,
+# millimetre higher on one side, a sound tool seems turned by 2 deg at 120 rpm), axes that calibration leaves skew,
 # rad, and fields of the electronics, T.
 _IN_STEP, _SKEW, _ELECTRONICS = 5e-4, math.radians(0.05), 50e-9
 # Columns of the fit: constant and drift, cosine and sine of the roll and their drift, the four that show noise, and two

@@ -35,7 +35,7 @@ ROTATING = 1.5  # rad/s, mean rate about the axis beyond which the filter cannot
 HALF = 0.5  # of the variance of calibration: biases; the other half is scales and axes out of square
 BIAS_SHARE = 0.4  # of the carried sigmas of gyro bias and misalignment, which are 2.5 times those of the tool
 LEAST_PRIOR = 1e-18  # variance, of sensors that are said to have no error
-CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning that no hole asks for
+CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning above that of any hole
 
 
 @compiled
@@ -43,7 +43,7 @@ def tilts(s: Record) -> tuple[float, float]:
     """Variances of the tilt that changes inclination and of the one that changes toolface, rad^2."""
     P = s.P
     dx, dy = hole_direction(s)
-    # The tilt that an acceleration along the hole resembles is the one that inclination sees.
+    # Tilt that changes inclination: an acceleration along the hole cannot be told from it.
     along = P[TILT, TILT] * dy * dy - 2.0 * P[TILT, TILT + 1] * dx * dy + P[TILT + 1, TILT + 1] * dx * dx
     return along, P[TILT, TILT] + P[TILT + 1, TILT + 1] - along
 
