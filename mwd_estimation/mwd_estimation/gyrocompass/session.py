@@ -15,7 +15,6 @@ import numpy as np
 
 from mwd_estimation.core import clip_flags
 from mwd_estimation.core.clip_flags import UnitSamples
-from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.gyrocompass import north_seek
 from mwd_estimation.gyrocompass.seek_filter import LEVEL_S
@@ -40,25 +39,6 @@ class SessionParams:
     x_noise_deg_rth: float = 0.42
     x_bias_deg_h: float = 400.0  #: sigma of that gyro's bias, deg/h
     x_scale_ppm: float = 5000.0  #: sigma of that gyro's scale, ppm
-
-
-@dataclasses.dataclass(frozen=True)
-class NorthProgress:
-    """Progress of a seek."""
-
-    #: `elapsed`, `remaining`: s.
-    elapsed: float
-    remaining: float
-    #: `azimuth`, `sigma`: rad from true north, and 1 sigma; NaN before there is one.
-    azimuth: float
-    sigma: float
-    method: str  #: what the tool does
-    reason: Reason | None  #: why the azimuth could not be used yet; None where it could
-
-    @property
-    def state(self) -> str:
-        """The state of the seek in words."""
-        return f"seeking, {self.method}" if self.reason is None else text(self.reason)
 
 
 class NorthSession:
@@ -108,6 +88,11 @@ class NorthSession:
         self._range = math.radians(unit.gyro_range_dps)
         self._state = north_seek.initial()
         self._has_samples = False
+
+    @property
+    def remaining(self) -> float:
+        """Time left, s."""
+        return max(self.duration - self.elapsed, 0.0)
 
     @property
     def done(self) -> bool:
@@ -165,14 +150,6 @@ class NorthSession:
             rates = north_seek.dual_unit(stamps, rates, *ahrs, self._range, clipped)
             clipped = None if clipped is None else clipped & ~np.uint8(clip_flags.AXIAL_GYRO)
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:], clipped)
-
-    def progress(self) -> NorthProgress:
-        """Progress of the seek."""
-        found = self.solution()
-        left = max(self.duration - self.elapsed, 0.0)
-        known = math.isfinite(found.azimuth) and math.isfinite(found.sigma)
-        azimuth, sigma = (found.azimuth, found.sigma) if known else (math.nan, math.nan)
-        return NorthProgress(self.elapsed, left, azimuth, sigma, found.method, found.reason)
 
     def solution(self) -> Solution:
         """North so far, or why there is none."""

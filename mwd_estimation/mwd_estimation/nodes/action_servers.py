@@ -73,15 +73,16 @@ class EstimatorActions:
         if (self._north is not None or self._rotary is not None) and not self._samples_arrive():
             self.abort("the samples stopped")
             return
-        north, rotary = self._pipeline().requests.north_progress, self._pipeline().requests.rotary_progress
+        north, rotary = self._pipeline().requests.north, self._pipeline().requests.rotary_progress
         if self._north is not None and north is not None:
+            found = north.solution()
             self._north.publish_feedback(
                 NorthSeek.Feedback(
                     elapsed=north.elapsed,
                     remaining=north.remaining,
-                    azimuth=known(north.azimuth, 0.0),
-                    sigma=known(north.sigma, -1.0),
-                    state=north.state,
+                    azimuth=known(found.azimuth, 0.0),
+                    sigma=known(found.sigma, -1.0),
+                    state=f"seeking, {found.method}" if found.reason is None else text(found.reason),
                 )
             )
         if self._rotary is not None and rotary is not None:

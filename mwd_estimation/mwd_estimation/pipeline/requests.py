@@ -9,7 +9,7 @@ import numpy as np
 
 from mwd_estimation.core.clip_flags import UnitSamples
 from mwd_estimation.core.reasons import Reason
-from mwd_estimation.gyrocompass.session import NorthProgress, NorthSession
+from mwd_estimation.gyrocompass.session import NorthSession
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.pipeline.precision_unit import first_not_before
 from mwd_estimation.settings import derivation
@@ -56,9 +56,9 @@ class Requests:
         self._north = None
 
     @property
-    def north_progress(self) -> NorthProgress | None:
-        """Progress of the seek; None where there is none."""
-        return self._north.progress() if self._north is not None else None
+    def north(self) -> NorthSession | None:
+        """The seek under way; None where there is none."""
+        return self._north
 
     def take_rates(self, stamps: Stamps, gyro: Array) -> None:
         """Take rates of the conventional unit, rad/s, shapes (n,) and (n, 3), for the seek."""
