@@ -406,7 +406,7 @@ def paper_tables() -> list[str]:
     names = {-0.06: "NM", -0.03: "NS", 0.0: "Z", 0.03: "PS", 0.06: "PM"}
     paper = (("PM", "PS", "NS"), ("Z", "Z", "NS"), ("Z", "NS", "NM"))
     for i, rpm in enumerate((0.0, 100.0, 200.0)):
-        steps = [fuzzy_mahony.fuzzy_step(a, rpm, fuzzy_mahony.RULES) for a in (0.0, 25.0, 50.0)]
+        steps = [fuzzy_mahony.fuzzy_step(a, rpm) for a in (0.0, 25.0, 50.0)]
         got = " ".join(names[round(step, 6) + 0.0] for step in steps)
         out.append(f"| {rpm:.0f} r/min | {' '.join(paper[i])} | {got} |")
     t, w, f, down = drilled(SCENARIOS / "s3_rotation.yaml", {})

@@ -117,7 +117,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
-    _run(params, state[0], RULES, stamps, gyro, accel, out)
+    _run(params, state[0], stamps, gyro, accel, out)
     return out
 
 
@@ -136,7 +136,7 @@ def membership(value: float, low: float, middle: float, high: float) -> tuple[fl
 
 
 @compiled
-def fuzzy_step(non_gravity: float, rotary_rpm: float, rules: Array) -> float:
+def fuzzy_step(non_gravity: float, rotary_rpm: float) -> float:
     """
     Change of k_p, 1/s, by S3 table 1 and eq (13): minimum for AND, centroid of the (up to four) fired rules.
 
@@ -149,13 +149,13 @@ def fuzzy_step(non_gravity: float, rotary_rpm: float, rules: Array) -> float:
     for i in range(3):
         for j in range(3):
             weight = min(r[i], v[j])
-            top += weight * rules[i, j]
+            top += weight * RULES[i, j]
             bottom += weight
     return top / bottom
 
 
 @compiled
-def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
+def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
         verdict, dt, bits = track.take(s.clock, stamps[i], w, f, track.GAP_NS, p.gyro_range, p.accel_range)
@@ -175,7 +175,7 @@ def _run(p: Params, s: Any, rules: Array, stamps: Stamps, gyro: Array, accel: Ar
                 bits |= _INITIALISING
                 _average(p, s, dt, u, turn)
             else:
-                _correct(p, s, rules, dt, w, u, turn)
+                _correct(p, s, dt, w, u, turn)
             bits |= track.follow_motion(s.motion, dt, w, s.non_gravity)
             s.sigma = min(math.pi, math.sqrt(s.slow_power + s.start_power + p.sigma_floor * p.sigma_floor))
         for c in range(3):
@@ -214,20 +214,18 @@ def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, 
 
 
 @compiled
-def _proportional_gain(p: Params, s: Any, rules: Array) -> float:
+def _proportional_gain(p: Params, s: Any) -> float:
     """Gain k_p of now, 1/s; the ring already holds the sample's non-gravity acceleration."""
     if not p.fuzzy:
         return p.k_p
     most = 0.0
     for c in range(p.window):
         most = max(most, s.ring[c])
-    return max(p.k_p_least, p.k_p + fuzzy_step(most, s.motion.rotary_speed * RPM, rules))
+    return max(p.k_p_least, p.k_p + fuzzy_step(most, s.motion.rotary_speed * RPM))
 
 
 @compiled
-def _correct(
-    p: Params, s: Any, rules: Array, dt: float, w: Vector, u: Vector, turn: tuple[float, float, float]
-) -> None:
+def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[float, float, float]) -> None:
     """S3 figure 4: the last filtered gravity carried by the raw gyro, and its error against the accelerometer."""
     px, py, pz = turn
     hx, hy, hz = in_turned_axes(s.down[0], s.down[1], s.down[2], px, py, pz)
@@ -236,7 +234,7 @@ def _correct(
     s.non_gravity = p.gravity * math.sqrt(dx * dx + dy * dy + dz * dz)
     s.ring[s.ring_at] = s.non_gravity
     s.ring_at = (s.ring_at + 1) % p.window
-    k_p = _proportional_gain(p, s, rules)
+    k_p = _proportional_gain(p, s)
     # A young estimate weighs all samples alike, as a mean does.
     gain = max(k_p, 1.0 / s.age) if k_p > 0.0 else 0.0
     s.integral[0] += p.k_i * ex * dt
