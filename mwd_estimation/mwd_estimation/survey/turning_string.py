@@ -135,8 +135,10 @@ class _Waiting:
         """Take out the samples before the end of a time, ns; those before its start are dropped."""
         if not self._parts:
             return self._none
-        stamps = np.concatenate([stamps for stamps, _ in self._parts])
-        values = np.concatenate([values for _, values in self._parts])
+        stamps, values = self._parts[0]
+        if len(self._parts) > 1:
+            stamps = np.concatenate([stamps for stamps, _ in self._parts])
+            values = np.concatenate([values for _, values in self._parts])
         start, end = np.searchsorted(stamps, [start_ns, end_ns])
         self._parts = [(stamps[end:], values[end:])]
         return stamps[start:end], values[start:end]

@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Which axis of the conventional unit each axis of the precision unit is, by what both read of the same motion.
+
+Over a window of half seconds each axis of the one is compared with each of the other at the same times: it should be
+its own axis, one to one; reversed, another axis or in another unit are mistakes with a name.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import numpy as np
+
+from mwd_estimation.core.axis_mappings import MAPPINGS
+from mwd_estimation.health import signal_checks
+from mwd_estimation.health.signal_checks import ABSURD, BIN_NS
+from mwd_sensors.core.arrays import Array, Indices, Stamps
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.records import dtype_of
+
+# Half seconds that are compared together.
+WINDOW = 3
+# Samples from which on an axis is judged.
+_FEW = 20
+# Root mean square below which an axis shows nothing, rad/s and m/s^2; that of forces beyond which two accelerometers
+# need not agree: shocks are not the same to another bandwidth in another place.
+_LEAST = (0.005, 0.3)
+_SHAKEN = 15.0
+# What leaks into an axis of the greatest motion of the unit.
+_LEAK = (0.004, 0.02)
+# Misfit, from 0 (the same) by 1 (nothing in common) to 2 (reversed), that is still this axis, and that is not.
+_SAME, _OTHERWISE = 0.3, 0.6
+# Share of the mean in the mean square of what is constant.
+_CONSTANT = 0.8
+_UNITS = np.array([math.degrees(1.0), 1.0 / STANDARD_GRAVITY])
+_MAPPINGS = np.array(MAPPINGS)
+# What an axis is found to be, besides twice the number of an axis, one more reversed, six more in another unit.
+_SILENT_AXIS, _NO_AXIS, _UNCLEAR, AT_ONE_END = -1, -2, -3, -4
+
+
+class Sums:
+    """One axis over half a second, and its products with each axis of the conventional unit, in both units."""
+
+    n: float
+    at_most: float
+    total: float
+    square: float
+    product: Annotated[Array, 2, 3]
+    other: Annotated[Array, 2, 3]
+    other2: Annotated[Array, 2, 3]
+
+
+SUMS = dtype_of(Sums)
+
+
+@compiled
+def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
+    """
+    Count the samples of half a second and sum their products with those of the conventional unit at the same times.
+
+    Parameters
+    ----------
+    values, own : ndarray, shape (n, 6)
+        Rates, rad/s, and forces, m/s^2, of the precision unit, and of the conventional one; nan where not known.
+    channels, sums : ndarray
+        Of `signal_checks`, and of SUMS, shape (6,); added to.
+    """
+    for row in range(6):
+        most, first, one = 0.0, 3 * (row // 3), sums[row]
+        for i in range(len(values)):
+            if abs(values[i, row]) < ABSURD:
+                most = max(most, abs(values[i, row]))
+        for i in range(len(values)):
+            v, beside = values[i, row], own[i, row]
+            at_most = abs(v) >= 0.999 * most
+            # A gyro may be at the end of its range while the string turns faster: that is not stuck.
+            if not (row < 3 and at_most and abs(beside) > 1.02 * abs(v) > 0.5):
+                signal_checks.count(channels[row], values, row, i, i + 1, math.inf)
+            if row >= 3 and math.isfinite(beside):
+                # The third sensor of the count only shows whether the tool moves.
+                signal_checks.count(channels[3 + row], own, row, i, i + 1, math.inf)
+            if not math.isfinite(beside) or not abs(v) < ABSURD:
+                continue
+            one.n += 1.0
+            one.at_most += 1.0 if at_most else 0.0
+            one.total += v
+            one.square += v * v
+            for unit in range(2):
+                # What lies beyond a gyro axis' own range it cannot have read.
+                limit = 1.01 * most / (_UNITS[0] if unit == 1 else 1.0) if row < 3 else math.inf
+                for c in range(3):
+                    other = min(max(own[i, first + c], -limit), limit)
+                    one.product[unit, c] += v * other
+                    one.other[unit, c] += other
+                    one.other2[unit, c] += other * other
+
+
+@compiled
+def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
+    """Interpolate the conventional unit, shape (n, 6); nan beyond its samples, in gaps and where not usable."""
+    found = np.full((len(stamps), 6), math.nan)
+    if len(beside_ns) < 2:
+        return found
+    right = np.searchsorted(beside_ns, stamps)
+    for i in range(len(stamps)):
+        at = min(max(right[i] - 1, 0), len(beside_ns) - 2)
+        step = beside_ns[at + 1] - beside_ns[at]
+        known = beside_ns[at] <= stamps[i] <= beside_ns[at + 1] and 0 < step < BIN_NS
+        share = (stamps[i] - beside_ns[at]) / max(step, 1)
+        for c in range(6):
+            found[i, c] = (1.0 - share) * beside[at, c] + share * beside[at + 1, c]
+            known = known and abs(found[i, c]) < ABSURD
+        if not known:
+            found[i] = math.nan
+    return found
+
+
+@compiled
+def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
+    """Which axis of the conventional unit axis k of sensor s is; without its mean where `centred`."""
+    n = max(one.n, 1.0)
+    off = one.total / n if centred else 0.0
+    own = max(one.square - off * one.total, 0.0)
+    itself, smallest, best = 2.0, math.inf, 0
+    for unit in range(2):
+        scale = _UNITS[s] if unit == 1 else 1.0
+        for c in range(3):
+            mean = one.other[unit, c] / n if centred else 0.0
+            other = scale * scale * max(one.other2[unit, c] - mean * one.other[unit, c], 0.0)
+            product = scale * (one.product[unit, c] - off * one.other[unit, c])
+            size = math.sqrt(other / n)
+            allowed = size >= least
+            if unit == 0 and c == k and max(math.sqrt(own / n), size) < least:
+                return _SILENT_AXIS
+            if s == 0 and unit == 1:
+                # The other's bias, cut to one value, is as good as what it reads of a slow turn; so is a constant.
+                constant = one.other[1, c] ** 2 > _CONSTANT * n * one.other2[1, c]
+                allowed = allowed and not constant and one.at_most < 0.5 * n
+            for reversed_ in range(2):
+                misfit = 2.0
+                if allowed:
+                    misfit = own + other - 2.0 * product * (1.0 - 2.0 * reversed_)
+                    misfit /= max(own + other, 1e-300)
+                if unit == 0 and c == k and reversed_ == 0:
+                    itself = misfit
+                if misfit < smallest:
+                    smallest, best = misfit, 6 * unit + 2 * c + reversed_
+    if itself < _SAME:
+        return 2 * k
+    if smallest < _SAME:
+        return best
+    return _NO_AXIS if itself > _OTHERWISE else _UNCLEAR
+
+
+@compiled
+def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
+    """Find what the axes of sensor s are, and whether one of them is none of the other unit's while all else fits."""
+    found, shaken = np.full(3, _SILENT_AXIS), 0.0
+    # A gyro's cross axes move little beside what leaks of a steady spin into them: the second look is without means.
+    for centred in range(2 - s):
+        greatest2, own2 = 0.0, 0.0
+        for k in range(3):
+            one = sums[3 * s + k]
+            n = max(one.n, 1.0)
+            own2 = max(own2, one.square / n)
+            for c in range(3):
+                mean = one.other[0, c] / n if centred else 0.0
+                greatest2 = max(greatest2, (one.other2[0, c] - mean * one.other[0, c]) / n)
+        greatest = math.sqrt(greatest2)
+        shaken = max(shaken, greatest, math.sqrt(own2))
+        least = max(_LEAST[s], _LEAK[s] * greatest)
+        for k in range(3):
+            one = sums[3 * s + k]
+            if found[k] != _SILENT_AXIS or one.n < _FEW:
+                continue
+            most = max(one.other2[0, 0], one.other2[0, 1], one.other2[0, 2], 0.0)
+            full = one.at_most > 0.9 * one.n and one.square > max(4.0 * most, one.n * least**2)
+            found[k] = AT_ONE_END if s == 0 and not centred and full else _best(one, k, centred == 1, least, s)
+    plain, strange = True, False
+    for k in range(3):
+        plain = plain and (found[k] == 2 * k or found[k] in (_SILENT_AXIS, _NO_AXIS, _UNCLEAR))
+        strange = strange or found[k] == _NO_AXIS
+    return found[0], found[1], found[2], strange and plain and (s == 0 or shaken < _SHAKEN)
+
+
+@compiled
+def mapping_of(found: Indices) -> int:
+    """Find the mapping of these axes, those that show nothing taken as they should be; 0 where that cannot be."""
+    free, matrix = np.ones(3, dtype=np.bool_), np.zeros((3, 3), dtype=np.int64)
+    for k in range(3):
+        if found[k] >= 0:
+            free[found[k] % 6 // 2] = False
+    for k in range(3):
+        column, sign = found[k] % 6 // 2, 1 - 2 * (found[k] % 2)
+        if found[k] < 0:
+            column, sign = k, 1
+            for c in range(2, -1, -1):
+                column = c if free[c] and not free[k] else column
+        free[column] = False
+        matrix[k, column] = sign
+    for k in range(len(_MAPPINGS)):
+        if (_MAPPINGS[k] == matrix).all():
+            return k
+    return 0
+
+
+@compiled
+def axes_of(sums: Any, s: int) -> tuple[Indices, bool, bool]:
+    """
+    What the axes of sensor s are over the window, whether in another unit, and whether one is none of the other's.
+
+    Where the last half second differs from those before, it has just changed: nothing is known of any.
+    """
+    whole = np.zeros(6, dtype=SUMS)
+    for row in range(6):
+        one = whole[row]
+        for half in range(WINDOW):
+            part = sums[half, row]
+            one.n += part.n
+            one.at_most += part.at_most
+            one.total += part.total
+            one.square += part.square
+            for unit in range(2):
+                for c in range(3):
+                    one.product[unit, c] += part.product[unit, c]
+                    one.other[unit, c] += part.other[unit, c]
+                    one.other2[unit, c] += part.other2[unit, c]
+    x, y, z, strange = _read_axes(whole, s)
+    last_x, last_y, last_z, _ = _read_axes(sums[WINDOW - 1], s)
+    scaled = max(x, y, z) >= 6 and max(last_x, last_y, last_z) >= 6
+    if x != last_x or y != last_y or z != last_z:
+        x = y = z = _SILENT_AXIS
+    return np.array([x, y, z]), scaled, strange
