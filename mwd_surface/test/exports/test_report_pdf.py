@@ -12,17 +12,20 @@ from mwd_surface.exports.report_pdf import report_pdf
 
 pytestmark = pytest.mark.slow
 
-TABLE = example.table(stretches=example.stretches())
+
+@pytest.fixture(scope="module")
+def table():
+    return example.table(stretches=example.stretches())
 
 
 @pytest.fixture(scope="module")
-def pages():
-    return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(report_pdf(TABLE))).pages]
+def pages(table):
+    return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(report_pdf(table))).pages]
 
 
-def test_every_number_of_every_table_is_in_the_pdf(pages):
+def test_every_number_of_every_table_is_in_the_pdf(pages, table):
     words = " ".join(pages).split()
-    reported = content(TABLE)
+    reported = content(table)
     for sheet in reported.sheets:
         for row in sheet.rows:
             for k, cell in enumerate(row):
@@ -30,9 +33,9 @@ def test_every_number_of_every_table_is_in_the_pdf(pages):
                     assert not cell or cell in words, (sheet.heading, cell)
 
 
-def test_rows_are_printed_whole(pages):
+def test_rows_are_printed_whole(pages, table):
     text = " ".join(" ".join(pages).split())
-    for row in content(TABLE).sheets[0].rows:
+    for row in content(table).sheets[0].rows:
         assert " ".join(c for c in row[:-1] if c) in text
 
 

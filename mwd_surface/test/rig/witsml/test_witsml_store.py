@@ -18,7 +18,11 @@ from mwd_surface.rig.interface import InterfaceError
 from mwd_surface.rig.witsml.store import WitsmlStore, WitsmlStoreSettings, answer_texts
 
 ENVELOPE = '<s:Envelope xmlns:s="http://schemas.xmlsoap.org/soap/envelope/"><s:Body>{}</s:Body></s:Envelope>'
-DOCUMENT = witsml(table())
+
+
+@pytest.fixture(scope="module")
+def document():
+    return witsml(table())
 
 
 class Stub(http.server.BaseHTTPRequestHandler):
@@ -86,12 +90,12 @@ def client(server, **changes):
     return WitsmlStore(WitsmlStoreSettings(url=url, first_wait=0.01, longest_wait=0.05, timeout=5.0, **changes))
 
 
-def test_a_trajectory_is_added_and_afterwards_updated_and_arrives_unchanged():
+def test_a_trajectory_is_added_and_afterwards_updated_and_arrives_unchanged(document):
     with store() as server, started(client(server)) as push:
-        push.push(DOCUMENT)
+        push.push(document)
         eventually(lambda: push.status().sent == 1)
-        assert list(server.kept.values()) == [DOCUMENT]
-        changed = DOCUMENT.replace("<definitive>true", "<definitive>false")
+        assert list(server.kept.values()) == [document]
+        changed = document.replace("<definitive>true", "<definitive>false")
         push.push(changed)
         eventually(lambda: push.status().sent == 2)
         assert list(server.kept.values()) == [changed]
@@ -100,41 +104,41 @@ def test_a_trajectory_is_added_and_afterwards_updated_and_arrives_unchanged():
         assert (status.state, status.peers[0].last) == ("connected", "WMLS_UpdateInStore 1")
 
 
-def test_a_trajectory_that_the_store_already_has_is_updated():
+def test_a_trajectory_that_the_store_already_has_is_updated(document):
     with store() as server:
         for _ in range(2):
             with started(client(server)) as push:
-                push.push(DOCUMENT)
+                push.push(document)
                 eventually(lambda push=push: push.status().sent == 1)
         assert server.orders[-3:] == ["WMLS_GetVersion", "WMLS_AddToStore", "WMLS_UpdateInStore"]
 
 
-def test_a_station_that_is_taken_out_of_the_survey_is_deleted_in_the_store():
+def test_a_station_that_is_taken_out_of_the_survey_is_deleted_in_the_store(document):
     whole = surveys()
     less = survey_table(whole.reject(7, "Bo", "casing", MADE), MADE)
     with store() as server, started(client(server)) as push:
-        push.push(DOCUMENT)
+        push.push(document)
         eventually(lambda: push.status().sent == 1)
         push.push(witsml(less))
         eventually(lambda: push.status().sent == 2)
         assert server.deleted == [whole.find(7).survey.uuid]
 
 
-def test_the_same_document_is_sent_once():
+def test_the_same_document_is_sent_once(document):
     with store() as server, started(client(server)) as push:
         for _ in range(5):
-            push.push(DOCUMENT)
+            push.push(document)
             eventually(lambda: push.status().sent == 1)
         assert server.orders.count("WMLS_AddToStore") == 1
 
 
-def test_after_failures_it_is_tried_again_until_it_goes_through():
+def test_after_failures_it_is_tried_again_until_it_goes_through(document):
     fault = ENVELOPE.format("<s:Fault><faultstring>database is down</faultstring></s:Fault>").encode()
     with (
         store(answers=[(500, fault), (503, b""), (200, b"no xml"), (302, b"")]) as server,
         started(client(server)) as push,
     ):
-        push.push(DOCUMENT)
+        push.push(document)
         eventually(lambda: push.status().sent == 1)
         assert dict(push.status().counts)["failures"] == 4
         assert push.status().reason == ""
@@ -151,35 +155,35 @@ def test_after_failures_it_is_tried_again_until_it_goes_through():
         ((302, b""), "HTTP 302"),
     ],
 )
-def test_the_reason_of_a_failure_is_reported(answer, reason):
+def test_the_reason_of_a_failure_is_reported(answer, reason, document):
     with store(answers=[answer] * 10_000) as server, started(client(server)) as push:
-        push.push(DOCUMENT)
+        push.push(document)
         eventually(lambda: reason in push.status().reason)
         assert push.status().state == "connecting"
 
 
-def test_a_store_that_is_not_there_is_reported_and_tried_again():
+def test_a_store_that_is_not_there_is_reported_and_tried_again(document):
     with store() as server:
         push = client(server)
     with started(push):
-        push.push(DOCUMENT)
+        push.push(document)
         eventually(lambda: dict(push.status().counts)["failures"] >= 2)
         assert "refused" in push.status().reason
 
 
-def test_a_refusal_carries_the_number_and_words_of_the_store():
+def test_a_refusal_carries_the_number_and_words_of_the_store(document):
     refusal = ENVELOPE.format("<r><Result>-401</Result><SuppMsgOut>not &lt;valid&gt;</SuppMsgOut></r>").encode()
     version = ENVELOPE.format("<r><Result>1.4.1.1</Result></r>").encode()
     with store(answers=[(200, version), *[(200, refusal)] * 1000]) as server, started(client(server)) as push:
-        push.push(DOCUMENT)
+        push.push(document)
         eventually(lambda: "refused with -401: not <valid>" in push.status().reason)
 
 
-def test_the_password_comes_from_a_file_and_never_goes_out_in_the_clear_to_another_machine(tmp_path):
+def test_the_password_comes_from_a_file_and_never_goes_out_in_the_clear_to_another_machine(tmp_path, document):
     secret = tmp_path / "password"
     secret.write_text("hush\n")
     with store() as server, started(client(server, user="bo", password_file=str(secret))) as push:
-        push.push(DOCUMENT)
+        push.push(document)
         eventually(lambda: push.status().sent == 1)
         assert server.headers[0]["Authorization"] == "Basic " + base64.b64encode(b"bo:hush").decode()
         assert "hush" not in repr(push.status())
