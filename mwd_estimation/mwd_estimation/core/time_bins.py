@@ -110,7 +110,7 @@ class Binner:
 
     def flush(self, before_ns: int) -> list[Bin]:
         """Close the open bin where the stream fell silent and the bin ends before that time, ns."""
-        index = int(self._open[0].index)
+        index = int(self._open["index"][0])
         if index == _NONE or (index + 1) * self.length_ns > before_ns:
             return []
         _close(self._open[0], self._sums, self._closed, 0, 0)
@@ -119,8 +119,8 @@ class Binner:
     def _bins(self, count: int) -> list[tuple[Bin, int]]:
         places, *figures = (column[:count].copy() for column in self._closed)
         return [
-            (Bin(int(at.index), int(at.count), mean, scatter, low, high), int(at.place))
-            for at, mean, low, high, scatter in zip(places, *figures, strict=True)
+            (Bin(index, samples, mean, scatter, low, high), place)
+            for (index, samples, place), mean, low, high, scatter in zip(places.tolist(), *figures, strict=True)
         ]
 
 

@@ -151,7 +151,6 @@ def _run(
     from mwd_surface.processing import process as batch
     from mwd_surface.processing.bag_input import InputSettings
     from mwd_surface.processing.run_output import OutputSettings
-    from mwd_surface.runs import calibration_run
     from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
     start, end = options["start_s"], options["end_s"]
@@ -161,6 +160,9 @@ def _run(
     given, wanted = given_settings(InputSettings, options), given_settings(OutputSettings, options)
     compensation = None
     if calibration is not None:
+        # Not for every recording: it brings scipy's optimisation.
+        from mwd_surface.runs import calibration_run
+
         compensation = Compensation(calibration_run.read(calibration))
     began = time.monotonic()
     with (
