@@ -73,7 +73,8 @@ class Reference:
     sigma_gravity: float = SIGMA_GRAVITY
     #: What strength, dip and declination contain of an observatory's disturbance; None where none was added.
     external: ExternalField | None = None
-    observatory: str = ""  #: IAGA code of the observatory asked for it, which may have no data of the time; empty: none
+    #: IAGA code of the observatory whose record was asked, whether or not it covers the time; empty: none
+    observatory: str = ""
 
     def __post_init__(self) -> None:
         """Refuse figures that no place of the Earth has."""

@@ -13,7 +13,6 @@ from mwd_msgs.msg import Survey as SurveyMessage
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.pipeline.pipeline import Pipeline
-from mwd_estimation.survey.survey_message import known
 from mwd_sensors.ros.deferred import DeferredGoal
 
 FEEDBACK_PERIOD = 0.5  # s
@@ -76,12 +75,13 @@ class EstimatorActions:
         north, rotary = self._pipeline().requests.north, self._pipeline().requests.rotary_progress
         if self._north is not None and north is not None:
             found = north.solution()
+            unknown = not (math.isfinite(found.azimuth) and math.isfinite(found.sigma))
             self._north.publish_feedback(
                 NorthSeek.Feedback(
                     elapsed=north.elapsed,
                     remaining=north.remaining,
-                    azimuth=known(found.azimuth, 0.0),
-                    sigma=known(found.sigma, -1.0),
+                    azimuth=0.0 if unknown else found.azimuth,
+                    sigma=-1.0 if unknown else found.sigma,
                     state=f"seeking, {found.method}" if found.reason is None else text(found.reason),
                 )
             )

@@ -37,13 +37,13 @@ class Observatory:
                 raise SettingsError(f"place.observatory_file: {error}") from error
 
     def at(self, reference: Reference | None, stamp_ns: int | None) -> Reference | None:
-        """Return the reference at a time, UTC ns (None: not known); without data of then it says only who was asked."""
+        """Return the reference at a time, UTC ns (None: not known); beyond the record it names the observatory only."""
         if self._record is None or reference is None or not reference.has_field or reference.declination is None:
             return reference
         try:
             self._refresh()
         except (OSError, ValueError):
-            # Somebody is writing it just now: what was read before holds, and a time beyond it is said.
+            # Somebody is writing it just now: what was read before holds; `survey.verdict` tells of a time beyond it.
             self._read_at = None
         found = None if stamp_ns is None else self._record.disturbance(stamp_ns)
         asked = dataclasses.replace(reference, observatory=self._record.station)
