@@ -29,7 +29,7 @@ NAMES = sorted(path.stem for path in SCENARIOS.glob("*.yaml") if path.stem not i
 # A rig's hour and a quarter repeats one stand and one connection: twice says what five times do.
 CYCLES = 2
 # What is drilled or slid in longer than this, s, is drilled as far in this time, which leads to the same station.
-DRILLED_S = 40.0
+DRILLED_S = 100.0
 
 
 def played(name):
@@ -45,7 +45,7 @@ def faster(part):
     return dataclasses.replace(part, seconds=seconds, rop_m_h=part.rop_m_h * part.seconds / seconds)
 
 
-@pytest.mark.slow(5)
+@pytest.mark.slow(8)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_bundled_scenario_without_a_fault_has_its_surveys_accepted_and_right(name):
     found = surveys(played(name))

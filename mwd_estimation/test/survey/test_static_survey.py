@@ -17,12 +17,13 @@ RATE = 100
 WAIT = Reason(ReasonCode.SEEK_TOO_SHORT, 5.0, 30.0)
 
 
-def _bins(seconds, force=(-6.0, 0.0, 7.75), rate=(0.0, 0.0, 0.0), *, noise=1e-3, start=10**18, seed=0):
+def _bins(seconds, force=(-6.0, 0.0, 7.75), rate=(0.0, 0.0, 0.0), *, noise=1e-3, shaken=0.0, start=10**18, seed=0):
     """Closed bins of a tool that keeps still (or turns, or shakes)."""
     rng = np.random.default_rng(seed)
     n = int(seconds * RATE) + 1
     stamps = start + np.arange(n) * (10**9 // RATE)
     values = np.hstack([np.tile(rate, (n, 1)), np.tile(force, (n, 1))]) + noise * rng.normal(size=(n, 6))
+    values[:, 3:] += shaken * (-1.0) ** np.arange(n)[:, None]
     return Binner(6, BIN_NS).add(stamps, values)
 
 
@@ -44,7 +45,7 @@ def test_one_survey_is_taken_per_still_interval_after_settling():
     np.testing.assert_allclose(average.imu.mean[3:], (-6.0, 0.0, 7.75), atol=3e-4)
 
 
-@pytest.mark.parametrize("moving", [{"rate": (0.045, 0.0, 0.0)}, {"noise": 0.045}])
+@pytest.mark.parametrize("moving", [{"rate": (0.045, 0.0, 0.0)}, {"noise": 0.045}, {"shaken": 0.3}])
 def test_a_survey_may_move_as_much_as_is_set(moving):
     taken = [len(_outcomes(StillSurvey(SurveySettings(motion=motion)), _bins(30.0, **moving))) for motion in (1.0, 2.0)]
     assert taken == [0, 1]

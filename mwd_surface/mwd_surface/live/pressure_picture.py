@@ -93,7 +93,7 @@ class PressureHistory:
 
 
 def _running_median(values: Array, many: int) -> Array:
-    # A surface without a gauge is active a quarter of a second sooner without this package.
+    # A surface without a gauge is active sooner without this package.
     from scipy.ndimage import median_filter
 
     return np.asarray(median_filter(values, many, mode="reflect"))

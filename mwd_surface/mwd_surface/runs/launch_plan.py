@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-# A command that visits a graph is there half a second sooner without the simulator and its compiler.
+# A command that visits a graph is there sooner without the simulator and its compiler.
 if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario
 
