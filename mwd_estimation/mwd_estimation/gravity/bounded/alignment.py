@@ -84,16 +84,24 @@ def unknown_motion(s: Record, scatter: float) -> None:
 
 
 @compiled
-def average(p: Params, s: Record, dt: float, f: Vector) -> bool:
-    """Add a force, m/s^2, to the mean, in axes that the gyro carries; True when the attitude was found."""
-    step, C = max(dt, 1e-3), s.C
+def average(p: Params, s: Record, dt: float, f: Vector, clips: bool) -> bool:
+    """
+    Add a force, m/s^2, to the mean, in axes that the gyro carries; True when the attitude was found.
+
+    clips: the x gyro is beyond its range. It does not carry the axes over such a sample, so that the mean begins anew.
+    """
+    step, C, turn2 = max(dt, 1e-3), s.C, s.last_w[0] ** 2
+    if clips:
+        s.age = s.mean_power = s.mean[0] = s.mean[1] = s.mean[2] = 0.0
+    # The pull of the circle that the sensor runs, as far as it was learnt, is no gravity.
+    fx, fy, fz = f[0], f[1] + turn2 * s.lever[0], f[2] + turn2 * s.lever[1]
     s.age += step
     for j in range(3):
-        s.mean[j] += step * (C[j, 0] * f[0] + C[j, 1] * f[1] + C[j, 2] * f[2])
-    s.mean_power += step * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2])
+        s.mean[j] += step * (C[j, 0] * fx + C[j, 1] * fy + C[j, 2] * fz)
+    s.mean_power += step * (fx * fx + fy * fy + fz * fz)
     mechanisation.clear_sums(s.sums)
     direction(s)
-    if dt == 0.0 or s.age < START_TIME:
+    if dt == 0.0 or s.age < START_TIME or clips:
         return False
     _start(p, s)
     return True

@@ -164,7 +164,8 @@ def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int) -> 
     else:
         power = (math.sqrt(f[0] ** 2 + f[1] ** 2 + f[2] ** 2) - p.gravity) ** 2
         s.since_shock += dt
-        if alignment.average(p, s, dt, f):
+        clips = flags & _AXIAL_FLAG != 0 or abs(w[0]) >= track.AT_RANGE * p.gyro_range
+        if alignment.average(p, s, dt, f, clips):
             scale.publish(p, s)
             for j in range(3):
                 s.tick_w[j] = w[j]

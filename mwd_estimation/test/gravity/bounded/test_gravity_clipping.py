@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from consistency import assert_consistent
-from mwd_estimation.gravity.bounded import clipping
+from mwd_estimation.gravity.bounded import alignment, clipping
 from mwd_estimation.gravity.bounded import filter as bounded
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
@@ -64,3 +64,20 @@ def test_the_more_shocks_were_seen_the_smaller_an_innovation_shows_a_velocity_lo
 def test_shocks_that_come_faster_than_updates_leave_a_gate_above_zero(interval_s):
     # Ten shocks a second, and an update of a slow unit or at the end of a gap: a shock is never quite certain.
     assert 0.0 < _gate(10.0, interval_s) < _gate(10.0, 0.1)
+
+
+def test_a_start_takes_out_the_learnt_pull_and_what_the_x_gyro_did_not_carry():
+    p = bounded.Params()
+    s = bounded.initial(p).record[0]
+    inclination, rate, lever = math.radians(15.0), 30.0, np.array([0.02, 0.008])
+    s.lever[:], s.last_w[0] = lever, rate
+    gravity = np.array([math.cos(inclination), 0.6 * math.sin(inclination), 0.8 * math.sin(inclination)])
+    force = -p.gravity * gravity
+    # The circle's centripetal acceleration is five times what gravity has across the axis.
+    force[1:] -= rate**2 * lever
+    for _ in range(20):
+        assert not alignment.average(p, s, 0.01, np.array([0.0, 50.0, 0.0]), False)
+    assert not alignment.average(p, s, 0.01, force, True)
+    found = [alignment.average(p, s, 0.01, force, False) for _ in range(29)]
+    assert found.index(True) == len(found) - 1
+    assert s.g_t == pytest.approx(gravity, abs=1e-9)
