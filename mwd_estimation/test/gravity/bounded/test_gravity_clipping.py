@@ -73,7 +73,7 @@ def test_a_start_takes_out_the_learnt_pull_and_what_the_x_gyro_did_not_carry():
     s.lever[:], s.last_w[0] = lever, rate
     gravity = np.array([math.cos(inclination), 0.6 * math.sin(inclination), 0.8 * math.sin(inclination)])
     force = -p.gravity * gravity
-    # The circle's centripetal acceleration is five times what gravity has across the axis.
+    # The circle's centripetal acceleration is 7.6 times what gravity has across the axis.
     force[1:] -= rate**2 * lever
     for _ in range(20):
         assert not alignment.average(p, s, 0.01, np.array([0.0, 50.0, 0.0]), False)
