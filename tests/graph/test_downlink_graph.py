@@ -80,6 +80,8 @@ def run(tmp_path_factory):
             240,
             "the answer",
         )
+        # A machine that stands still for a second is six seconds of this rig: whoever watches it must then abort.
+        assert "1: confirmed" in graph.log(surface), graph.log(surface)
         assert graph.end(sonde)[0] == 0
         for name in (estimator, receiver, surface):
             assert graph.end(name)[0] == 0
