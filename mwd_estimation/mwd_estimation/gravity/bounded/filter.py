@@ -27,6 +27,7 @@ from mwd_sensors.core.compiled import compiled
 __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 
 TICK = 0.03  # s between updates of the covariance
+CLIPPED_TICK = 0.015  # s, while the x gyro clips: the circle of the sensor turns by more than a radian in TICK
 _GAP, _INITIALISING = int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
 _ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO, clip_flags.CROSS_GYRO
@@ -107,7 +108,8 @@ def _run(
                 _resume(p, s, verdict, dt, gyro[i], i, log)
                 dt = 0.0
             non_gravity = _take(p, s, dt, w, f, flags[i])
-            if s.started and s.sums.time >= TICK - 1e-6:
+            tick = TICK if s.clipping.sign == 0.0 else CLIPPED_TICK
+            if s.started and s.sums.time >= tick - 1e-6:
                 _update(p, s, s.last_w, i, log)
             bits |= track.follow_motion(motion, dt, w, non_gravity)
             if flags[i] != 0:
@@ -179,6 +181,8 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     """Carry the covariance over the sums, add noise, measure, and empty the sums; w: rates at the end."""
     size = STEADY if s.clipping.sign == 0.0 else ERRORS
     s.settled += s.sums.time
+    if size == ERRORS:
+        mechanisation.turn_heading(s)
     mechanisation.move(s)
     noise.follow_motion(s, w)
     mechanisation.propagate(s.P, s.sums, size)

@@ -111,10 +111,11 @@ def _lose_velocity(s: Record, axis: int, y: float) -> None:
 @compiled
 def correct(s: Record, size: int) -> None:
     """Put the correction into the nominal values: exp(tilt and change of heading) from the left, the rest by adding."""
-    # What a clipped gyro missed was about the tool axis: the heading, which is free, turns with it, and so it does when
-    # the force puts that right afterwards. A turn about the level axis would add half its square to the inclination.
     C, e, yaw = s.C, s.correction, 0.0
     if s.clipping.seen:
+        # What a clipped gyro missed was about the tool axis: the heading, which is free, turns with it, and so it does
+        # when the force puts that right. A turn about the level axis alone would add half its square to the
+        # inclination.
         yaw = (e[TILT] * C[0, 0] + e[TILT + 1] * C[1, 0]) * C[2, 0] / max(C[0, 0] ** 2 + C[1, 0] ** 2, 0.01)
     a, b, c = 0.5 * e[TILT], 0.5 * e[TILT + 1], 0.5 * yaw
     qx, qy, qz, qw = s.q[0], s.q[1], s.q[2], s.q[3]
@@ -129,6 +130,11 @@ def correct(s: Record, size: int) -> None:
         s.vel[j] += e[VEL + j]
         s.pos[j] += e[POS + j]
         s.bias[j] += e[BIAS + j]
+    if s.clipping.seen:
+        # The level frame has turned with the heading.
+        cosine, sine = math.cos(yaw), math.sin(yaw)
+        for v in (s.vel, s.pos):
+            v[0], v[1] = cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1]
     for j in range(2):
         s.askew[j] += e[ASKEW + j]
         s.lever[j] += e[LEVER + j]

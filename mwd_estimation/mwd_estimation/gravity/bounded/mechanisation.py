@@ -12,7 +12,20 @@ from __future__ import annotations
 import math
 
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, MISSING, POS, SCALE, SLOPE, TILT, VEL, Record, Sums
+from mwd_estimation.gravity.bounded.state import (
+    ASKEW,
+    BIAS,
+    DOWN,
+    ERRORS,
+    MISSING,
+    POS,
+    SCALE,
+    SLOPE,
+    TILT,
+    VEL,
+    Record,
+    Sums,
+)
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -118,6 +131,34 @@ def move(s: Record) -> None:
     for j in range(3):
         s.pos[j] += s.vel[j] * s.sums.time + s.sums.position[j]
         s.vel[j] += s.sums.velocity[j]
+
+
+@compiled
+def turn_heading(s: Record) -> None:
+    """
+    P <- F P F' for the turn of the level frame over the sums while the x gyro clips; before `move`.
+
+    The error of the missing rate turns the tool about its axis, and with it the heading. No error carries the heading,
+    which is free: the level frame turns instead, under the velocity and the displacement of the circling sensor,
+    velocity' = velocity - turn [down x mean velocity], and the displacement likewise.
+    """
+    T = s.sums.time
+    vx, vy = s.vel[0] + s.sums.position[0] / T, s.vel[1] + s.sums.position[1] / T
+    circle = (vx, vy, s.pos[0] + 0.5 * T * vx, s.pos[1] + 0.5 * T * vy)
+    _turn_columns(s.P, T, s.C[2, 0], circle)
+    _turn_columns(s.P.T, T, s.C[2, 0], circle)
+
+
+@compiled
+def _turn_columns(P: Array, T: float, upright: float, circle: tuple[float, float, float, float]) -> None:
+    """P <- F P; circle: mean velocity and displacement, level x and y."""
+    vx, vy, x, y = circle
+    for j in range(ERRORS):
+        turn = upright * T * (P[MISSING, j] + 0.5 * T * P[SLOPE, j])
+        P[VEL, j] += turn * vy
+        P[VEL + 1, j] -= turn * vx
+        P[POS, j] += turn * y
+        P[POS + 1, j] -= turn * x
 
 
 @compiled

@@ -44,6 +44,30 @@ def test_rare_shocks_that_do_not_stand_out_in_long_samples_cost_no_tilt_either()
     assert_consistent(np.stack(errors), np.stack(sigmas), correlated=True)
 
 
+@pytest.mark.slow(5)
+def test_the_roll_is_followed_through_a_clipping_gyro_in_a_steep_hole():
+    """The pull of the sensor's circle is up to sixteen times what gravity has across the axis."""
+    p, errors, sigmas = bounded.Params(), [], []
+    for seed, inclination_deg, rate_hz in ((61, 15.0, 100), (62, 30.0, 50), (63, 8.0, 200)):
+        changes = {
+            "seed": seed,
+            "rate_hz": rate_hz,
+            "well": {"stations": [[0.0, inclination_deg, 60.0]]},
+            "schedule": [{"kind": "drill", "seconds": 40.0, "rpm": 225.0, "rop_m_h": 0.0}],
+        }
+        sonde = Sonde(scenario.read(ROOT / "bags/scenarios/bench/gyroclip.yaml", changes))
+        blocks = list(sonde.blocks(5.0))
+        imu = np.concatenate([block["imu/data_raw"] for block in blocks])
+        down = np.concatenate([block["truth"] for block in blocks])["gravity"]
+        got = bounded.run(p, bounded.initial(p), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+        every = slice(10 * rate_hz, None, rate_hz // 50)
+        toolface = [np.arctan2(g[every, 1], g[every, 2]) for g in (got.g_t, down)]
+        errors.append(np.arctan2(np.sin(toolface[0] - toolface[1]), np.cos(toolface[0] - toolface[1])))
+        sigmas.append(got.sigma_toolface[every])
+    assert math.degrees(np.sqrt(np.mean(np.square(errors)))) < 5.0
+    assert_consistent(np.stack(errors), np.stack(sigmas), correlated=True)
+
+
 def _gate(rate_hz: float, interval_s: float) -> float:
     """Gate in units of the usual square after so many shocks a second, from samples of 0.01 s."""
     s = bounded.initial(bounded.Params()).record[0]
