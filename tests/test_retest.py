@@ -4,8 +4,6 @@
 import subprocess
 import sys
 
-import pytest
-
 from project import ROOT
 
 MODULE = """
