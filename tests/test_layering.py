@@ -201,18 +201,3 @@ def test_test_files_have_unique_names():
     names = [path.name for path in ROOT.glob("*/test/**/test_*.py")]
     names += [path.name for path in (ROOT / "tests").rglob("test_*.py")]
     assert len(names) == len(set(names)), sorted({name for name in names if names.count(name) > 1})
-
-
-def test_files_and_functions_stay_small():
-    """At most 400 lines a file and 60 a function; ruff holds parameters, statements and complexity."""
-    wrong = []
-    for path in MODULES:
-        text = path.read_text(encoding="utf-8")
-        if text.count("\n") > 400:
-            wrong.append(f"{_module(path)} has {text.count(chr(10))} lines")
-        for node in ast.walk(_tree(path)):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and "commands" not in path.parts:
-                lines = (node.end_lineno or node.lineno) - node.lineno + 1
-                if lines > 60:
-                    wrong.append(f"{_module(path)}.{node.name} has {lines} lines")
-    assert not wrong, "\n".join(wrong)

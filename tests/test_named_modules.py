@@ -82,13 +82,6 @@ def test_the_maps_leave_no_room_out_and_that_of_the_sensors_no_module():
     assert {name for name in modules - {"__init__"} if f"`{name}`" not in sensors} == set()
 
 
-def test_a_page_of_a_method_is_at_most_1200_words_beside_code_tables_and_formulas():
-    other = re.compile(r"^```.*?^```|\$\$.*?\$\$|\$[^$]*\$|^\|[^\n]*", re.MULTILINE | re.DOTALL)
-    pages = (ROOT / "docs" / "methods").glob("*.md")
-    words = {page.name: len(other.sub(" ", page.read_text(encoding="utf-8")).split()) for page in pages}
-    assert {name: count for name, count in words.items() if count > 1200} == {}
-
-
 def test_a_name_that_nothing_has_is_found():
     assert missing("`survey.judgement`, tests/browser/test_page.py") == [
         "survey.judgement",
