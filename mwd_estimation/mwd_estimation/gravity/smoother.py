@@ -1,48 +1,58 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gravity after the fact: Rauch-Tung-Striebel smoothing of the bounded filter, for logs and reports.
+Smooth gravity of the bounded filter with later samples, for logs and reports. Works offline only.
 
 The forward pass is `bounded.filter` itself; the backward pass carries what later measurements show of the errors back
-over each start of the filter. Tilt between updates is interpolated. Never live: every value uses the whole log.
+over each start of the filter. Tilt between updates is interpolated.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from mwd_estimation.core import clip_flags, track
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import filter as bounded
-from mwd_estimation.gravity.bounded.filter import Log, Params
-from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, POS, SCALE, STEADY, TILT, VEL
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_estimation.gravity.bounded.filter import Params
+from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, POS, SCALE, STEADY, TILT, UPDATE, VEL, Sums
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-BLOCK = 60_000  # samples of one forward and backward pass; later ones are seen that far ahead, and half again
+AHEAD = 30_000  # samples after a sample that take part in smoothing it, at least
+BLOCK = 3 * AHEAD  # samples of one backward pass
+_NO_UPDATES = np.zeros(0, UPDATE)
 
 
 def smooth(params: Params, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
-    Gravity of a whole recording, each sample from all samples before it and a long stretch after it.
+    Return the gravity of a whole recording, each sample from all samples before it and a long stretch after it.
 
-    Parameters and errors as `bounded.filter.run`. Returns a Track; before the filter's first start nothing changes.
+    Parameters and errors as `bounded.filter.run`. Before the filter's first start nothing is smoothed.
     """
     smoother = Smoother(params)
     return joined([smoother.push(stamp_ns, gyro_t, accel_t), smoother.finish()])
 
 
 def joined(parts: list[Track]) -> Track:
-    """Tracks one after another as one."""
+    """Return tracks one after another as one."""
     return Track._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
+
+
+class _Forward(NamedTuple):
+    """Samples behind the forward pass: their track, the updates within them, and the first level axis at each."""
+
+    part: Track
+    updates: Any
+    north_t: Array
 
 
 class Smoother:
     """
-    `smooth` in constant memory: samples in, and out again with their gravity as soon as enough after them was seen.
+    Smooth a stream of samples in constant memory; a sample comes out as soon as enough samples after it were seen.
 
     Blocks of any length give the same numbers. Settings and errors as `smooth`.
     """
@@ -50,99 +60,177 @@ class Smoother:
     def __init__(self, params: Params) -> None:
         self.params = params
         self._state = bounded.initial(params)
-        self._stamps: Stamps = np.zeros(0, dtype=np.int64)
-        self._gyro: Array = np.zeros((0, 3))
-        self._accel: Array = np.zeros((0, 3))
-        self._clipped: NDArray[np.uint8] = np.zeros(0, dtype=np.uint8)
+        self._waiting: list[_Forward] = []
+        self._count = 0
 
     def push(
         self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike, clipped: ArrayLike | None = None
     ) -> Track:
-        """Take a block; gravity of the samples that are done, which follow on those handed out before."""
-        stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
-        self._stamps = np.concatenate([self._stamps, stamps])
-        self._gyro = np.concatenate([self._gyro, gyro])
-        self._accel = np.concatenate([self._accel, accel])
-        self._clipped = np.concatenate([self._clipped, clip_flags.given(clipped, len(stamps))])
+        """Accept a block and return the gravity of the samples that are done; they follow on those returned before."""
+        part, log = bounded.run_logged(self.params, self._state, stamp_ns, gyro_t, accel_t, clipped)
+        updates = log.updates[: log.entries[0]].copy()
+        updates["sample"] += self._count
+        self._waiting.append(_Forward(part, updates, log.north_t))
+        self._count += len(part.g_t)
         parts = [Track.empty(0)]
-        # Blocks overlap by half, so that the end of each is smoothed by the next; the state goes on from its middle.
-        while len(self._stamps) > BLOCK:
-            parts.append(self._block(BLOCK, BLOCK // 2))
+        # Passes overlap: the end of each is smoothed again by the next one, which sees more of what follows.
+        while self._count > BLOCK:
+            parts.append(self._smoothed(BLOCK, BLOCK - AHEAD))
         return joined(parts)
 
     def finish(self) -> Track:
-        """Gravity of the samples that wait."""
-        return self._block(len(self._stamps), len(self._stamps))
+        """Return the gravity of the samples that wait."""
+        return self._smoothed(self._count, self._count)
 
-    def _block(self, size: int, keep: int) -> Track:
-        samples = self._stamps, self._gyro, self._accel, self._clipped
-        part, log = bounded.run_logged(self.params, self._state.copy(), *(one[:size] for one in samples))
-        _back(part, log)
-        bounded.run(self.params, self._state, *(one[:keep] for one in samples))
-        self._stamps, self._gyro = self._stamps[keep:], self._gyro[keep:]
-        self._accel, self._clipped = self._accel[keep:], self._clipped[keep:]
-        return part.part(slice(keep))
-
-
-def transition(sums: Any) -> Array:
-    """Transition of the steady errors over one update, shape (STEADY, STEADY), from its sums, equation (3)."""
-    T = float(sums["time"])
-    F = np.eye(STEADY)
-    F[TILT : TILT + 2, BIAS : BIAS + 3] = -sums["bias"]
-    F[TILT : TILT + 2, SCALE] = -sums["scale"]
-    F[TILT : TILT + 2, ASKEW : ASKEW + 2] = -sums["askew"]
-    both = np.eye(STEADY)[TILT : TILT + 2] + F[TILT : TILT + 2]
-    # As `mechanisation.propagate`: gravity acts through the mean of the tilts before and after.
-    pull = -0.5 * STANDARD_GRAVITY * T
-    F[VEL] += pull * both[1]
-    F[VEL + 1] -= pull * both[0]
-    F[VEL + 2, DOWN] += T
-    F[POS : POS + 3, VEL : VEL + 3] = T * np.eye(3)
-    F[POS, TILT + 1] += 0.5 * T * pull
-    F[POS + 1, TILT] -= 0.5 * T * pull
-    F[POS + 2, DOWN] += 0.25 * T * T
-    return F
+    def _smoothed(self, size: int, done: int) -> Track:
+        """Go back over the first `size` samples that wait, and remove and return the first `done` of them."""
+        if not self._waiting:
+            return Track.empty(0)
+        parts, updates, north_t = zip(*self._waiting, strict=True)
+        part, update, north = joined(list(parts)), np.concatenate([_NO_UPDATES, *updates]), np.concatenate(north_t)
+        smoothed = part.part(slice(done))
+        _back(smoothed, update[: np.searchsorted(update["sample"], size)], north)
+        # The last update before the samples that stay is where their interpolation begins.
+        first = max(int(np.searchsorted(update["sample"], done, side="right")) - 1, 0)
+        stays = update[first:].copy()
+        stays["sample"] -= done
+        self._waiting = [_Forward(part.part(slice(done, None)), stays, north[done:])]
+        self._count -= done
+        return smoothed
 
 
-def _back(part: Track, log: Log) -> None:
-    """Backward pass over one block, equation (12) of the filter's page: replaces directions and sigmas of `part`."""
-    count = int(log.entries[0])
-    if count < 2:
+def _back(part: Track, updates: Any, north_t: Array) -> None:
+    """
+    Replace directions and sigmas of `part` by smoothed ones, equation (12) of the filter's page.
+
+    updates: structured array of `Update`, shape (m,); `sample` counts from the first sample of the part and may be
+    negative or behind its end. north_t: first level axis in tool axes, shape (at least n, 3).
+    """
+    if len(updates) < 2:
         return
-    updates = log.updates[:count]
-    epoch = updates["epoch"]
+    count = len(updates)
     tilts, before, covariances = np.zeros((count, 2)), np.zeros((count, 2)), np.zeros((count, 2, 2))
-    error, P = np.zeros(STEADY), updates["after"][-1].copy()
-    covariances[-1] = P[:2, :2]
-    for k in range(count - 2, -1, -1):
-        after, ahead = updates["after"][k], updates["before"][k + 1]
-        if epoch[k] != epoch[k + 1] or epoch[k] < 0:
-            error, P = np.zeros(STEADY), after.copy()
-        else:
-            F = transition(updates["sums"][k + 1])
-            # Scaled to unit variances: errors of 1e-9 and of 1 stand side by side in P.
-            unit = np.sqrt(np.diag(ahead))
-            gain = np.linalg.solve(ahead / np.outer(unit, unit), (F @ after) / unit[:, None]).T / unit
-            found = error + updates["correction"][k + 1]
-            before[k + 1] = found[:2]
-            error = gain @ found
-            P = after + gain @ (P - ahead) @ gain.T
-            P = 0.5 * (P + P.T)
-        tilts[k], covariances[k] = error[:2], P[:2, :2]
-    _apply(part, log, tilts, before, covariances)
+    _smooth_tilts(updates, tilts, before, covariances)
+    _apply(part, updates, north_t, (tilts, before, covariances))
 
 
-def _apply(part: Track, log: Log, tilts: Array, before: Array, covariances: Array) -> None:
+@compiled
+def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array) -> None:
+    """
+    Carry back through the updates of a block what later measurements show of the errors.
+
+    A row of A holds, for one error, the row of the information matrix that later measurements add, and behind it their
+    information vector: after update k the smoothed errors are P A[:, -1] and their covariance P - P A[:, :-1] P, with
+    the covariance P of the filter. Needs no inverse: Bierman, Fixed interval smoothing with discrete measurements,
+    Int. J. Control 18 (1973). Fills the tilt after each update and before it, shapes (m, 2), rad, and its covariance,
+    shape (m, 2, 2), rad^2.
+    """
+    A, B = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1))
+    row = np.zeros((2, STEADY + 1))
+    for k in range(len(updates) - 1, -1, -1):
+        now = updates[k]
+        if k + 1 < len(updates):
+            ahead = updates[k + 1]
+            if now.epoch != ahead.epoch or now.epoch < 0:
+                A[:] = 0.0
+            else:
+                _carry_over(ahead, A, B, row[0])
+        P = now.tilt
+        for a in range(2):
+            for j in range(STEADY + 1):
+                row[a, j] = 0.0
+            for i in range(STEADY):
+                share = P[a, i]
+                for j in range(STEADY + 1):
+                    row[a, j] += share * A[i, j]
+            tilts[k, a] = row[a, STEADY]
+            before[k, a] = row[a, STEADY] + now.correction[a]
+        for a in range(2):
+            for b in range(2):
+                known = 0.0
+                for j in range(STEADY):
+                    known += row[a, j] * P[b, j]
+                covariances[k, a, b] = P[a, TILT + b] - known
+
+
+@compiled
+def _carry_over(update: Any, A: Array, B: Array, w: Array) -> None:
+    """Carry A of `_smooth_tilts` from behind an update to before its interval; B and w: scratch of its size."""
+    for axis in range(2, -1, -1):
+        measured, gain = update.measured[axis], update.gain[axis]
+        add_measurement(A, measured, gain, update.innovation[axis], update.spread[axis], w)
+    carry_back(update.sums, A)
+    for i in range(STEADY):
+        for j in range(STEADY):
+            B[i, j] = A[j, i]
+    carry_back(update.sums, B)
+    for i in range(STEADY):
+        for j in range(STEADY):
+            A[i, j] = B[i, j]
+
+
+@compiled
+def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: float, w: Array) -> None:
+    """
+    Carry information back over one scalar measurement, and add its own.
+
+    A, shape (STEADY, STEADY + 1): as in `_smooth_tilts`, with the information vector L in the last column. h, gain:
+    row of H and gain, shape (STEADY,). innovation, spread: m, m^2. w, shape (STEADY + 1,): scratch.
+    With C = I - gain h it becomes C^T A C + h h^T / spread, and C^T L + h innovation / spread.
+    """
+    for j in range(STEADY + 1):
+        w[j] = 0.0
+    for i in range(STEADY):
+        share = gain[i]
+        for j in range(STEADY + 1):
+            w[j] += share * A[i, j]
+    half = 1.0 / spread
+    for i in range(STEADY):
+        half += w[i] * gain[i]
+    half *= 0.5
+    for j in range(STEADY):
+        w[j] -= half * h[j]
+    w[STEADY] -= innovation / spread
+    for i in range(STEADY):
+        along, across = h[i], w[i]
+        for j in range(STEADY):
+            A[i, j] -= along * w[j] + across * h[j]
+        A[i, STEADY] -= along * w[STEADY]
+
+
+@compiled
+def carry_back(sums: Sums, A: Array) -> None:
+    """Replace A, shape (STEADY, n), by F^T A with the transition F of one update, `mechanisation.propagate`."""
+    T = sums.time
+    # Gravity acts through the mean of the tilts before and after.
+    pull = -0.5 * STANDARD_GRAVITY * T
+    for j in range(A.shape[1]):
+        x, y, down = A[VEL, j], A[VEL + 1, j], A[VEL + 2, j]
+        # Of the tilts after the update, which the errors of the sensors add to.
+        tilt_x, tilt_y = A[TILT, j] - pull * y, A[TILT + 1, j] + pull * x
+        A[TILT, j] = tilt_x - pull * (y + 0.5 * T * A[POS + 1, j])
+        A[TILT + 1, j] = tilt_y + pull * (x + 0.5 * T * A[POS, j])
+        for i in range(3):
+            A[BIAS + i, j] -= sums.bias[0, i] * tilt_x + sums.bias[1, i] * tilt_y
+        A[SCALE, j] -= sums.scale[0] * tilt_x + sums.scale[1] * tilt_y
+        for i in range(2):
+            A[ASKEW + i, j] -= sums.askew[0, i] * tilt_x + sums.askew[1, i] * tilt_y
+        A[DOWN, j] += T * (down + 0.25 * T * A[POS + 2, j])
+        for i in range(3):
+            A[VEL + i, j] += T * A[POS + i, j]
+
+
+def _apply(part: Track, updates: Any, north_t: Array, smoothed: tuple[Array, Array, Array]) -> None:
     """Turn each sample by the tilt interpolated from the update behind it to just before the update ahead."""
-    updates = log.updates[: len(tilts)]
+    tilts, before, covariances = smoothed
     sample, epoch = updates["sample"], updates["epoch"]
-    rows = np.arange(sample[0], sample[-1])
+    rows = np.arange(max(sample[0], 0), min(sample[-1], len(part.g_t)))
     k = np.searchsorted(sample, rows, side="right") - 1
     same = (epoch[k] == epoch[k + 1]) & (epoch[k] >= 0)
     rows, k = rows[same], k[same]
     share = ((rows - sample[k]) / (sample[k + 1] - sample[k]))[:, None]
     tilt = tilts[k] + share * (before[k + 1] - tilts[k])
-    north, down = log.north_t[rows], part.g_t[rows]
+    north, down = north_t[rows], part.g_t[rows]
     # East axis: down x north. The level axes turned by (a, b, 0) see down at (-b, a, 1).
     east = np.cross(down, north)
     turned = down - tilt[:, 1:] * north + tilt[:, :1] * east

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The smoother: its transition is the filter's, it beats the filter, and a long log in blocks is the log in one."""
+"""The smoother goes back by the transposed steps of the filter, beats it, and smooths a log in blocks as in one."""
 
 import numpy as np
 import pytest
@@ -34,20 +34,40 @@ def rms_deg(track: Track, down: np.ndarray, skip: int) -> float:
     return float(np.degrees(np.sqrt(np.mean(np.arctan2(cross, np.sum(track.g_t * down, axis=1)[skip:]) ** 2))))
 
 
-def test_transition_is_the_one_the_filter_propagates_with():
-    rng = np.random.default_rng(2)
+def sums_of(rng: np.random.Generator) -> np.ndarray:
     sums = np.zeros(1, dtype_of(Sums))[0]
     sums.time = 0.04
     sums.bias[:] = rng.standard_normal((2, 3))
     sums.scale[:] = rng.standard_normal(2)
+    sums.askew[:] = rng.standard_normal((2, 2))
     sums.force[:] = rng.standard_normal(3)
-    root = rng.standard_normal((ERRORS, ERRORS))
-    P = root @ root.T
-    P[STEADY:], P[:, STEADY:] = 0.0, 0.0
-    F = smoother.transition(sums)
-    expected = F @ P[:STEADY, :STEADY] @ F.T
-    mechanisation.propagate(P, sums, STEADY)
-    assert P[:STEADY, :STEADY] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+    return sums
+
+
+def test_what_is_carried_back_is_the_transpose_of_what_the_filter_carries_forward():
+    rng = np.random.default_rng(2)
+    sums = sums_of(rng)
+    for _ in range(5):
+        error, information = rng.standard_normal(STEADY), rng.standard_normal((STEADY, 1))
+        P = np.zeros((ERRORS, ERRORS))
+        P[:STEADY, :STEADY] = np.outer(error, error)
+        back = information.copy()
+        mechanisation.propagate(P, sums, STEADY)
+        smoother.carry_back(sums, back)
+        forward = (information.T @ P[:STEADY, :STEADY] @ information).item()
+        assert forward == pytest.approx((back.T @ error).item() ** 2, rel=1e-12)
+
+
+def test_a_measurement_adds_its_information_and_hides_what_it_has_corrected():
+    rng = np.random.default_rng(3)
+    root = rng.standard_normal((STEADY, STEADY))
+    A = np.hstack([root @ root.T, rng.standard_normal((STEADY, 1))])
+    h, gain, w = rng.standard_normal(STEADY), rng.standard_normal(STEADY), np.zeros(STEADY + 1)
+    C = np.eye(STEADY) - np.outer(gain, h)
+    expected = C.T @ A[:, :-1] @ C + np.outer(h, h) / 0.3, C.T @ A[:, -1] + h * 0.2 / 0.3
+    smoother.add_measurement(A, h, gain, 0.2, 0.3, w)
+    assert A[:, :-1] == pytest.approx(expected[0], rel=1e-12, abs=1e-12)
+    assert A[:, -1] == pytest.approx(expected[1], rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.slow
@@ -68,6 +88,7 @@ def test_a_long_log_in_overlapping_blocks_is_the_log_in_one(monkeypatch):
     p = bounded.Params()
     whole = smoother.smooth(p, stamps, gyro, accel)
     monkeypatch.setattr(smoother, "BLOCK", 3000)
+    monkeypatch.setattr(smoother, "AHEAD", 1500)
     parts = smoother.smooth(p, stamps, gyro, accel)
     assert len(parts.g_t) == len(stamps)
     difference = np.degrees(np.linalg.norm(parts.g_t - whole.g_t, axis=1))
@@ -77,6 +98,7 @@ def test_a_long_log_in_overlapping_blocks_is_the_log_in_one(monkeypatch):
 @pytest.mark.slow
 def test_a_stream_cut_anywhere_is_smoothed_to_the_same_bits_and_comes_out_in_time(monkeypatch):
     monkeypatch.setattr(smoother, "BLOCK", 1000)
+    monkeypatch.setattr(smoother, "AHEAD", 400)
     stamps, gyro, accel, _ = drilled("surge", 30.0)
     p = bounded.Params()
     whole = smoother.smooth(p, stamps, gyro, accel)

@@ -20,7 +20,7 @@ from mwd_estimation.core.status import Status
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity.bounded import alignment, clipping, gaps, measurement, mechanisation, noise, scale
 from mwd_estimation.gravity.bounded.params import Params
-from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, Log, Record, State, forget, initial
+from mwd_estimation.gravity.bounded.state import ERRORS, STEADY, TILT, Log, Record, State, forget, initial
 from mwd_sensors.core.arrays import Array, Stamps, Vector
 from mwd_sensors.core.compiled import compiled
 
@@ -198,6 +198,10 @@ def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
     for axis in range(3):
         white = measurement.update(s, size, axis, p.displacement**2, gate)
         square += white * white / 3.0
+        if logged:
+            entry = log.updates[log.entries[0]]
+            entry.innovation[axis], entry.spread[axis] = s.innovation, s.spread
+            measurement.log_measured(s, axis, entry.measured[axis], entry.gain[axis])
     measurement.symmetrise(s.P, size)
     usual = s.innovations.usual
     s.innovations.usual += s.sums.time / scale.USUAL_TIME * (min(square, 9.0 * usual + 0.001) - usual)
@@ -227,18 +231,15 @@ def _log_before(s: Record, i: int, log: Log) -> None:
             entry.sums.askew[a, j] = s.sums.askew[a, j]
         for j in range(3):
             entry.sums.bias[a, j] = s.sums.bias[a, j]
-    for j in range(STEADY):
-        for m in range(STEADY):
-            entry.before[j, m] = s.P[j, m]
 
 
 @compiled
 def _log_after(p: Params, s: Record, log: Log) -> None:
     entry = log.updates[log.entries[0]]
-    for j in range(STEADY):
-        entry.correction[j] = s.correction[j]
+    for j in range(2):
+        entry.correction[j] = s.correction[TILT + j]
         for m in range(STEADY):
-            entry.after[j, m] = s.P[j, m]
+            entry.tilt[j, m] = s.P[TILT + j, m]
     entry.factors[0], entry.factors[1] = s.innovations.along.power, s.innovations.across.power
     entry.floors[0], entry.floors[1] = scale.floors(p, s)
     log.entries[0] += 1

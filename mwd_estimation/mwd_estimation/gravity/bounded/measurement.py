@@ -21,6 +21,7 @@ from mwd_estimation.gravity.bounded.state import (
     POS,
     SCALE,
     SLOPE,
+    STEADY,
     TILT,
     VEL,
     Record,
@@ -49,18 +50,10 @@ def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
     noise: variance of the white displacement, m^2. An innovation whose square is more than `gate` times its variance is
     taken for a velocity lost in a shock: velocity and displacement along that axis become as uncertain as it is large.
     """
-    P, C, e, PH = s.P, s.C, s.correction, s.work
-    # Tilt enters through the axis the position is measured along, times the position there truly is: the lever arm, not
-    # the position as it is carried, whose noise would count as knowledge of the tilt.
-    lx, ly, lz, arm, lever = 0.0, 0.0, 0.0, 0.0, LEVER + axis - 1
-    if axis == 0:
-        ly, lz = -s.lever[1], s.lever[0]
-    else:
-        lx = s.lever[1] if axis == 1 else -s.lever[0]
-        arm = s.lever[axis - 1] + e[lever]
-    hx = C[0, 0] * lx + C[0, 1] * ly + C[0, 2] * lz
-    hy = C[1, 0] * lx + C[1, 1] * ly + C[1, 2] * lz
+    P, C, e, PH, lever = s.P, s.C, s.correction, s.work, LEVER + axis - 1
+    hx, hy = tilt_sensitivity(s, axis)
     ux, uy, uz = C[0, axis], C[1, axis], C[2, axis]
+    arm = s.lever[axis - 1] + e[lever] if axis > 0 else 0.0
     y = arm - hx * e[TILT] - hy * e[TILT + 1]
     y -= ux * (s.pos[0] + e[POS]) + uy * (s.pos[1] + e[POS + 1]) + uz * (s.pos[2] + e[POS + 2])
     for j in range(size):
@@ -81,8 +74,40 @@ def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
         e[j] += gain * y
         for m in range(size):
             P[j, m] -= gain * PH[m]
+    s.innovation, s.spread = y, S
     whitened: float = y / math.sqrt(S)
     return whitened
+
+
+@compiled
+def tilt_sensitivity(s: Record, axis: int) -> tuple[float, float]:
+    """
+    Return how the displacement along a tool axis depends on the two tilts, m.
+
+    A tilt moves the sensor as far as it is away from the point that stays: by the lever arm. The position as it is
+    carried would not do in its place, because its noise would count as knowledge of the tilt.
+    """
+    C, lx, ly, lz = s.C, 0.0, 0.0, 0.0
+    if axis == 0:
+        ly, lz = -s.lever[1], s.lever[0]
+    else:
+        lx = s.lever[1] if axis == 1 else -s.lever[0]
+    hx: float = C[0, 0] * lx + C[0, 1] * ly + C[0, 2] * lz
+    hy: float = C[1, 0] * lx + C[1, 1] * ly + C[1, 2] * lz
+    return hx, hy
+
+
+@compiled
+def log_measured(s: Record, axis: int, measured: Array, gain: Array) -> None:
+    """Write the row of H of the last measurement, along a tool axis, and its gain, each of shape (STEADY,)."""
+    for j in range(STEADY):
+        measured[j] = 0.0
+        gain[j] = s.work[j] / s.spread
+    measured[TILT], measured[TILT + 1] = tilt_sensitivity(s, axis)
+    for j in range(3):
+        measured[POS + j] = s.C[j, axis]
+    if axis > 0:
+        measured[LEVER + axis - 1] = -1.0
 
 
 @compiled

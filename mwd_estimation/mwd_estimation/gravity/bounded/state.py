@@ -149,7 +149,11 @@ class Record:
     correction: Annotated[Array, ERRORS]
     """Errors that the last update found."""
     work: Annotated[Array, ERRORS]
-    """Scratch of an update."""
+    """Covariance of the errors with the last measurement."""
+    innovation: float
+    """Last measurement less what was expected of it, m."""
+    spread: float
+    """Variance of that, m^2."""
     sums: Sums
     motion: Motion
     innovations: Innovations
@@ -251,12 +255,18 @@ class Update:
     epoch: int
     """Number of the start it belongs to; -1 while the x gyro clips."""
     sums: Sums
-    correction: Annotated[Array, STEADY]
-    """Errors put into the nominal values."""
-    before: Annotated[Array, STEADY, STEADY]
-    """Covariance before the measurement."""
-    after: Annotated[Array, STEADY, STEADY]
-    """Covariance after it."""
+    measured: Annotated[Array, 3, STEADY]
+    """Rows of the measurement matrix H, one for each tool axis."""
+    gain: Annotated[Array, 3, STEADY]
+    """Their gains."""
+    innovation: Annotated[Array, 3]
+    """Their innovations, m."""
+    spread: Annotated[Array, 3]
+    """Variances of the innovations, m^2."""
+    correction: Annotated[Array, 2]
+    """Tilt put into the attitude, rad."""
+    tilt: Annotated[Array, 2, STEADY]
+    """Covariance of the tilt with all errors after the measurements."""
     factors: Annotated[Array, 2]
     """Of the covariance, along the hole and across it."""
     floors: Annotated[Array, 2]
