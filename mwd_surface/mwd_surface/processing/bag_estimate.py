@@ -182,7 +182,7 @@ class BagEstimate:
                 # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
                 self._push_companions(samples, block)
                 logged = _last_log(block, originals)
-                for imu in self._queue.done(logged):
+                for imu in self._queue.done():
                     yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
                 if self.topics.imu in samples:
                     self._queue.add(samples[self.topics.imu], block[self.topics.imu][0])

@@ -20,7 +20,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.mount import Mount, MountSettings, resolve
 
-# A smoother without samples for so long waits no longer: samples after such a gap do not change those before.
+# Samples that follow on a longer silence do not change those before it.
 _SILENCE_NS = 60 * wire.NANOSECONDS
 
 
@@ -63,22 +63,24 @@ class ImuQueue:
         if len(samples):
             self._new.append((samples, log_ns))
 
-    def done(self, now_ns: int) -> Iterator[Imu]:
-        """Samples whose turn has come, once everything else logged up to `now_ns` is with the estimator."""
+    def done(self) -> Iterator[Imu]:
+        """Remove and return the samples whose turn has come; call it when everything else of their time was pushed."""
         new, self._new = self._new, []
         if self._smoother is None:
             yield from (Imu(samples, log_ns, None) for samples, log_ns in new)
             return
-        self._old += new
-        parts = [self._push(samples) for samples, _ in new]
-        yield from self._taken(parts)
-        if self._old and now_ns - int(self._old[-1][1][-1]) > _SILENCE_NS:
-            yield from self._finished()
+        for samples, log_ns in new:
+            last = self._old[-1][1][-1:] if self._old else log_ns[:1]
+            silences = np.flatnonzero(np.diff(log_ns, prepend=last) > _SILENCE_NS)
+            for k, part in enumerate(zip(np.split(samples, silences), np.split(log_ns, silences), strict=True)):
+                if k > 0:
+                    yield from self._finished()
+                self._old.append(part)
+                yield from self._taken([self._push(part[0])])
 
     def finish(self) -> Iterator[Imu]:
-        """All samples that wait still."""
-        last = max((int(log_ns[-1]) for _, log_ns in self._new), default=0)
-        yield from self.done(last)
+        """Remove and return all samples that wait."""
+        yield from self.done()
         yield from self._finished()
 
     def _push(self, samples: Samples) -> Track:

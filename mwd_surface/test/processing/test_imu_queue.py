@@ -2,6 +2,8 @@
 """Samples that wait: one block, or a bounded time to be smoothed, and then the same numbers as the whole smoothed."""
 
 import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mwd_estimation.gravity import smoother
 from mwd_estimation.gravity.bounded.filter import Params
@@ -23,11 +25,11 @@ def _imu(n=3000, seed=1):
 def test_without_smoothing_a_block_waits_for_the_next():
     imu = _imu(30)
     queue = ImuQueue()
-    assert list(queue.done(START)) == []
+    assert list(queue.done()) == []
     queue.add(imu[:10], imu["stamp_ns"][:10] + 5)
     assert queue.waiting
     assert queue.first_log_ns == START + 5
-    (first,) = queue.done(START)
+    (first,) = queue.done()
     assert first.samples.tobytes() == imu[:10].tobytes()
     assert first.followed is None
     assert not queue.waiting
@@ -40,11 +42,12 @@ def test_without_smoothing_a_block_waits_for_the_next():
 
 def test_smoothed_samples_come_out_in_order_with_the_gravity_of_the_whole(monkeypatch):
     monkeypatch.setattr(smoother, "BLOCK", 800)
+    monkeypatch.setattr(smoother, "AHEAD", 300)
     imu = _imu()
     whole = smoother.smooth(Params(), imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
     queue, out = ImuQueue(Params()), []
     for part in np.split(imu, [100, 150, 1700, 1701, 2500]):
-        out += queue.done(int(part["stamp_ns"][0]))
+        out += queue.done()
         queue.add(part, part["stamp_ns"] + 7)
     assert queue.waiting
     out += queue.finish()
@@ -54,11 +57,30 @@ def test_smoothed_samples_come_out_in_order_with_the_gravity_of_the_whole(monkey
     assert all(len(one.samples) == len(one.followed.g_t) for one in out)
 
 
-def test_an_imu_that_falls_silent_is_not_waited_for():
-    imu = _imu(100)
-    queue = ImuQueue(Params())
-    queue.add(imu, imu["stamp_ns"])
-    assert list(queue.done(int(imu["stamp_ns"][-1]) + 10**9)) == []
-    (rest,) = queue.done(int(imu["stamp_ns"][-1]) + 61 * 10**9)
-    assert len(rest.samples) == 100
-    assert not queue.waiting
+def _smoothed(imu, cuts):
+    queue, out = ImuQueue(Params()), []
+    for part in np.split(imu, cuts):
+        out += queue.done()
+        queue.add(part, part["stamp_ns"] + 7)
+    out += queue.finish()
+    return np.concatenate([one.samples for one in out]), np.concatenate([one.followed.g_t for one in out])
+
+
+@given(cuts=st.lists(st.integers(0, 700), max_size=8).map(sorted), silence_s=st.sampled_from([0, 30, 59, 61, 600]))
+@settings(deadline=None, max_examples=20)
+def test_where_a_recording_is_cut_into_blocks_and_how_long_they_are_changes_no_bit(cuts, silence_s):
+    imu = _imu(700)
+    imu["stamp_ns"][400:] += silence_s * 10**9
+    samples, down = _smoothed(imu, cuts)
+    whole, expected = _smoothed(imu, [])
+    assert samples.tobytes() == whole.tobytes() == imu.tobytes()
+    assert down.tobytes() == expected.tobytes()
+
+
+def test_a_long_silence_begins_the_smoothing_anew():
+    imu = _imu(700)
+    imu["stamp_ns"][400:] += 61 * 10**9
+    _, down = _smoothed(imu, [])
+    _, first = _smoothed(imu[:400], [])
+    _, second = _smoothed(imu[400:], [])
+    assert down.tobytes() == first.tobytes() + second.tobytes()

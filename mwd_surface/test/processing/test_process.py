@@ -2,6 +2,7 @@
 """The batch estimator over a bag: the contract of its files, and what it refuses."""
 
 import csv
+import functools
 import math
 
 import numpy as np
@@ -11,7 +12,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from mwd_estimation.core.sensor_fault import FaultCode
+from mwd_estimation.gravity import smoother
 from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
@@ -182,6 +185,21 @@ def test_smoothed_gravity_is_closer_and_surveys_stay_the_same(tmp_path):
     assert surveys(tmp_path / "out") == surveys(tmp_path / "smooth")
     with Bag(tmp_path / "bag") as bag, pytest.raises(ValueError, match="only the method bounded"):
         process.process(bag, tmp_path / "x", S3, wanted=OutputSettings(smooth=True))
+
+
+@pytest.mark.parametrize("messages", [64, 1500, 100_000])
+def test_the_blocks_in_which_a_recording_is_read_change_no_smoothed_line(tmp_path, monkeypatch, messages):
+    # 1500 messages are 70 s: longer than the silence that begins the smoothing anew.
+    imu, _ = recording(tmp_path / "bag", seconds=240.0, rate=10)
+    estimator = EstimatorSettings()
+    reading = functools.partialmethod(Bag.blocks, block_messages=messages)
+    monkeypatch.setattr(Bag, "blocks", reading)
+    with Bag(tmp_path / "bag") as bag:
+        process.process(bag, tmp_path / "out", estimator, wanted=OutputSettings(smooth=True))
+    params = derivation.gravity_params(estimator, None)
+    whole = smoother.smooth(params, imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+    lines = [float(line["inclination_deg"]) for line in attitude(tmp_path / "out")[300:]]
+    assert lines == pytest.approx(np.degrees(whole.inclination[300:]), abs=1e-4)
 
 
 def test_a_disk_that_fills_up_ends_the_run_and_leaves_nothing(tmp_path, monkeypatch):
