@@ -27,6 +27,7 @@ class Status(IntFlag):
     ALIASED = 32768
     SLIDING = 65536
     SENSOR_SUSPECT = 131072
+    TOOLFACE_UNSETTLED = 262144
 
 
 _WORDS = {bit: (bit.name or "").lower() for bit in Status}

@@ -16,7 +16,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.attitude import drilling_dynamics
+from mwd_estimation.attitude import drilling_dynamics, toolface_dwell
 from mwd_estimation.attitude.block import Block
 from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
@@ -106,6 +106,7 @@ class Estimate:
         )
         self._use_gravity(None)
         self._dynamics_state = drilling_dynamics.initial()
+        self._dwell_state = np.zeros(1, dtype=toolface_dwell.RECORD)
         self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
         self._gyro_usable = True
         self._shift_mag(mag_late_ns)
@@ -266,6 +267,7 @@ class Estimate:
         # Gravity.
         given = followed.part(stretch.part) if followed is not None else None
         track = self._gravity.run(unusable, stamps, stretch.gyro, accel, clipped[stretch.part], given)
+        toolface_dwell.run(derivation.dwell_params(self.settings), self._dwell_state, stamps, track)
         # Of samples whose time does not advance nothing is kept: they may come without end.
         later = advances(stamps, self._newest_ns)
         self._newest_ns = max(self._newest_ns, int(stamps.max()))

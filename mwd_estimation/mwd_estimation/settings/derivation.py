@@ -15,7 +15,7 @@ from typing import Any
 
 from mwd_estimation.assembly.assembly import SIGMA_CORRECTED_DEG, Assembly, read_assembly
 from mwd_estimation.assembly.sag import SagCorrection, correction_of
-from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_alignment_state
+from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_alignment_state, toolface_dwell
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reference_field import Reference
@@ -336,6 +336,11 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
         quality=verdict,
         priors=Priors(external=verdict.external_field),
     )
+
+
+def dwell_params(settings: EstimatorSettings) -> toolface_dwell.Params:
+    """Return the parameters of the decision when a toolface is one to steer by."""
+    return toolface_dwell.Params(settings.attitude.toolface_dwell_s, settings.attitude.toolface_dwell_cycles)
 
 
 def dynamics_params(settings: EstimatorSettings, gravity: float | None) -> drilling_dynamics.Params:

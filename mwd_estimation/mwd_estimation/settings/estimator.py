@@ -79,6 +79,22 @@ class Attitude:
         high=20.0,
         expert=True,
     )
+    toolface_dwell_s: float = setting(
+        5.0,
+        "Time without rotation after which a toolface is one to steer by. Raising it delays the first toolface of a "
+        "slide; lowering it may pass on toolfaces of a string that sticks and will turn again.",
+        unit="s",
+        low=0.0,
+        high=120.0,
+    )
+    toolface_dwell_cycles: float = setting(
+        1.5,
+        "The same in stick-slip cycles, of which the longest of the last minutes of rotation counts. Raise it where "
+        "cycles are irregular.",
+        low=1.0,
+        high=10.0,
+        expert=True,
+    )
 
 
 @dataclasses.dataclass(frozen=True)

@@ -58,5 +58,5 @@ class ToolfaceSelector:
         angle, sigma = float(last[kind]), float(last["sigma_" + kind])
         if not (math.isfinite(angle) and math.isfinite(sigma) and sigma >= 0.0):
             angle, sigma = 0.0, -1.0
-        rotating = bool(int(last["status"]) & Status.ROTATING)
+        rotating = bool(int(last["status"]) & (Status.ROTATING | Status.TOOLFACE_UNSETTLED))
         return ToolfaceReading(int(last["stamp_ns"]), self.mode, angle % math.tau, sigma, rotating, rotary_speed)

@@ -32,6 +32,7 @@ from mwd_surface.trajectory.advice import Advice
 # Reasons for the doubts that the signal table names.
 _DOUBTS = {
     Status.ROTATING: "the string rotates: the toolface is that of one moment",
+    Status.TOOLFACE_UNSETTLED: "the string has turned lately: it may be sticking",
     Status.MAG_DISTURBED: "the magnetic field is off its reference",
     Status.CORRECTION_REFUSED: "interference cannot be corrected at this attitude",
     Status.UNCORRECTED: "not corrected for interference",
