@@ -334,6 +334,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
         errors=sensor_errors(settings),
         calibrated=calibrated_range(tool),
         quality=verdict,
+        possible_axial=interference_params(settings).axial,
         priors=Priors(external=verdict.external_field),
     )
 

@@ -99,7 +99,7 @@ class MagneticFeedback:
         correction = north_correction(reference, self.north)
         if correction is None:
             self.north, correction = "magnetic", 0.0
-        axial, sigma_axial = self.interference or (0.0, settings.errors.axial_interference_nt * 1e-9)
+        axial, sigma_axial = self.interference or (0.0, settings.axial_sigma(reference))
         known = reference is not None and reference.has_field
         variance = 0.0
         if reference is not None and known and self.north != "magnetic":

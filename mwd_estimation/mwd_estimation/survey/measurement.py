@@ -129,9 +129,7 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
     azimuth = toolface_north = math.nan
     methods: tuple[MethodAzimuth, ...] = ()
     if readings.has_field:
-        covariance[1] += (
-            readings.jacobian[:, 3] * readings.jacobian[1, 3] * (settings.errors.axial_interference_nt * 1e-9) ** 2
-        )
+        covariance[1] += readings.jacobian[:, 3] * readings.jacobian[1, 3] * settings.axial_sigma(reference) ** 2
         covariance[:, 1] = covariance[1]
         covariance[1, 1] += north.variance
         azimuth = to_north(float(magnetic_geometry.raw_azimuth(readings.f_h, readings.b_h)), north.turn)

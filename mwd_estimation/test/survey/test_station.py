@@ -62,6 +62,15 @@ def test_without_reference_the_azimuth_is_labelled_magnetic_and_uncorrected():
     assert math.isnan(shot.interference)
 
 
+@pytest.mark.parametrize(("inc", "azi"), [(90, 90), (60, 20), (30, 90), (88, 270), (110, 60)])
+@pytest.mark.parametrize("axial_nt", [900, -1500])
+def test_without_reference_the_sigma_covers_a_string_that_may_be_magnetised(inc, azi, axial_nt):
+    shot = station(*readings(inc, azi, 40, axial_nt * 1e-9))
+    for azimuth, sigma in ((shot.azimuth, shot.sigma_azimuth), (shot.azimuths[0].azimuth, shot.azimuths[0].sigma)):
+        assert abs(wrap_pi(azimuth - azi * DEG)) < 2.0 * sigma
+    assert shot.sigma_azimuth > station(*readings(inc, azi, 40), REFERENCE).by_method("raw").sigma
+
+
 def test_asking_for_true_north_without_declination_gives_magnetic_and_says_so():
     shot = station(*readings(35, 120, 40), replace(REFERENCE, declination=None), StationSettings(north="true"))
     assert shot.north == "magnetic"
