@@ -117,6 +117,7 @@ class Transmitter:
 
     def take_flow(self, samples: Samples) -> None:
         """Take samples of `wire.TOOL_FLOW`, in order; those of a time must come before its attitude."""
+        samples = input_gate.flow(samples)
         self._commands.listen(FLOW, samples["stamp_ns"], samples["flow"])
         if self.wired:
             return

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mwd_estimation.core import input_gate
 from mwd_estimation.core.sensor_fault import GYRO, FaultCode, SensorFault
 from mwd_estimation.core.time_jumps import BACK_NS
 from mwd_estimation.core.track import AT_RANGE, sample_arrays
@@ -61,13 +62,18 @@ class Params(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """All arrays that change: checks, channels, stream (1), steps of the window, hashes of old samples."""
+    """
+    All arrays that change: checks, channels, stream (1), steps of the window, hashes of old samples, what was refused.
+
+    refused: dtype of `input_gate.REFUSED`, in the time of the samples that wait and later.
+    """
 
     checks: Any
     channels: Any
     stream: Any
     steps: Any
     kept: Any
+    refused: Any
 
 
 @dataclasses.dataclass
@@ -102,6 +108,7 @@ def initial(gravity: float | None = None, total: float | None = None, dip: float
         np.zeros(1, dtype=STREAM),
         np.zeros(motion_window.ROWS, dtype=motion_window.STEP),
         replayed_samples.blank(),
+        np.zeros(0, dtype=input_gate.REFUSED),
     )
     empty = np.zeros(0, dtype=np.int64)
     nothing = np.zeros((0, 3))
@@ -134,6 +141,11 @@ def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
         raise ValueError(f"b_t: expected shape ({stamps.size}, 3) beside stamps (n,), got {field.shape}")
     held = state.samples
     state.samples = held._replace(mag_ns=_joined(held.mag_ns, stamps), mag=_joined(held.mag, field))
+
+
+def push_refused(state: State, refused: NDArray[Any]) -> None:
+    """Take what the gate refused, dtype of `input_gate.REFUSED`; to be pushed before the IMU samples of its time."""
+    state.tables = state.tables._replace(refused=input_gate.kept(state.tables.refused, refused))
 
 
 def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Step:
@@ -172,6 +184,9 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     )
     stream.first, stream.mag_first = 0, 0
     stream.stop -= used
+    if len(tables.refused):
+        later = tables.refused["stamp_ns"] >= int(stream.bin) * BIN_NS
+        state.tables = tables._replace(refused=tables.refused[later])
     return step
 
 
@@ -204,6 +219,8 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
 def shift_mag(state: State, late_ns: int) -> None:
     """Correct the stamps of magnetic samples that wait: they are late by so much, ns."""
     state.samples = state.samples._replace(mag_ns=state.samples.mag_ns - late_ns)
+    refused = state.tables.refused
+    refused["stamp_ns"][refused["sensor"] == input_gate.MAG] -= late_ns
 
 
 def faults(state: State) -> list[SensorFault]:
@@ -246,7 +263,7 @@ def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> b
     if not full:
         return False
     for code in _WINDOW_CODES:
-        for place in range(7):
+        for place in range(0, 7, 3):
             check = checks[code, place]
             if check.votes_for > 0 or check.state == FAULT:
                 return True
@@ -276,6 +293,9 @@ def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, brok
         signal_checks.count(channels[6 + c], samples.mag, c, mag_first, s.mag_first, ranges[2])
     for sensor in range(3):
         s.window[sensor] = max(s.window[sensor], _spoils(channels, sensor))
+    for sensor in range(3):
+        sizes = input_gate.sizes_of(tables.refused, sensor, began, began + BIN_NS)
+        signal_checks.judge_refused(checks, channels, sensor, sizes, expected.total, began)
     judge_silence(k.mag_expected, s, checks, channels, began)
     judge_replay(tables.kept, checks, samples, s.first, s.stop, began)
     late = judge_stream(k.signal, checks, channels, s, samples, began)

@@ -16,6 +16,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from mwd_estimation.core import input_gate
 from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO, FaultCode, SensorFault, Unit
@@ -31,7 +32,7 @@ from mwd_estimation.health.axis_comparison import (
 )
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, observe, suspected, weigh
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
-from mwd_sensors.core.arrays import Array, Indices, Stamps
+from mwd_sensors.core.arrays import Array, Indices, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import EARTH_RATE
 from mwd_sensors.core.records import dtype_of
@@ -69,6 +70,7 @@ class UnitRecords(NamedTuple):
     channels: Any  #: of `signal_checks`; the third sensor is the accelerometer of the conventional unit
     sums: Any  #: of SUMS, shape (WINDOW, 6), the newest half second last
     state: Any  #: of UNIT_STATE
+    refused: Any  #: what the gate refused, dtype of `input_gate.REFUSED`
 
 
 @compiled
@@ -182,6 +184,9 @@ def _judge(
     unit.sums[:-1] = unit.sums[1:].copy()
     unit.sums[-1] = np.zeros(6, dtype=SUMS)
     compare(values, interpolated(stamps, beside_ns, own), unit.channels, unit.sums[-1])
+    for s in range(2):
+        sizes = input_gate.sizes_of(unit.refused, input_gate.PRECISION_GYRO + s, began, began + BIN_NS)
+        signal_checks.judge_refused(checks, unit.channels, s, sizes, math.nan, began)
     doubtful = _judge_samples(unit, limits, began, still)
     # Where the conventional unit cannot be used, what differed from it is open.
     finite, back, own_in_bin = 0, 0, 0
@@ -218,7 +223,9 @@ class PrecisionHealth:
         state = np.zeros(1, dtype=UNIT_STATE)
         state["most_at_rest"] = 2.0 * EARTH_RATE + _BIASES * bias + _PULLED
         sums = np.zeros((WINDOW, 6), dtype=SUMS)
-        self._records = UnitRecords(fault_debounce.blank(), signal_checks.blank(), sums, state[0])
+        self._records = UnitRecords(
+            fault_debounce.blank(), signal_checks.blank(), sums, state[0], np.zeros(0, dtype=input_gate.REFUSED)
+        )
         self._limits = SignalLimits()
         # Samples of the conventional unit, in pieces as they came: most runs have no precision unit that needs them.
         self._beside: list[tuple[Stamps, Array]] = []
@@ -226,6 +233,10 @@ class PrecisionHealth:
     def beside(self, stamps: Stamps, values: Array) -> None:
         """Take samples of the conventional unit, shape (n, 6), rad/s and m/s^2; nan where it cannot be used."""
         self._beside.append((stamps, values))
+
+    def take_refused(self, refused: Samples) -> None:
+        """Take what the gate refused, dtype of `input_gate.REFUSED`, before the half second of its time is judged."""
+        self._records = self._records._replace(refused=input_gate.kept(self._records.refused, refused))
 
     def judge(self, end_ns: int, still: bool, samples: tuple[Stamps, Array]) -> list[SensorFault]:
         """
@@ -239,6 +250,9 @@ class PrecisionHealth:
             while len(self._beside) > 1 and self._beside[1][0][0] < end_ns:
                 del self._beside[0]
             return []
+        if len(self._records.refused):
+            later = self._records.refused["stamp_ns"] >= end_ns - BIN_NS
+            self._records = self._records._replace(refused=self._records.refused[later])
         of_bin = samples[0], np.ascontiguousarray(samples[1])
         beside = self._take_beside(end_ns)
         self.suspect, changed = _judge(self._records, self._limits, end_ns - BIN_NS, bool(still), of_bin, beside)

@@ -146,6 +146,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             if len(samples):
                 push(samples)
         if len(imu) and "imu" not in pipeline.mount.unusable:
+            imu = pipeline.gate.imu(imu)
             self._publish(imu, pipeline.push_imu(imu))
 
     @property

@@ -78,6 +78,10 @@ class SensorWatch:
         """Take magnetic samples as they came, T."""
         monitor.push_mag(self._state, stamps, b_t)
 
+    def take_refused(self, refused: Samples) -> None:
+        """Take what the gate refused and may be in another unit, dtype of `input_gate.REFUSED`."""
+        monitor.push_refused(self._state, refused)
+
     def note_declared(self, samples: Samples) -> None:
         """Note which vectors of samples, of either type, are declared not provided."""
         for vector in _SENSOR_OF.keys() & set(samples.dtype.names or ()):

@@ -18,6 +18,7 @@ from mwd_estimation.assembly.sag import SagCorrection, correction_of
 from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_alignment_state, toolface_dwell
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.input_gate import Ranges
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
@@ -103,6 +104,24 @@ def accelerometer_tilt(tool: Tool) -> float:
         scale = math.sqrt(max(sensor.scale_ppm**2 - usual.scale_ppm**2, 0.0)) / 1e6
         return math.hypot(_CALIBRATED_TILT, bias, 0.5 * scale)
     return math.hypot(sensor.bias_ug / 1e6, 0.5 * sensor.scale_ppm / 1e6, sensor.misalignment_mrad / 1e3)
+
+
+def input_ranges(settings: EstimatorSettings) -> Ranges:
+    """
+    Ranges by which the gate judges what comes in.
+
+    Of three axes the widest counts: the gate is in axes of the units, a range may be stated in those of the tool. A
+    precision unit is often left at its default, which is that of its cross axes, and its x follows the string: its
+    gate is not below that of the conventional unit.
+    """
+    tool = settings.tool
+    fastest = max(tool.gyro.range_deg_s)
+    return Ranges(
+        gyro=math.radians(fastest),
+        accel=max(tool.accelerometer.range_g) * STANDARD_GRAVITY,
+        mag=tool.magnetometer.range_ut * 1e-6 or math.inf,
+        precision_gyro=math.radians(max(fastest, *tool.precision.gyro.range_deg_s)),
+    )
 
 
 def health_params(settings: EstimatorSettings) -> monitor.Params:

@@ -177,6 +177,7 @@ class BagEstimate:
                 samples = in_si(block, self.topics, self._given, self._without_time)
                 self._check_units(samples)
                 self._judge_covariances(samples)
+                self._pass_gate(samples)
                 if self._compensation is not None:
                     _compensate(self._compensation, samples, self.topics)
                 # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
@@ -215,6 +216,14 @@ class BagEstimate:
             self._summary.warnings += [text for text in said if text not in self._summary.warnings]
         if len(self._noise.noise) != known:
             self._pipeline.set_noise(self._noise.noise)
+
+    def _pass_gate(self, samples: BlockSamples) -> None:
+        """Take out what no sensor can read, before calibration and smoother spread it."""
+        topics, gate = self.topics, self._pipeline.gate
+        passes = {topics.imu: gate.imu, topics.mag: gate.mag, topics.precision: gate.precision}
+        for topic, take in {**passes, topics.temperature: gate.temperature}.items():
+            if topic in samples:
+                samples[topic] = take(samples[topic])
 
     def _push_companions(self, samples: BlockSamples, block: Block) -> None:
         """Push all samples but those of the IMU; block: the same with the times of their messages."""
