@@ -108,7 +108,7 @@ class Estimate:
         self._dynamics_state = drilling_dynamics.initial()
         self._dwell_state = np.zeros(1, dtype=toolface_dwell.RECORD)
         self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
-        self._gyro_usable = True
+        self._gyro_usable, self._gyro_range = True, derivation.health_params(settings).gyro_range
         self._shift_mag(mag_late_ns)
         self._ahead = {"mag": _Ahead(), "precision": _Ahead(), "temperature": _Ahead()}
         self.last_imu_ns = self._newest_ns = np.iinfo(np.int64).min
@@ -280,7 +280,7 @@ class Estimate:
         # Bins, and surveys begun in them.
         bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
         # Attitude.
-        gyro = without_faulty(unusable, stretch.gyro)
+        gyro = without_faulty(unusable, stretch.gyro, self._gyro_range)
         self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         samples = samples_of(stamps, gyro, accel, track, stretch.suspect)
