@@ -121,8 +121,11 @@ class Pipeline:
         samples = self.mount.imu_in_tool(self.gate.imu(samples))
         self._estimate.take_refused(self.gate.take_refused())
         self.counters.imu += len(samples)
+        before_ns = self._clocks.lead_ns
         (first, new), *rest = self._clocks.lead(samples)
         if new is None:
+            for name, waiting in self._clocks.reached(before_ns).items():
+                self._estimate.take_beside(name, waiting)
             return self._estimate.take_imu(first, followed)
         output, place = Output.empty(0), 0
         for part, begun in [(first, new), *rest]:

@@ -239,7 +239,9 @@ def test_a_sensor_that_is_declared_absent_only_after_it_failed_is_broken_however
     for k in range(0, n, cut):
         pipeline.push_mag(mag[k : k + cut])
         changes += pipeline.push_imu(imu[k : k + cut]).health
-    assert [describe(change).message for change in changes] == ["magnetometer sends values that are not finite or beyond any that it can read"]
+    assert [describe(change).message for change in changes] == [
+        "magnetometer sends values that are not finite or beyond any that it can read"
+    ]
 
 
 def test_samples_that_were_not_used_are_told_with_the_remedy_of_their_cause():

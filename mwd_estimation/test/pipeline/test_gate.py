@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gate: what no sensor can read has the effect of a missing value, bit for bit, through the whole estimator."""
 
-import dataclasses
 import functools
 import math
 import re
@@ -11,9 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mwd_estimation.core.fault_messages import unit_words
 from mwd_estimation.core.input_gate import MARGIN, InputGate, Ranges
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import FaultCode, Unit
+from mwd_estimation.core.status import Status
 from mwd_estimation.gravity import methods
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -21,7 +22,7 @@ from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_sensors.core.constants import EARTH_RATE
-from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.core.frames import mat_nt, wrap_pi
 from mwd_sensors.core.settings import changed
 
 START = 1_700_000_000 * 10**9
@@ -177,18 +178,19 @@ def test_the_sign_of_zero_says_nothing(channel):
         _assert_same(_with(channel, 1, [place], -0.0), _with(channel, 1, [place], 0.0))
 
 
-@pytest.mark.slow(10)
+@pytest.mark.slow(6)
 @pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("share", [1.0, 1.1, 0.999 * MARGIN])
+@pytest.mark.parametrize("share", [1.0, 0.999 * MARGIN])
 def test_between_its_range_and_the_gate_a_gyro_is_taken_for_clipped(axis, share):
     value = share * math.radians(2000.0)
     _, _, _, clean = _output(_sent())
     for place in (500, 1500):
         _, _, _, spoilt = _output(_with("gyro", axis, [place], value))
-        for name in ("inclination", "azimuth"):
-            error = np.abs(np.remainder(spoilt.attitude[name] - clean.attitude[name] + np.pi, 2 * np.pi) - np.pi)
-            sigma = spoilt.attitude[f"sigma_{name}"]
-            assert (error[sigma >= 0.0] <= 3.0 * sigma[sigma >= 0.0] + 1e-3).all(), (name, place)
+        rows = spoilt.attitude
+        assert rows["status"][place] & Status.CLIPPED
+        error = np.abs(wrap_pi(rows["azimuth"] - clean.attitude["azimuth"]))
+        known = rows["sigma_azimuth"] >= 0.0
+        assert (error[known] <= rows["sigma_azimuth"][known] + 1e-3).all(), place
 
 
 @pytest.mark.parametrize(("power", "words"), [(3, "mT"), (4, "G"), (6, "uT"), (7, "mG"), (9, "nT")])
@@ -200,8 +202,6 @@ def test_a_magnetometer_in_another_unit_is_not_used_and_its_unit_is_named(power,
     (fault,) = [one for one in pipeline.sensor_faults if one.place // 3 == 2]
     assert fault.code == FaultCode.UNIT
     assert fault.since_ns == START
-    from mwd_estimation.core.fault_messages import unit_words
-
     assert unit_words(fault) == words
     assert (output.attitude["sigma_azimuth"] == -1.0).all()
 
@@ -232,4 +232,3 @@ def test_what_passed_the_gate_passes_again_as_it_is(value, full):
         assert take(once).tobytes() == once.tobytes()
         # The caller keeps what was sent.
         assert samples.tobytes() == before
-    assert dataclasses.is_dataclass(Output)
