@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The gate at the entrance of the estimator: a value that no sensor of its kind can read becomes NaN, once, for all stages.
+The gate at the entrance of the estimator: a value that no sensor of its kind can read becomes NaN, before all stages.
 
 The physical range of a sensor is that of its data sheet (`settings.tool`) with a margin. Within the range a value is a
 reading. Between the range and the gate it is a reading of a clipped sensor: converters go on for up to 15 % beyond the

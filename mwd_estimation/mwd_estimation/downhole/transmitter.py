@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeVar
 
+from mwd_estimation.core import input_gate
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.downhole import readings

@@ -17,8 +17,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from mwd_estimation.core.calibrated_range import TemperatureWatch
-from mwd_estimation.core.input_gate import InputGate
 from mwd_estimation.core.innovations import Innovation
+from mwd_estimation.core.input_gate import InputGate
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import SensorFault

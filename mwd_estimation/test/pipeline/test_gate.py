@@ -2,6 +2,7 @@
 """The gate: what no sensor can read has the effect of a missing value, bit for bit, through the whole estimator."""
 
 import functools
+import itertools
 import math
 import re
 
@@ -81,7 +82,7 @@ def _output(streams, given=SETTINGS, cuts=(1300,), north=True, mount=None):
     pipeline = Pipeline(given, REFERENCE, mount)
     output, edges = Output.empty(0), [0, *cuts, len(streams["imu"])]
     stamps = streams["imu"]["stamp_ns"]
-    for start, stop in zip(edges, edges[1:], strict=False):
+    for start, stop in itertools.pairwise(edges):
         end_ns = stamps[stop] if stop < len(stamps) else np.iinfo(np.int64).max
         for name, push in (
             ("mag", pipeline.push_mag),
