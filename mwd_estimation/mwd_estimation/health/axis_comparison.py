@@ -33,6 +33,8 @@ _SHAKEN = 15.0
 _LEAK = (0.004, 0.02)
 # Misfit, from 0 (the same) by 1 (nothing in common) to 2 (reversed), that is still this axis, and that is not.
 _SAME, _OTHERWISE = 0.3, 0.6
+# Intervals, in usual ones, beyond which samples are missing in it.
+_LONG = 1.5
 # Share of the mean in the mean square of what is constant.
 _CONSTANT = 0.8
 _UNITS = np.array([math.degrees(1.0), 1.0 / STANDARD_GRAVITY])
@@ -104,11 +106,14 @@ def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
     found = np.full((len(stamps), 6), math.nan)
     if len(beside_ns) < 2:
         return found
+    # What happened in an interval in which samples were lost only vibration knows.
+    steps = np.sort(np.diff(beside_ns))
+    longest = min(BIN_NS, _LONG * steps[len(steps) // 3])
     right = np.searchsorted(beside_ns, stamps)
     for i in range(len(stamps)):
         at = min(max(right[i] - 1, 0), len(beside_ns) - 2)
         step = beside_ns[at + 1] - beside_ns[at]
-        known = beside_ns[at] <= stamps[i] <= beside_ns[at + 1] and 0 < step < BIN_NS
+        known = beside_ns[at] <= stamps[i] <= beside_ns[at + 1] and 0 < step < longest
         share = (stamps[i] - beside_ns[at]) / max(step, 1)
         for c in range(6):
             found[i, c] = (1.0 - share) * beside[at, c] + share * beside[at + 1, c]

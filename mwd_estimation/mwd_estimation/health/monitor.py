@@ -22,7 +22,7 @@ from mwd_estimation.core import input_gate
 from mwd_estimation.core.sensor_fault import GYRO, FaultCode, SensorFault
 from mwd_estimation.core.time_jumps import BACK_NS
 from mwd_estimation.core.track import AT_RANGE, sample_arrays
-from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, signal_checks
+from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, rest_check, signal_checks
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
 from mwd_estimation.health.motion_window import PARTS, Consistency, Expected, Samples
@@ -58,6 +58,7 @@ class Params(NamedTuple):
     mag_range: float = 800.0 * 1e-6
     #: Time that IMU samples wait for magnetic ones of their time, ns; each fault is named later by as much.
     mag_lag_ns: int = 50_000_000
+    rest_rate: float = 0.012  #: rate that the gyros may read at rest, rad/s: six sigma of an MTi-1's bias
     mag_expected: bool = True  #: a magnetometer belongs to the tool: a missing one is a warning
 
 
@@ -299,6 +300,8 @@ def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, brok
     judge_silence(k.mag_expected, s, checks, channels, began)
     judge_replay(tables.kept, checks, samples, s.first, s.stop, began)
     late = judge_stream(k.signal, checks, channels, s, samples, began)
+    signal_checks.summarise(channels)
+    rest_check.judge_rest(k.rest_rate, k.signal.shakes, s, checks, channels, began)
     s.doubtful = signal_checks.judge_bin(k.signal, checks, channels, ranges, began)
     if late or checks[FaultCode.STAMPS.value, 0].state == FAULT:
         s.doubtful |= GYRO

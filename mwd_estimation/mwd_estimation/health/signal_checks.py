@@ -124,7 +124,7 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
 
 
 @compiled
-def _summarise(channels: Any) -> None:
+def summarise(channels: Any) -> None:
     """Mean, spread and constant half seconds of every channel."""
     for c in range(9):
         row = channels[c]
@@ -258,12 +258,11 @@ def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: fl
 @compiled
 def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began: int) -> int:
     """
-    Judge the half second that began at `began`, ns, and make room for the next.
+    Judge the half second that began at `began`, ns, after `summarise`, and make room for the next.
 
     limits, shape (3,): ends of the ranges, rad/s, m/s^2 and T; inf: not known. Returns bits of the sensors whose values
     repeat, lie at the end of the range or are missing, however short.
     """
-    _summarise(channels)
     gyro, accel = _motion(p, channels)
     doubtful = MAG * int(_judge_noise(p, checks, channels, 2, p.field_noise, began))
     if limits[1] < math.inf:

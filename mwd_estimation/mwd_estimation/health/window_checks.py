@@ -332,6 +332,9 @@ class WindowJudge:
         off, sure = abs(dip - expected), 5.0 * self._sigma
         flipped = abs(dip + expected) < p.dip and off > p.dip_frame + sure
         seen = FOR if flipped else (AGAINST if off < p.dip_frame else NOTHING)
+        if seen == AGAINST:
+            # Seen before the reference was known.
+            self._note(FaultCode.POINTS_UP, 3, AGAINST)
         who = 2 if inclination > 1.75 else (4 if inclination < 1.4 else 6)
         self._note(FaultCode.SIGN, 3, seen, dip, expected).seen_which[0] = who
         wrong = off > p.dip_frame + sure and not flipped

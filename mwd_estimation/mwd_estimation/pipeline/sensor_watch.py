@@ -38,6 +38,7 @@ class Stretch:
     accel: Array
     suspect: NDArray[np.uint8]  #: uint8, shape (n,); bits of the sensors in doubt at each sample
     unusable: int  #: bits of the sensors that are unusable throughout
+    drifted: bool  #: whether gravity shows that the gyros turn where the tool does not
     #: `begins_contamination`, `contaminated`: whether the azimuth is found to have taken in wrong values of a faulty
     #: sensor here, or since before.
     begins_contamination: bool
@@ -53,7 +54,7 @@ class SensorWatch:
         self._mag_lag_ns = self._params.mag_lag_ns
         self._state = monitor.initial()
         self.history = FaultHistory()
-        self._contaminated = False
+        self._contaminated = self._drifted = False
         # By sensor, and half second, the stamp of its first sample that was declared not provided.
         self._declared_ns: dict[int, dict[int, int]] = {}
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
@@ -118,6 +119,8 @@ class SensorWatch:
             changes = [self._explained(one, now_ns) for one, at in placed if at == start]
             for change in changes:
                 self.history.note(change)
+                if change.code == FaultCode.REST_RATE:
+                    self._drifted = not change.cleared_ns
             unusable = int(found.unusable[start])
             harmful = self.history.contaminates(changes, self._mag_since_ns)
             self._contaminated = self._contaminated or harmful
@@ -130,6 +133,7 @@ class SensorWatch:
                 accel[part],
                 found.suspect[part],
                 unusable,
+                self._drifted,
                 harmful,
                 self._contaminated,
                 changes,

@@ -34,6 +34,7 @@ class Tool:
         for c in range(9):
             signals.count(self.channels[c], values, c, 0, N, LIMITS[c // 3])
         began, limits = self.bins * signals.BIN_NS, SignalLimits()
+        signals.summarise(self.channels)
         self.doubtful = signals.judge_bin(limits, self.checks, self.channels, LIMITS, began)
         self.bins += 1
         return {(FaultCode(code), int(place)) for code, place in np.argwhere(self.checks["seen"] == FOR)}

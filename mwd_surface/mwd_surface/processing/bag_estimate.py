@@ -221,7 +221,7 @@ class BagEstimate:
             self._pipeline.set_noise(self._noise.noise)
 
     def _leave_out_skewed(self, samples: BlockSamples, block: Block) -> None:
-        """Leave out sensors whose stamps are of another clock than the IMU's, by the times at which both were logged."""
+        """Leave out sensors whose stamps are of another clock than the IMU's, by the times of recording."""
         topics = self.topics
         if topics.imu not in samples or topics.imu in self._without_time:
             return
