@@ -127,7 +127,7 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
         strange = strange or not (right or mapping > 0)
         if mapping or known > 1 or not wrong[s]:
             wrong[s] = 1 << mapping if mapping else 0
-    # Where the other unit is the one that is wrong, or both have agreed on next to nothing for long, nothing is left of it.
+    # Nothing is left of it where the other unit is the one that is wrong, or both have agreed for long.
     unit.state.agree[s] = 0 if strange else unit.state.agree[s] + 1
     over = shown or not sound or unit.state.agree[s] > _FORGOTTEN_BINS
     observe(mismatch, FOR if strange else (AGAINST if over else NOTHING), began, 0.0, 0.0)
