@@ -122,7 +122,8 @@ class InputGate:
 
 def flow(samples: Samples) -> Samples:
     """Return the samples of the flow in the tool, dtype of `wire.TOOL_FLOW`, that are readings."""
-    return samples[np.abs(samples["flow"]) <= _MOST_FLOW]
+    readings: Samples = samples[np.abs(samples["flow"]) <= _MOST_FLOW]
+    return readings
 
 
 def kept(held: Samples, more: Samples) -> Samples:

@@ -107,7 +107,7 @@ def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
     if len(beside_ns) < 2:
         return found
     # What happened in an interval in which samples were lost only vibration knows.
-    steps = np.sort(np.diff(beside_ns))
+    steps = np.sort(beside_ns[1:] - beside_ns[:-1])
     longest = min(BIN_NS, _LONG * steps[len(steps) // 3])
     right = np.searchsorted(beside_ns, stamps)
     for i in range(len(stamps)):

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
 from mwd_estimation.health.signal_checks import BIN_NS, FEW
@@ -73,4 +71,7 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
 @compiled
 def _mean(rest: Array, first: int) -> tuple[float, float, float]:
     """Mean of three columns."""
-    return np.mean(rest[:, first]), np.mean(rest[:, first + 1]), np.mean(rest[:, first + 2])
+    x, y, z = 0.0, 0.0, 0.0
+    for row in range(BINS):
+        x, y, z = x + rest[row, first], y + rest[row, first + 1], z + rest[row, first + 2]
+    return x / BINS, y / BINS, z / BINS

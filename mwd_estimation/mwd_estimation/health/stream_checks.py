@@ -114,7 +114,10 @@ def _pace(s: Any, samples: Samples) -> Pace:
 @compiled
 def _usual_interval(s: Any, samples: Samples) -> float:
     """Interval of the samples of the half second, s: not the middle one, as a third of them may be lost."""
-    return float(1e-9 * np.sort(np.diff(samples.stamps[s.first : s.stop]))[(s.stop - s.first) // 3])
+    return float(
+        1e-9
+        * np.sort(samples.stamps[s.first + 1 : s.stop] - samples.stamps[s.first : s.stop - 1])[(s.stop - s.first) // 3]
+    )
 
 
 @compiled
