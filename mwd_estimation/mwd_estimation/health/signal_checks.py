@@ -251,7 +251,10 @@ def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: fl
             power = math.log10(sizes[k // 2] / (expected if math.isfinite(expected) else _USUAL_FIELD))
             away = np.abs(power - FIELD_POWERS)
             unit = int(np.argmin(away)) + 1 if away.min() < 0.5 else 0
-    observe(check, FOR if unit else AGAINST, began, sizes[k // 2] if k else 0.0, 0.0)
+    # At rest a gyro reads little in any unit; the spreads are those of the half second before.
+    shown = s != 0 or max(channels[3].spread, channels[4].spread, channels[5].spread) > 0.3
+    seen = FOR if unit else (AGAINST if shown or check.votes_for == 0 else NOTHING)
+    observe(check, seen, began, sizes[k // 2] if k else 0.0, 0.0)
     check.seen_which[0] = unit
 
 

@@ -45,9 +45,8 @@ _WALK_DEG_H_RTH = 10.0
 # Ramp of a precision gyro's bias where the tool warms up or cools, 1 sigma, as a share of the bias in an hour: that of
 # a tactical MEMS unit 10 degC an hour into the warm.
 _RAMP_PER_H = 0.6
-# Rate that a gyro may read at rest: so many sigma of its bias, and at least that much, which temperature and time leave
-# of any bias, rad/s.
-_BIASES, _REST_RATE = 6.0, 0.01
+# Rate that a gyro may read at rest, at least: what temperature and time leave of any bias, rad/s.
+_REST_RATE = 0.01
 _LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
 
 
@@ -136,7 +135,7 @@ def health_params(settings: EstimatorSettings) -> monitor.Params:
         mag_range=tool.magnetometer.range_ut * 1e-6 or math.inf,
         # The checks set how long they wait for the magnetometer, as long as that covers the delay.
         mag_lag_ns=max(usual.mag_lag_ns, round(tool.magnetometer.delay_s * 1e9)),
-        rest_rate=max(_REST_RATE, _BIASES * math.radians(tool.gyro.bias_deg_h) / 3600.0),
+        rest_rate=max(_REST_RATE, usual.rest_rate * (tool.gyro.bias_deg_h / Gyro().bias_deg_h)),
         mag_expected=tool.magnetometer.present,
     )
 
