@@ -65,7 +65,7 @@ class ClearanceRule:
         1.0, "Separation factor below which drilling must stop; the rule allows no less than 1", low=1.0, high=20.0
     )
     farthest_km: float = setting(
-        20.0,
+        10.0,
         "Distance between two wells, or of the first station from its wellhead, above which positions are taken as "
         "wrong; raise it to confirm that the wells really lie so far apart",
         unit="km",
@@ -227,8 +227,8 @@ def clearance(
     kept = sorted({int(np.argmin(back.sf)), int(np.argmin(back.distance_cc)), *_minima(back.sf)})
     rows = [_rows(ahead, ahead.ref, ahead.off), _rows(back, back.off, back.ref)[kept]]
     table = np.concatenate(rows)
-    columns = table[np.argsort(table[:, 0], kind="stable")].T
-    return Clearance(offset.name, *columns, rule, missing)
+    md, offset_md, distance, allowed, factor, toolface, bearing = table[np.argsort(table[:, 0], kind="stable")].T
+    return Clearance(offset.name, md, offset_md, distance, allowed, factor, toolface, bearing, rule, missing)
 
 
 def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
@@ -244,8 +244,8 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
     away = math.hypot(*well.positions[0, :2])
     if away > 1000.0 * rule.farthest_km:
         raise ValueError(
-            f"{well.name} starts {away / 1000.0:.0f} km from the wellhead: its coordinates are probably those of a map. "
-            "Subtract the wellhead, or confirm the distance by rule.farthest_km"
+            f"{well.name} starts {away / 1000.0:.0f} km from the wellhead: its coordinates are probably those of a "
+            "map. Subtract the wellhead, or confirm the distance by rule.farthest_km"
         )
     angle = mc.dogleg(well.inclination[:-1], well.azimuth[:-1], well.inclination[1:], well.azimuth[1:])
     severity = np.degrees(angle) / np.maximum(np.diff(well.md), _DOGLEG_LENGTH) * 30.0

@@ -7,9 +7,9 @@ The codes with their weighting functions and magnitudes are those of `welleng` (
 an interval between two tools has a part from each (Williamson, SPE 67616, equations A-4 and A-14). The library is
 imported when first asked for, because it is slow to import and nothing else needs it.
 
-In a vertical hole the library replaces weighting functions that have 1 / sin(inclination) by weights of its own. Some of
-these are wrong: XYM3E and XYM4E are multiplied by the squared cosine of the azimuth, the last station and the first leg
-miss parts. Here every vertical station is evaluated by the ordinary weighting functions next to the vertical, whose
+In a vertical hole the library replaces weighting functions that have 1 / sin(inclination) by weights of its own. Some
+of these are wrong: XYM3E and XYM4E are multiplied by the squared cosine of the azimuth, the last station and the first
+leg miss parts. Here every vertical station is evaluated by the ordinary weighting functions next to the vertical, whose
 errors of position have a limit (ISCWSA error model definition 5.13, section 11.5, states the same limits).
 """
 
@@ -37,7 +37,7 @@ RANDOM = "random"
 _WHOLE_WELL = ("well", "global", "within_pad")
 # Nearer to the vertical than this no tool gives an azimuth, rad.
 _VERTICAL = math.radians(1.0)
-# Inclination that a vertical station is evaluated at, rad: the shifts differ from their limit by this share of an error.
+# Inclination that a vertical station is evaluated at, rad: its shifts differ from their limit by this share.
 _NEXT_TO_VERTICAL = 1e-7
 # Errors of the depth and of the course of the hole between stations: those that do not belong to the angles measured.
 _NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")
@@ -231,7 +231,7 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
 
 
 def _vertical_scale(name: str, stations: _Stations, tortuosity: float) -> Array:
-    """Factor of a source's errors at each station, shape (n,), that turns those next to the vertical into their limit."""
+    """Factor of a source's errors at each station, shape (n,), from next to the vertical to its limit."""
     s_inc = np.sin(stations.inclination)
     scale = np.ones(s_inc.size)
     if name.startswith("SAGE"):

@@ -6,10 +6,10 @@ Errors of one run are the same at all its stations, those of the well and of the
 are new at each station (ISCWSA error model definition 5.13; Williamson, SPE 67616, equations A-12 to A-15).
 Covariances are m^2 at 1 sigma.
 
-A vertical hole has no azimuth, and next to the vertical the azimuth of a list is noise. Many error sources act along the
-azimuth or across it, so that the model needs one: `minimum_curvature.directions` gives the azimuth of the hole next to
-it as far as there is one. Where there is none, such an error points in any direction: it counts with the same variance
-in each, and as independent of the errors of the hole whose azimuth is known.
+A vertical hole has no azimuth, and next to the vertical the azimuth of a list is noise. Many error sources act along
+the azimuth or across it, so that the model needs one: `minimum_curvature.directions` gives the azimuth of the hole next
+to it as far as there is one. Where there is none, such an error points in any direction: it counts with the same
+variance in each, and as independent of the errors of the hole whose azimuth is known.
 """
 
 from __future__ import annotations
@@ -35,7 +35,11 @@ AZIMUTH_KNOWN_FROM = math.radians(0.3)
 
 @dataclasses.dataclass(frozen=True)
 class Ellipse:
-    """Semi-axes, m, largest first, and the angle of the larger one from the first axis towards the second, rad."""
+    """
+    Semi-axes, m, largest first, and the angle of the larger one from the first axis towards the second, rad.
+
+    A circle has angle 0.
+    """
 
     major: float
     minor: float
@@ -280,7 +284,8 @@ def ellipse(covariance: ArrayLike, sigmas: float = 2.0) -> Ellipse:
         )
     values, vectors = np.linalg.eigh(0.5 * (cov + cov.T))
     small, large = np.sqrt(np.maximum(values, 0.0)) * sigmas
-    angle = math.atan2(vectors[1, 1], vectors[0, 1]) % math.pi
+    # The axes of a circle, as those of a vertical well, are rounding.
+    angle = math.atan2(vectors[1, 1], vectors[0, 1]) % math.pi if large - small > 1e-7 * large else 0.0
     return Ellipse(float(large), float(small), angle)
 
 

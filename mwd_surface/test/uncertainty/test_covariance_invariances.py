@@ -19,7 +19,10 @@ from mwd_surface.uncertainty.position_covariance import StationErrors, covarianc
 pytestmark = pytest.mark.slow
 
 REFERENCE = ErrorReference(math.radians(58), 51e-6, math.radians(71), math.radians(-2), math.radians(1.5))
-MAGNETIC = ("MWD+SRGM", "MWD+IFR2+SAG+MS", "EMS+SRGM+AX", "ISCWSA MWD Rev4", "MWD+HRGM+SAG", "INC-ONLY", "BLIND", "UNKNOWN")
+MAGNETIC = (
+    *("MWD+SRGM", "MWD+IFR2+SAG+MS", "EMS+SRGM+AX", "ISCWSA MWD Rev4"),
+    *("MWD+HRGM+SAG", "INC-ONLY", "BLIND", "UNKNOWN"),
+)
 GYROS = ("GYRO-NS", "GYRO-MWD", "GYRO-NS-CT")
 MD = np.arange(0.0, 901.0, 30.0)
 # Vertical, a build, a drop and vertical again: azimuths are printed at both ends; INC-ONLY ends at 30 deg.

@@ -55,7 +55,7 @@ def test_the_iscwsa_example_well_is_reproduced_at_every_station():
 
 
 def test_the_example_well_is_as_published_down_to_its_kick_off_and_at_most_one_percent_larger_below():
-    """Below, the errors of the vertical part point along the hole that follows and not to the example's printed north."""
+    """Below, the errors of the vertical part point along the hole that follows, not to the example's printed north."""
     published = rows("well1_total_cov_nev.csv")
     got = position_covariance(*well_1(), North.TRUE, MODEL, REFERENCE)
     vertical = int(np.sum(well_1()[1] == 0.0))
@@ -88,6 +88,7 @@ def test_an_ellipse_gives_back_the_axes_it_was_made_of(major, ratio, angle, sigm
     got = ellipse(cov, sigmas)
     assert (got.major, got.minor) == pytest.approx((sigmas * major, sigmas * minor))
     assert math.cos(2 * (got.angle - angle)) == pytest.approx(1.0, abs=1e-6)
+    assert ellipse([[1.0, 1e-12], [1e-12, 1.0]]).angle == 0.0
     outline = got.outline()
     radii = np.einsum("ni,ij,nj->n", outline, np.linalg.inv(cov), outline)
     np.testing.assert_allclose(radii, sigmas**2, rtol=1e-6)
