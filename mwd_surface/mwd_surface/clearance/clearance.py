@@ -238,8 +238,8 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
     Raises
     ------
     ValueError
-        Its first station lies farther from the origin of the map than `farthest_km`, or it turns more sharply than
-        `largest_dogleg_deg_30m`; the message says where and how to confirm it.
+        Its first station lies farther from the origin of the map than `farthest_km`, or it turns more sharply above its
+        last survey than `largest_dogleg_deg_30m`; the message says where and how to confirm it.
     """
     away = math.hypot(*well.positions[0, :2])
     if away > 1000.0 * rule.farthest_km:
@@ -249,6 +249,8 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
         )
     angle = mc.dogleg(well.inclination[:-1], well.azimuth[:-1], well.inclination[1:], well.azimuth[1:])
     severity = np.degrees(angle) / np.maximum(np.diff(well.md), _DOGLEG_LENGTH) * 30.0
+    # From the bit to the plan ahead no hole is drilled: the path may have a corner there.
+    severity = severity[well.md[1:] <= well.surveyed]
     k = int(np.argmax(severity)) if severity.size else 0
     if severity.size and severity[k] > rule.largest_dogleg_deg_30m:
         raise ValueError(

@@ -94,6 +94,7 @@ def well_clearance(
     records = [surveys.find(number) if number else None for number in path.sequence]
     try:
         well = uncertain_well(surveys, path, records, 0.5 * offsets.hole_diameter_m)
+        well = dataclasses.replace(well, surveyed=surveyed)
         check_plausible(well, offsets.rule)
         found, remarks = clearances(well, offsets)
     except ValueError as error:

@@ -188,7 +188,7 @@ def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128]
     Returns
     -------
     list of ErrorTerm
-        The sum of their covariances has the trace of the error's own at every station.
+        At every station the part with the azimuth's direction keeps the sum of its variances over all directions.
     """
     share = np.minimum(np.abs(known), 1.0)
     rest = np.where(steep, np.sqrt(0.5 * (1.0 - share**2)), 0.0)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -20,7 +21,8 @@ class UncertainWell:
     Stations, what measured them, and the size of the hole.
 
     md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: of azimuths
-    and axes. radius: of the open hole, m.
+    and axes. radius: of the open hole, m. surveyed: measured depth of the last survey, m; below it the path is projected
+    or planned.
     """
 
     name: str
@@ -32,6 +34,7 @@ class UncertainWell:
     errors: StationErrors
     reference: ErrorReference
     radius: float = 0.0
+    surveyed: float = math.inf
 
     def covariance(self) -> Array:
         """

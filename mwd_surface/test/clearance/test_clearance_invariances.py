@@ -202,5 +202,7 @@ def test_an_impossible_dogleg_is_an_error_to_confirm():
         with pytest.raises(ValueError, match=r"B turns 40 deg between 120 and 150 m .* rule.largest_dogleg_deg_30m"):
             clearance(*pair, RULE)
     assert clearance(vertical("A"), bent, ClearanceRule(largest_dogleg_deg_30m=45.0)).factor.size
+    # What is planned below the last survey may begin with a corner.
+    assert clearance(dataclasses.replace(bent, surveyed=130.0), vertical("A"), RULE).factor.size
     # Two stations half a metre apart that differ by a degree are noise; one station has no dogleg.
     check_plausible(well("C", [0.0, 100.0, 100.5, 200.0], [0.0, 0.02, 0.04, 0.05], 1.0, (0.0, 0.0, 0.0)), RULE)
