@@ -33,6 +33,9 @@ _STEP = 30.0
 _AT_END = 0.02
 # Shortest length over which a dogleg is judged, m: angles of stations closer together differ by their noise.
 _DOGLEG_LENGTH = 10.0
+# Variance added to every position, m^2: across its first station a hole is known exactly, and a variance that rounding
+# makes negative has no square root. Ten micrometres squared.
+_ROUNDING = 1e-10
 # Nearer than this two wells at the same measured depth are one hole, m.
 _SAME_HOLE = 0.05
 
@@ -81,8 +84,8 @@ class ClearanceRule:
     )
 
     def level(self, factor: float) -> Level:
-        """Level of a separation factor."""
-        if factor < self.stop_factor:
+        """Level of a separation factor; one that is not a number is never clear."""
+        if not factor >= self.stop_factor:
             return Level.STOP
         return Level.WARNING if factor < self.warning_factor else Level.CLEAR
 
@@ -342,7 +345,7 @@ def _library_survey(well: UncertainWell) -> Any:
         n=positions[:, 0],
         e=positions[:, 1],
         tvd=positions[:, 2],
-        cov_nev=covariance[k] * (1.0 - part) + covariance[k + 1] * part,
+        cov_nev=covariance[k] * (1.0 - part) + covariance[k + 1] * part + _ROUNDING * np.eye(3),
         radius=well.radius,
         header=header,
         start_nev=positions[0],

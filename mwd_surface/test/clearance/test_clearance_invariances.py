@@ -87,6 +87,16 @@ def test_two_vertical_wells_are_as_near_whatever_azimuth_is_printed_and_almost_s
 
 
 @bounded
+@given(azimuth=azimuths, tilt=st.floats(1e-6, 0.1))
+def test_every_factor_is_a_number_at_first_stations_of_any_direction(azimuth, tilt):
+    """The first station errs along the hole only; across it rounding decides the sign of a variance of zero."""
+    apart = (-7.0 * math.sin(azimuth), 7.0 * math.cos(azimuth), 0.0)
+    pair = (vertical("A", azimuth, inc=tilt, end=90.0), vertical("B", azimuth, apart, inc=tilt, end=90.0))
+    assert np.all(np.isfinite(clearance(*pair, RULE).factor))
+    assert RULE.level(math.nan) == Level.STOP
+
+
+@bounded
 @given(pair=pairs(), printed=st.lists(azimuths, min_size=100, max_size=100))
 def test_the_azimuth_of_vertical_stations_changes_no_clearance(pair, printed):
     other = [
