@@ -21,8 +21,8 @@ class UncertainWell:
     Stations, what measured them, and the size of the hole.
 
     md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: of azimuths
-    and axes. radius: of the open hole, m. surveyed: measured depth of the last survey, m; below it the path is projected
-    or planned.
+    and axes. radius: of the open hole, m. surveyed: measured depth of the last survey, m; below it the path is
+    projected or planned.
     """
 
     name: str
