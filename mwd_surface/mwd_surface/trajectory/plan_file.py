@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import read_list
 from mwd_surface.list_files.station_list import StationList, completed
 from mwd_surface.trajectory.plan import Plan, plan_of

@@ -12,7 +12,7 @@ from mwd_sensors.core import settings, wire
 from mwd_sensors.core.earth import grid_convergence
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.processing import process
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.list_builder import ListBuilder

@@ -9,7 +9,7 @@ import pytest
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.list_files.list_file import list_from_table, read_list
+from mwd_surface.list_files.list_file import list_of, read_list
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import reference_in, survey_list
 from mwd_surface.surveys.leg import TieOn
@@ -37,9 +37,9 @@ def test_the_gyro_list_of_volve_f4_has_its_published_path():
 
 
 def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_says():
-    whole = list_from_table(b"md_m,inc,azi_true,tvd_m,north_m,east_m\n500,10,0,495,20,-3\n600,12,0,593.2,39,-3\n")
+    whole = list_of(b"md_m,inc,azi_true,tvd_m,north_m,east_m\n500,10,0,495,20,-3\n600,12,0,593.2,39,-3\n")
     assert survey_list(whole).definitive().positions[0].tolist() == [20.0, -3.0, 495.0]
-    bare = list_from_table(b"md_m,inc,azi_true\n500,10,0\n600,12,0\n")
+    bare = list_of(b"md_m,inc,azi_true\n500,10,0\n600,12,0\n")
     surveys = survey_list(bare)
     assert surveys.definitive().md.tolist() == [0.0, 500.0, 600.0]
     assert RemarkKind.HOLE_ABOVE_ASSUMED in {remark.kind for remark in surveys.remarks}
@@ -50,7 +50,7 @@ def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_s
 
 
 def test_stations_whose_verdict_is_not_accept_are_listed_and_used_only_on_demand():
-    stations = list_from_table(
+    stations = list_of(
         b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n"
     )
     surveys = survey_list(stations)
