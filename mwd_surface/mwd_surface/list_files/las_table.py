@@ -66,7 +66,8 @@ def _inclinometry(text: str, name: str) -> Table | None:
     """The section ~Inclinometry of LAS 3; None where the file has none."""
     sections = list(_sections(text))
     definition = next((lines for title, lines in sections if re.match(r"inclinometry_?def", title)), None)
-    data = next((lines for title, lines in sections if re.match(r"inclinometry(_data)?\s*(\[1\])?\s*(\||$)", title)), None)
+    titled = re.compile(r"inclinometry(_data)?\s*(\[1\])?\s*(\||$)")
+    data = next((lines for title, lines in sections if titled.match(title)), None)
     if definition is None or data is None:
         return None
     found = [match for _, line in definition if (match := _LINE.match(line))]
@@ -90,7 +91,8 @@ def _inclinometry(text: str, name: str) -> Table | None:
 
 def _sections(text: str) -> Iterator[tuple[str, list[tuple[int, str]]]]:
     """Title in lower case and numbered lines of each section, without comments."""
-    title, lines = "", []
+    title = ""
+    lines: list[tuple[int, str]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         if line.lstrip().startswith("~"):
             yield title, lines

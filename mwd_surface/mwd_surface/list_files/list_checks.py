@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Checks of a list against itself: what no hole does, and angles that contradict the list's own vertical depth, north, east.
+Checks of a list against itself: what no hole does, and angles that contradict its own vertical depth, north and east.
 
 A contradiction is refused with its likely cause: each usual mistake is undone in turn, and the one that makes angles
 and positions agree is named.
@@ -9,7 +9,7 @@ and positions agree is named.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -26,7 +26,6 @@ _ARC = 60.0  # m; stations farther apart leave out others
 _DOGLEG = math.radians(30.0) / 30.0
 # Two tools or two roundings may differ by this at neighbouring stations, rad.
 _ROUNDING = math.radians(1.0)
-_FEW = 3
 
 
 def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
@@ -38,9 +37,9 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
     ListFileError
         A depth above the wellhead, or deeper than any hole.
     """
-    for k in np.flatnonzero(md < 0.0):
-        raise ListFileError(f"{at[k]}: measured depth {md[k]:g} m is above the wellhead; measured depths count downwards")
-    for k in np.flatnonzero(md > DEEPEST):
+    for k in map(int, np.flatnonzero(md < 0.0)):
+        raise ListFileError(f"{at[k]}: measured depth {md[k]:g} m is above the wellhead; depths count downwards")
+    for k in map(int, np.flatnonzero(md > DEEPEST)):
         if "depth" not in given.confirm:
             raise ListFileError(
                 f"{at[k]}: measured depth {md[k]:g} m is deeper than any hole; check the unit and the decimal mark, or"
@@ -48,9 +47,7 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
             )
 
 
-def check_doglegs(
-    name: str, columns: tuple[Array, Array, Array], at: Sequence[str], given: Given
-) -> tuple[Remark, ...]:
+def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
     Refuse a dogleg above 30 deg/30 m, which is a wrong number far more often than a hole; return what was confirmed.
 
@@ -79,7 +76,7 @@ def check_doglegs(
 
 
 def allowed(md: Array) -> Array:
-    """Return how far positions of a list may be from those of its angles, m: methods of calculation, stations left out."""
+    """Return how far positions of a list may be from those of its angles, m: by method, and by stations left out."""
     # Over a long gap the hole is no arc.
     gaps = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(md) - _ARC, 0.0))])
     return np.asarray(1.0 + 0.005 * (md - md[0]) + 0.1 * gaps)
@@ -144,32 +141,35 @@ def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
     """Usual mistake that explains a contradiction, or what to check."""
     md, inc, azi = columns
     turn = turn_between(columns, positions)
-    half = math.pi / 2.0
-    right = 180.0 / math.pi
-    swapped = positions[:, [1, 0, 2]]
-    raised = positions * np.array([1.0, 1.0, -1.0])
-    ways: tuple[tuple[str, Callable[[], tuple[tuple[Array, Array, Array], Array]]], ...] = (
-        ("the inclinations are angles from the horizontal (dips): name the column dip", lambda: ((md, half - inc, azi), positions)),
-        ("the inclinations are angles from the horizontal (dips, positive up): name the column dip", lambda: ((md, half + inc, azi), positions)),
-        ("the angles are in radians: --angle-unit rad", lambda: ((md, inc * right, azi * right), positions)),
-        ("the inclinations are in radians: give them a unit", lambda: ((md, inc * right, azi), positions)),
-        ("the angles are in grads: --angle-unit grad", lambda: ((md, inc * 0.9, azi * 0.9), positions)),
-        ("the angles are in degrees and not in grads", lambda: ((md, inc / 0.9, azi / 0.9), positions)),
-        ("feet and metres are mixed: the measured depths are in feet or the positions in metres", lambda: ((md * 0.3048, inc, azi), positions)),
-        ("feet and metres are mixed: the measured depths are in metres or the positions in feet", lambda: ((md / 0.3048, inc, azi), positions)),
-        ("north and east are in feet, or the other lengths are", lambda: (columns, positions * np.array([0.3048, 0.3048, 1.0]))),
-        ("north and east are in metres and the other lengths in feet", lambda: (columns, positions / np.array([0.3048, 0.3048, 1.0]))),
-        ("the vertical depth is in another unit than the measured depth", lambda: (columns, positions * np.array([1.0, 1.0, 0.3048]))),
-        ("the vertical depth is in another unit than the measured depth", lambda: (columns, positions / np.array([1.0, 1.0, 0.3048]))),
-        ("north and east are exchanged", lambda: (columns, swapped)),
-        ("the vertical depths are elevations, which count upwards", lambda: (columns, raised)),
-        (
-            f"the azimuths are from another north than the north and east columns: they are turned by {math.degrees(turn):+.2f} deg",
-            lambda: ((md, inc, azi + turn), positions),
-        ),
+    right, up, foot = math.pi / 2.0, np.array([1.0, 1.0, -1.0]), 0.3048
+    flat, deep = np.array([foot, foot, 1.0]), np.array([1.0, 1.0, foot])
+    degrees = 180.0 / math.pi
+    dips = "the inclinations are angles from the horizontal (dips): name the column dip"
+    mixed = "feet and metres are mixed:"
+    turned = (
+        "the azimuths are from another north than the north and east columns, which are turned from them by"
+        f" {math.degrees(turn):+.2f} deg"
     )
-    for words, undone in ways:
-        changed, moved = undone()
-        if np.all(np.isfinite(changed[2])) and np.all((changed[1] >= 0.0) & (changed[1] <= math.pi)) and fits(changed, moved):
+    # Words, and the list with that mistake undone: angles and positions.
+    ways = (
+        (dips, (md, right - inc, azi), positions),
+        (f"{dips}; positive ones point up", (md, right + inc, azi), positions),
+        ("the angles are in radians: --angle-unit rad", (md, inc * degrees, azi * degrees), positions),
+        ("the inclinations are in radians: give them a unit", (md, inc * degrees, azi), positions),
+        ("the angles are in grads: --angle-unit grad", (md, inc * 0.9, azi * 0.9), positions),
+        ("the angles are in degrees and not in grads", (md, inc / 0.9, azi / 0.9), positions),
+        (f"{mixed} the measured depths are in feet, or the positions in metres", (md * foot, inc, azi), positions),
+        (f"{mixed} the measured depths are in metres, or the positions in feet", (md / foot, inc, azi), positions),
+        (f"{mixed} north and east are in feet and the other lengths in metres", columns, positions * flat),
+        (f"{mixed} north and east are in metres and the other lengths in feet", columns, positions / flat),
+        (f"{mixed} the vertical depths are in feet and the other lengths in metres", columns, positions * deep),
+        (f"{mixed} the vertical depths are in metres and the other lengths in feet", columns, positions / deep),
+        ("north and east are exchanged", columns, positions[:, [1, 0, 2]]),
+        ("the vertical depths are elevations, which count upwards", columns, positions * up),
+        (turned, (md, inc, azi + turn), positions),
+    )
+    for words, changed, moved in ways:
+        angles = changed[1:]
+        if np.all(np.isfinite(angles)) and np.all((angles[0] >= 0.0) & (angles[0] <= math.pi)) and fits(changed, moved):
             return f"likely cause: {words}"
     return "check units, north, and whether columns are what their names say"

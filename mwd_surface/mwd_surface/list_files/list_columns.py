@@ -42,14 +42,53 @@ LENGTH_UNITS = {
     ),
 }
 ANGLE_UNITS = {
-    **dict.fromkeys(("deg", "dega", "degs", "degree", "degrees", "decimal degrees", "dd", "度", "grader"), math.pi / 180.0),
+    **dict.fromkeys(
+        ("deg", "dega", "degs", "degree", "degrees", "decimal degrees", "dd", "度", "grader"), math.pi / 180.0
+    ),
     **dict.fromkeys(("rad", "rads", "radian", "radians", "弧度"), 1.0),
     **dict.fromkeys(("grad", "gon", "grads", "gradians", "gons", "gradian"), math.pi / 200.0),
 }
 # Where a depth counts from; a word behind a unit or a depth that changes neither.
 _DATUMS = frozenset(
-    "kb rkb rt drt brt bkb bdf df rte dfe kbe gl rotary table kelly bushing bushings floor drill derrick md tvd ah along"
-    " hole below from datum zdp mdrkb mdkb mdrt mdbrt tvdrkb tvdkb tvdrt tvdbrt".split()
+    [
+        "kb",
+        "rkb",
+        "rt",
+        "drt",
+        "brt",
+        "bkb",
+        "bdf",
+        "df",
+        "rte",
+        "dfe",
+        "kbe",
+        "gl",
+        "rotary",
+        "table",
+        "kelly",
+        "bushing",
+        "bushings",
+        "floor",
+        "drill",
+        "derrick",
+        "md",
+        "tvd",
+        "ah",
+        "along",
+        "hole",
+        "below",
+        "from",
+        "datum",
+        "zdp",
+        "mdrkb",
+        "mdkb",
+        "mdrt",
+        "mdbrt",
+        "tvdrkb",
+        "tvdkb",
+        "tvdrt",
+        "tvdbrt",
+    ]
 )
 _NORTH_WORDS = {
     **dict.fromkeys(("true", "tn", "geographic", "geo", "truenorth", "真", "真北"), "true"),
@@ -59,15 +98,52 @@ _NORTH_WORDS = {
 _LETTERS = {"t": "true", "g": "grid"}  # behind the name of an azimuth
 # Words that neither say nor change what a column is.
 _FILLERS = frozenset(
-    "in survey station sta stn borehole wellbore hole well angle corrected corr cor final value reading point the of at to"
-    " north rel relative referenced reference ref decimal actual measured calculated calc computed vertical down positive"
-    " 角".split()
+    [
+        "in",
+        "survey",
+        "station",
+        "sta",
+        "stn",
+        "borehole",
+        "wellbore",
+        "hole",
+        "well",
+        "angle",
+        "corrected",
+        "corr",
+        "cor",
+        "final",
+        "value",
+        "reading",
+        "point",
+        "the",
+        "of",
+        "at",
+        "to",
+        "north",
+        "rel",
+        "relative",
+        "referenced",
+        "reference",
+        "ref",
+        "decimal",
+        "actual",
+        "measured",
+        "calculated",
+        "calc",
+        "computed",
+        "vertical",
+        "down",
+        "positive",
+        "角",
+    ]
 )
-_HORIZONTAL = frozenset("horizontal horiz horizon hor 水平 水平面".split())
+_HORIZONTAL = frozenset(["horizontal", "horiz", "horizon", "hor", "水平", "水平面"])
 _WORDS = {
     "md": (
         "md|measured depth|meas depth|m depth|mdepth|depth|dept|depth md|along hole depth|ahd|tmd|dmd|survey depth|"
-        "hole depth|mdrkb|mdkb|mdrt|mdbrt|mddf|meas d|tape depth|drilled depth|total measured depth|distance along hole|"
+        "hole depth|mdrkb|mdkb|mdrt|mdbrt|mddf|meas d|tape depth|drilled depth|total measured depth|"
+        "distance along hole|"
         "孔深|井深|测深|斜深|深度|测量深度|测点深度|钻孔深度|measured|teufe|messteufe|bohrteufe|profundidad|"
         "profundidad medida|profondeur|глубина|глубина по стволу"
     ),
@@ -80,7 +156,8 @@ _WORDS = {
         "俯角|einfallen|fallen|buzamiento|plongement|falling angle"
     ),
     "azimuth": (
-        "azi|azim|azimuth|az|azm|azmth|azimut|hazi|direction|hole direction|bearing|方位|方位角|acimut|азимут|azimuth angle"
+        "azi|azim|azimuth|az|azm|azmth|azimut|hazi|direction|hole direction|bearing|方位|方位角|acimut|азимут|"
+        "azimuth angle"
     ),
     "tvd": (
         "tvd|vertical depth|true vertical depth|vert depth|tv depth|v depth|vdepth|tvdrkb|tvdkb|tvdrt|tvdbrt|tvdd|垂深|"
@@ -120,11 +197,11 @@ _DIRECTED = {
 # Other quantities whose names have a word of one of ours in them; nobody expects them to be read.
 _OTHERS = re.compile(
     r"section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|tool ?face|"
-    r"magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|deg 30|per 30|true\b.*"
-    r"method|reference|method|raw|quality|status|comment|remark|note|name|number|index|declination|convergence|ellipse"
+    r"magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|reference|"
+    r"method|raw|quality|status|comment|remark|note|name|number|index|declination|convergence|ellipse"
 )
 _LENGTHS = ("md", "tvd", "north", "east", "map_north", "map_east")
-_SUBSEA = frozenset("ss tvdss mtvdss subsea sub sea msl mtvd lat".split())
+_SUBSEA = frozenset(["ss", "tvdss", "mtvdss", "subsea", "sub", "sea", "msl", "mtvd", "lat"])
 _KEYS = re.compile(r"azi|incl|inclin|depth|\btvd|north|east|方位|深|倾")
 
 
@@ -337,17 +414,11 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
             return _NAMES[joined], list(words[size:]), ""
         if joined in _DIRECTED:
             return "azimuth", list(words[size:]), _DIRECTED[joined]
-    north = ""
-    for k, word in enumerate(words):
-        if word in _NORTH_WORDS:
-            north = _NORTH_WORDS[word]
-        elif word not in _FILLERS:
-            break
-    else:
+    before = next((k for k, word in enumerate(words) if word not in _NORTH_WORDS and word not in _FILLERS), 0)
+    if before == 0:
         return "", list(words), ""
-    if k == 0:
-        return "", list(words), ""
-    quantity, rest, own = _quantity(words[k:])
+    north = next((_NORTH_WORDS[word] for word in words[:before] if word in _NORTH_WORDS), "")
+    quantity, rest, own = _quantity(words[before:])
     if north and quantity != "azimuth":
         return "", list(words), ""
     return quantity, rest, own or north

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,14 +32,35 @@ from mwd_surface.list_files.list_head import Head, read_head
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
 from mwd_surface.list_files.p7_table import is_p7, p7_table
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.list_files.station_list import POSITION, StationList
+from mwd_surface.list_files.station_list import StationList
 from mwd_surface.list_files.table import Row, Table, is_spreadsheet, read_bytes, table_of, text_of
 from mwd_surface.list_files.witsml_table import witsml_table
 
 _LOCAL = ("north", "east")
 _MAP = ("map_north", "map_east")
 # Words at the end of lists that stand in the first column of a row of totals.
-_TOTALS = frozenset("total totals sum max maximum min minimum mean average avg end td summe gesamt итого 合计 总计 平均".split())
+_TOTALS = frozenset(
+    [
+        "total",
+        "totals",
+        "sum",
+        "max",
+        "maximum",
+        "min",
+        "minimum",
+        "mean",
+        "average",
+        "avg",
+        "end",
+        "td",
+        "summe",
+        "gesamt",
+        "итого",
+        "合计",
+        "总计",
+        "平均",
+    ]
+)
 _FEW = 4
 # Magic bytes of files that are no lists: recordings.
 _OTHERS = (b"\x89MCAP0", b"SQLite format 3\x00", b"#ROSBAG")
@@ -144,6 +165,15 @@ def _roughly(cell: number_cells.Cell) -> float:
         return math.nan
 
 
+def _carried(azimuth: Array) -> Array:
+    """Azimuths in which a station without one has that of the station above, for checks."""
+    known = np.flatnonzero(~np.isnan(azimuth))
+    if not known.size:
+        return np.zeros_like(azimuth)
+    above = np.searchsorted(known, np.arange(azimuth.size), side="right") - 1
+    return np.asarray(azimuth[known[np.maximum(above, 0)]])
+
+
 class _Reader:
     """
     One list being read: its table, what its columns and head say, and the remarks so far.
@@ -171,7 +201,8 @@ class _Reader:
         """Rows that may be stations: without notes, totals and footers, which are quoted in a remark."""
         needed = [one for what in ("md", "inclination", "dip", "azimuth") for one in self.of.get(what, ())[:1]]
         depth = needed[0].number
-        kept, notes = [], []
+        kept: list[Row] = []
+        notes: list[Row] = []
         for row in rows:
             cells = [row.cells[one.number] if one.number < len(row.cells) else "" for one in needed]
             numbers = [number_cells.looks_like_number(cell) for cell in cells]
@@ -238,7 +269,9 @@ class _Reader:
             except ListFileError:
                 return
         apart = max(float(np.nanmax(np.abs(values[0] - other), initial=0.0)) for other in values[1:])
-        tolerance = math.radians(0.02) if what in ANGLES else 0.02 + 1e-4 * float(np.nanmax(np.abs(values[0]), initial=0.0))
+        tolerance = (
+            math.radians(0.02) if what in ANGLES else 0.02 + 1e-4 * float(np.nanmax(np.abs(values[0]), initial=0.0))
+        )
         if apart > tolerance:
             names = " and ".join(repr(one.name) for one in found)
             raise ListFileError(
@@ -297,8 +330,8 @@ class _Reader:
             return "."
         raise ListFileError(
             f"{self.table.at}: {unclear[0]!r} in column {column.name!r} may be"
-            f" {number_cells.value(unclear[0], mark):g} or {number_cells.value(unclear[0], other):g}, and nothing in the"
-            " list decides; say it with --decimal point or --decimal comma"
+            f" {number_cells.value(unclear[0], mark):g} or {number_cells.value(unclear[0], other):g}, and nothing in"
+            " the list decides; say it with --decimal point or --decimal comma"
         )
 
     def _rises(self, column: Column, mark: str) -> bool:
@@ -319,7 +352,8 @@ class _Reader:
         for k, (row, cell) in enumerate(zip(self.rows, self._cells(column), strict=True)):
             if column.number >= len(row.cells) and needed:
                 raise ListFileError(
-                    f"{row.at}: {len(row.cells)} fields, the header names {column.quantity} as number {column.number + 1}"
+                    f"{row.at}: {len(row.cells)} fields, the header names {column.quantity} as number"
+                    f" {column.number + 1}"
                 )
             if number_cells.is_null(cell):
                 continue
@@ -327,17 +361,16 @@ class _Reader:
         return numbers
 
     def _number(self, cell: number_cells.Cell, mark: str, column: Column, at: str) -> float:
-        found = number_cells.split(cell)
+        number, words = number_cells.split(cell) or ("", "")
         try:
-            if found is None or (found[1] and not self._unit_in_cell(found[1], column)):
-                raise ValueError
-            sign = -1.0 if found is not None and found[1].lower() in ("s", "w") else 1.0
-            value = sign * number_cells.value(found[0], mark or number_cells.decimal_mark(found[0]))
+            value = number_cells.value(number, mark or number_cells.decimal_mark(number))
         except ValueError:
+            value = math.nan
+        if words.lower() in ("s", "w"):
+            value = -value
+        if not math.isfinite(value) or (words and not self._unit_in_cell(words, column)):
             shown = str(cell) if len(str(cell)) < 60 else f"{str(cell)[:57]}..."
-            raise ListFileError(f"{at}: {column.quantity}: expected a finite number, got {shown!r}") from None
-        if not math.isfinite(value):
-            raise ListFileError(f"{at}: {column.quantity}: expected a finite number, got {str(cell)!r}")
+            raise ListFileError(f"{at}: {column.quantity}: expected a finite number, got {shown!r}")
         return value
 
     def _unit_in_cell(self, words: str, column: Column) -> bool:
@@ -407,6 +440,7 @@ class _Reader:
             if what not in TEXTS:
                 values[what] = self._numbers(column, needed=what in ("md", angle)) * self._factor(column)
         self._refuse_radians(values, angle)
+        self._name_nulls()
         texts = {what: self._cells(column) for what, column in self.columns.items() if what in TEXTS}
         found, empty = [], []
         for k, row in enumerate(self.rows):
@@ -421,15 +455,22 @@ class _Reader:
             found.append(_Station(row.at, numbers, said))
         if empty:
             shown = ", ".join(one.at.rpartition(", ")[2] for one in empty[:_FEW])
-            nulls = {repr(str(c)) for row in empty for c in row.cells if str(c).strip() and number_cells.is_null(c)}
-            named = f" (null value {', '.join(sorted(nulls)[:_FEW])})" if nulls else ""
-            text = f"{self.name}: {len(empty)} rows without depth or inclination{named} are left out: {shown}"
+            text = f"{self.name}: {len(empty)} rows without depth or inclination are left out: {shown}"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(empty)))
         if not found:
             raise ListFileError(f"{self.name}: no station in it")
         if angle == "dip":
             found = self._from_horizontal(found)
         return self._increasing(found)
+
+    def _name_nulls(self) -> None:
+        """Say which null values were read as no value."""
+        cells = [str(c) for what, one in self.columns.items() if what not in TEXTS for c in self._cells(one)]
+        nulls = [c.strip() for c in cells if number_cells.is_null(c) and any(s.isalnum() for s in c)]
+        if nulls:
+            quoted = ", ".join(map(repr, sorted(set(nulls))[:_FEW]))
+            text = f"{self.name}: {len(nulls)} cells have a null value ({quoted}) and are read as no value"
+            self._say(RemarkKind.NULL_VALUES, text, cells=float(len(nulls)))
 
     def _refuse_radians(self, values: dict[str, Array], angle: str) -> None:
         """Ask about angles without a unit that are all as small as radians are."""
@@ -452,7 +493,9 @@ class _Reader:
         column = self.columns["dip"]
         dips = np.array([one.numbers["dip"] for one in found])
         if np.any(np.abs(dips) > math.pi / 2.0 + 1e-9):
-            raise ListFileError(f"{self.table.at}: column {column.name!r}: an angle from the horizontal is within 90 deg")
+            raise ListFileError(
+                f"{self.table.at}: column {column.name!r}: an angle from the horizontal is within 90 deg"
+            )
         md = np.array([one.numbers["md"] for one in found])
         down = np.array([one.numbers.get("tvd", math.nan) for one in found])
         ways = {"down": math.pi / 2.0 - dips, "up": math.pi / 2.0 + dips}
@@ -519,8 +562,8 @@ class _Reader:
         azimuth = column("azimuth") % math.tau
         inclination = np.clip(column("inclination"), 0.0, math.pi)
         self._without_azimuth(md, inclination, azimuth)
-        angles = md, inclination, np.where(np.isnan(azimuth), 0.0, azimuth)
-        self.remarks += check_doglegs(self.name, angles, at, self.given)
+        angles = md, inclination, _carried(azimuth)
+        self.remarks += check_doglegs(angles, at, self.given)
         horizontal = self._horizontal(md, column)
         positions = np.column_stack([*horizontal, column("tvd")])
         if self.named_map and north in ("true", "magnetic"):
@@ -579,8 +622,8 @@ class _Reader:
         if missing.size:
             deep = missing[np.argmax(inclination[missing])]
             text = (
-                f"{self.name}: {missing.size} stations have no azimuth, the first at {md[missing[0]]:.2f} m; the largest"
-                f" inclination among them is {math.degrees(inclination[deep]):.2f} deg"
+                f"{self.name}: {missing.size} stations have no azimuth, the first at {md[missing[0]]:.2f} m; the"
+                f" largest inclination among them is {math.degrees(inclination[deep]):.2f} deg"
             )
             self._say(RemarkKind.AZIMUTH_MISSING, text, stations=float(missing.size))
 
@@ -589,9 +632,8 @@ class _Reader:
         """Whether north and east come from columns of map axes, or the list has a grid beside another north."""
         return "map_north" in self.columns or self.head.wellhead is not None
 
-    def _horizontal(self, md: Array, column: object) -> tuple[Array, Array]:
+    def _horizontal(self, md: Array, column: Callable[[str], Array]) -> tuple[Array, Array]:
         """North and east from the wellhead, m; map coordinates less those of the wellhead."""
-        assert callable(column)
         local = all(what in self.columns for what in _LOCAL)
         charted = all(what in self.columns for what in _MAP)
         if not local and not charted:
@@ -632,4 +674,4 @@ class _Reader:
             f" {math.degrees(turn):+.2f} deg from them, as a grid is: those columns are not read"
         )
         self._say(RemarkKind.COLUMN_NOT_READ, text, turn=float(turn))
-        return positions * np.array([math.nan, math.nan, 1.0])
+        return np.asarray(positions * np.array([math.nan, math.nan, 1.0]))

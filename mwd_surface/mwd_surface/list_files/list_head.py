@@ -18,7 +18,8 @@ from mwd_surface.list_files.number_cells import decimal_mark, split, value
 
 _NORTH = re.compile(
     r"(?:(?:north|azimuths?|azi|azm|azim|bearing)[ _]*(?:angles?)?[ _]*(?:north)?[ _]*(?:ref(?:erence)?s?|type|datum)\b"
-    r"|reference[ _]+north|north[ _]+type|azimuths?[ _]+(?:are|is)?[ _]*(?:given|referenced|relative|measured|from|in)\b"
+    r"|reference[ _]+north|north[ _]+type"
+    r"|azimuths?[ _]+(?:are|is)?[ _]*(?:given|referenced|relative|measured|from|in)\b"
     r"|^\W*north\s*(?=[:=,;|\t])|北向|方位基准|方位参考)"
     r"[^:=,;|\t]{0,40}?(?:[:=,;|\t]|\s)\s*(?P<said>.*)",
     re.IGNORECASE,
@@ -29,17 +30,23 @@ _UNIT = re.compile(
     re.IGNORECASE,
 )
 _IN_UNITS = re.compile(r"\b(?:in|IN)\s+(?P<said>[\w ]{1,20}?)-?\s*UNITS?\b", re.IGNORECASE)
-_ANGLES_ARE = re.compile(r"\bangles?\b[^:=]*\b(?:in|are)\s+(?:given in\s+)?(?P<said>degrees|radians|grads?|gon)\b", re.IGNORECASE)
+_ANGLES_ARE = re.compile(
+    r"\bangles?\b[^:=]*\b(?:in|are)\s+(?:given in\s+)?(?P<said>degrees|radians|grads?|gon)\b", re.IGNORECASE
+)
 _HORIZONTAL = re.compile(
-    r"(?:incl\w*|dip|angle|倾角)[^:=]*\b(?:from|to|relative to|above|below|against)\s+(?:the\s+)?horizont|与水平面", re.IGNORECASE
+    r"(?:incl\w*|dip|angle|倾角)[^:=]*\b(?:from|to|relative to|above|below|against)\s+(?:the\s+)?horizont|与水平面",
+    re.IGNORECASE,
 )
 _HEAD_X = re.compile(
-    r"(?:\b(?:well\s*-?\s*head|surface|slot|collar|well|head|wrp|location|top)\b|\+[NE]/-[SW])[^:=]*?\b(?:x|east(?:ing)?s?)\b[^:=0-9]*[:=,;\t ]\s*"
+    r"(?:\b(?:well\s*-?\s*head|surface|slot|collar|well|head|wrp|location|top)\b|\+[NE]/-[SW])[^:=]*?"
+    r"\b(?:x|east(?:ing)?s?)\b[^:=0-9]*[:=,;\t ]\s*"
     r"(?P<number>[-+]?\d[\d.,' ]*)\s*(?P<unit>\(?\s*[A-Za-z ]*\)?)",
     re.IGNORECASE,
 )
 _HEAD_Y = re.compile(_HEAD_X.pattern.replace(r"(?:x|east(?:ing)?s?)", r"(?:y|north(?:ing)?s?)"), re.IGNORECASE)
-_IN_BRACKETS = re.compile(r"\b(?:KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b[^()]*\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE)
+_IN_BRACKETS = re.compile(
+    r"\b(?:KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b[^()]*\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE
+)
 
 
 @dataclasses.dataclass(frozen=True)

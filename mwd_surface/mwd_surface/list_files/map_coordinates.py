@@ -74,20 +74,20 @@ def offsets_from_wellhead(
         return pair, ()
     if beyond <= _SITE and not charted:
         text = (
-            f"{name}: its first station lies {place[0]:+.2f} m north and {place[1]:+.2f} m east: north and east are taken"
-            " to count from another point of the site, and the path starts there"
+            f"{name}: its first station lies {place[0]:+.2f} m north and {place[1]:+.2f} m east: north and east are"
+            " taken to count from another point of the site, and the path starts there"
         )
         return pair, (Remark(RemarkKind.TIE_ON_OF_LIST, text, {"north": float(place[0]), "east": float(place[1])}),)
     if not charted and beyond <= _MAP and "wellhead" not in given.confirm:
         raise ListFileError(
-            f"{name}: north and east of its first station are {place[0]:.2f} and {place[1]:.2f} m: map coordinates, or"
-            " offsets from another point than the wellhead? Give the wellhead with --wellhead NORTHING,EASTING, or say"
-            " with --confirm wellhead that the first station is the wellhead"
+            f"{name}: north and east of its first station are {place[0]:.2f} and {place[1]:.2f} m: map coordinates,"
+            " or offsets from another point than the wellhead? Give the wellhead with --wellhead NORTHING,EASTING, or"
+            " say with --confirm wellhead that the first station is the wellhead"
         )
     if md[first] > 0.0 and inclination > _VERTICAL:
         raise ListFileError(
-            f"{name}: north and east are map coordinates ({place[0]:.2f} and {place[1]:.2f} m at {md[first]:.2f} m), and"
-            " the list does not say where the wellhead is; give it with --wellhead NORTHING,EASTING"
+            f"{name}: north and east are map coordinates ({place[0]:.2f} and {place[1]:.2f} m at {md[first]:.2f} m),"
+            " and the list does not say where the wellhead is; give it with --wellhead NORTHING,EASTING"
         )
     return _shifted(name, pair, (float(place[0]), float(place[1])), float(md[first]), first, given)
 

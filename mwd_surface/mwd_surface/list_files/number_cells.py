@@ -17,12 +17,44 @@ Cell = str | float
 # Values that programs write for "no value" (LAS, Petrel, WITSML, spreadsheets).
 NULL_NUMBERS = (-999.25, -999.0, -9999.0, -9999.25, -99999.0, -999.99, -9999.99, 1e30, -1e30, 1.0e33)
 _NULL_WORDS = frozenset(
-    "- -- --- . na n/a n.a. n.a nan nil null none void - ? #n/a #na #value! #ref! #div/0! #num! #null! absent"
-    " (null) <null> inf +inf -inf - 无 空".split()
+    [
+        "-",
+        "--",
+        "---",
+        ".",
+        "na",
+        "n/a",
+        "n.a.",
+        "n.a",
+        "nan",
+        "nil",
+        "null",
+        "none",
+        "void",
+        "-",
+        "?",
+        "#n/a",
+        "#na",
+        "#value!",
+        "#ref!",
+        "#div/0!",
+        "#num!",
+        "#null!",
+        "absent",
+        "(null)",
+        "<null>",
+        "inf",
+        "+inf",
+        "-inf",
+        "-",
+        "无",
+        "空",
+    ]
 )
 _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-", "\ufe63": "-", "\uff0d": "-", "\uff0e": ".", "\uff0c": ","})
 _NUMBER = re.compile(
-    r"""^(?P<number>[+-]?\s?(?:\d[\d.,'’\u00a0\u202f\u2009 ]*|[.,]\d+)(?:[eEdD][+-]?\d+)?)\s*(?P<rest>\D*)$""", re.DOTALL
+    r"""^(?P<number>[+-]?\s?(?:\d[\d.,'’\u00a0\u202f\u2009 ]*|[.,]\d+)(?:[eEdD][+-]?\d+)?)\s*(?P<rest>\D*)$""",
+    re.DOTALL,
 )
 _SPACES = re.compile("(?<=\\d)['’\u00a0\u202f\u2009 ](?=\\d{3}(?!\\d))")
 _GROUPED = re.compile(r"^[+-]?[1-9]\d{0,2}(?P<mark>[.,])\d{3}$")

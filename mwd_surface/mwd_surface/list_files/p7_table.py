@@ -43,16 +43,23 @@ def p7_table(text: str, name: str) -> Table:
     rows: list[Row] = []
     projected = others = 0
     table = ""
+    wellhead: tuple[str, str] | None = None
+    eastings_first = False
     for number, line in enumerate(text.splitlines(), start=1):
-        if not line.startswith(("P7,", "H7,", "HC,")):
+        if not line.startswith(("P7,", "H7,", "HC,", "O7,")):
             continue
         fields = [field.strip() for field in next(csv.reader([line], skipinitialspace=True))]
         if fields[:4] == ["H7", "1", "5", "0"] and len(fields) > _UNIT_FIELD:
             units.add(fields[_UNIT_FIELD])
         elif fields[:4] == ["H7", "1", "5", "1"]:
             norths |= {_NORTHS.get(field.upper(), field) for field in fields if field.upper().startswith("AZ_")}
-        elif fields[:4] == ["HC", "1", "6", "1"] and len(fields) > 11 and fields[8].lower().startswith(("north", "east")):
+        elif (
+            fields[:4] == ["HC", "1", "6", "1"] and len(fields) > 11 and fields[8].lower().startswith(("north", "east"))
+        ):
             map_units.add(fields[-1])
+            eastings_first |= fields[6] == "1" and fields[8].lower().startswith("east")
+        elif fields[0] == "O7" and len(fields) > 6 and "WRP" in fields[3:5]:
+            wellhead = fields[5], fields[6]
         elif fields[0] == "P7" and len(fields) > _FIRST + 2:
             table = table or fields[2]
             others += fields[2] != table
@@ -72,5 +79,19 @@ def p7_table(text: str, name: str) -> Table:
         said = f"{name}: {projected + others} P7 records that are projections or of other tables are left out"
         remarks.append(Remark(RemarkKind.ROWS_LEFT_OUT, said, {"rows": float(projected + others)}))
     columns = (unit, "deg", "deg", unit, unit, unit, chart or unit, chart or unit)
-    head = (f"azimuth reference: {north}",) if north else ()
-    return Table(name, name, _NAMES, columns, tuple(rows), head, tuple(remarks))
+    head = [f"azimuth reference: {north}"] if north else []
+    axes = ("easting", "northing") if eastings_first else ("northing", "easting")
+    if wellhead is not None:
+        head += [f"wellhead {axis}: {number} ({chart or unit})" for axis, number in zip(axes, wellhead, strict=True)]
+    names = (*_NAMES[:-2], *(("EASTING", "NORTHING") if _exchanged(rows) else _NAMES[-2:]))
+    return Table(name, name, names, columns, tuple(rows), tuple(head), tuple(remarks))
+
+
+def _exchanged(rows: list[Row]) -> bool:
+    """Whether the map coordinates of the records have the easting first: their steps then fit the offsets exchanged."""
+    try:
+        first, last = ([float(rows[k].cells[j]) for j in (3, 4, 6, 7)] for k in (0, -1))
+    except ValueError:
+        return False
+    n, e, one, two = (b - a for a, b in zip(first, last, strict=True))
+    return abs(one - e) + abs(two - n) < abs(one - n) + abs(two - e)

@@ -160,9 +160,7 @@ def read_table(path: Path) -> Table:
             raise ListFileError(f"{row.at}: {len(row.cells)} cells, but {len(table.names)} columns have names")
     kept = [k for k, name in enumerate(table.names) if name]
     rows = tuple(Row(row.at, tuple(row.cells[k] if k < len(row.cells) else "" for k in kept)) for row in table.rows)
-    return dataclasses.replace(
-        table, names=tuple(named), units=tuple(table.units[k] for k in kept), rows=rows
-    )
+    return dataclasses.replace(table, names=tuple(named), units=tuple(table.units[k] for k in kept), rows=rows)
 
 
 def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: Header | None = None) -> Table:
@@ -209,23 +207,30 @@ def _sheets(data: bytes, name: str) -> list[tuple[str, list[Row]]]:
     """Rows of each sheet of a spreadsheet; numbers stay numbers."""
     import openpyxl
 
+    _check_archive(data, name)
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if sum(item.file_size for item in archive.infolist()) > _UNPACKED:
-                raise ListFileError(f"{name}: unpacks to more than {_UNPACKED / 1e6:g} MB")
-            if not any(item.filename.startswith("xl/") for item in archive.infolist()):
-                raise ListFileError(f"{name} is an archive that is not an .xlsx spreadsheet; save it as .xlsx or CSV")
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         sheets = []
         for sheet in book.worksheets:
-            rows = sheet.iter_rows(values_only=True)
-            cells = ((f"{name}, sheet {sheet.title}, row {k}", row) for k, row in enumerate(rows, start=1))
+            rows = enumerate(sheet.iter_rows(values_only=True), start=1)
+            cells = ((f"{name}, sheet {sheet.title}, row {k}", row) for k, row in rows)
             sheets.append((sheet.title, [Row(at, tuple(map(_cell, row))) for at, row in cells if any(map(_said, row))]))
-    except ListFileError:
-        raise
     except Exception as error:  # openpyxl raises whatever its parsing meets
         raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
     return sheets
+
+
+def _check_archive(data: bytes, name: str) -> None:
+    """Refuse an archive that is not a spreadsheet, or that unpacks to more than a memory holds."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            items = archive.infolist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+        raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
+    if sum(item.file_size for item in items) > _UNPACKED:
+        raise ListFileError(f"{name}: unpacks to more than {_UNPACKED / 1e6:g} MB")
+    if not any(item.filename.startswith("xl/") for item in items):
+        raise ListFileError(f"{name} is an archive that is not an .xlsx spreadsheet; save it as .xlsx or CSV")
 
 
 def _said(cell: object) -> bool:
@@ -269,13 +274,11 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
     return _assembled(name, grid, (0, 1), [str(cell) for cell in grid[0].cells], is_unit, comments)
 
 
-def _parted(
-    lines: Sequence[tuple[int, str]], separator: str, name: str
-) -> tuple[list[Row], dict[int, ListFileError]]:
+def _parted(lines: Sequence[tuple[int, str]], separator: str, name: str) -> tuple[list[Row], dict[int, ListFileError]]:
     """Rows of the lines, and by their number the error of those that cannot be parted; these are one cell."""
     if separator in (WIDE, SPACE):
-        split = (lambda line: re.split(r"\s{2,}|\t", line.strip())) if separator == WIDE else str.split
-        return [Row(f"{name}, line {k}", tuple(c.strip() for c in split(line))) for k, line in lines], {}
+        between = re.compile(r"\s{2,}|\t" if separator == WIDE else r"\s+")
+        return [Row(f"{name}, line {k}", tuple(between.split(line.strip()))) for k, line in lines], {}
     try:
         return _records(lines, separator, name), {}
     except csv.Error:
@@ -344,7 +347,9 @@ def _spaced(
 ) -> tuple[list[Row], tuple[int, int], list[str]] | None:
     """Rows parted by spaces whose names have several words: the words stand above the columns they name."""
     tokens = [list(re.finditer(r"\S+", line)) for _, line in lines]
-    grid = [Row(f"{name}, line {k}", tuple(t.group() for t in found)) for (k, _), found in zip(lines, tokens, strict=True)]
+    grid = [
+        Row(f"{name}, line {k}", tuple(t.group() for t in found)) for (k, _), found in zip(lines, tokens, strict=True)
+    ]
     numeric = [sum(looks_like_number(cell) for cell in row.cells) for row in grid]
     data = next((k for k in range(1, len(grid)) if numeric[k] > 2 and numeric[k] >= len(grid[k].cells) - 1), None)
     if data is None or data > _HEAD:
@@ -357,7 +362,8 @@ def _spaced(
         for found in tokens[data - count : data]:
             for word in found:
                 if not _RULE.match(word.group()):
-                    near = min(range(width), key=lambda j, word=word: _apart(spans[j], word.span()))
+                    apart = [_apart(span, word.span()) for span in spans]
+                    near = apart.index(min(apart))
                     names[near] = f"{names[near]} {word.group()}".strip()
         if is_header(names):
             return grid, (data - count, count), names
@@ -385,9 +391,8 @@ def _groupings(words: Sequence[str], width: int) -> Iterator[list[str]]:
             if k == len(words):
                 yield names
             continue
-        for size in (4, 3, 2, 1):
-            if len(words) - k - size >= width - len(names) - 1 and k + size <= len(words):
-                stack.append((k + size, [*names, " ".join(words[k : k + size])]))
+        room = len(words) - k - (width - len(names) - 1)
+        stack += [(k + size, [*names, " ".join(words[k : k + size])]) for size in (4, 3, 2, 1) if size <= room]
 
 
 def _assembled(
@@ -402,12 +407,13 @@ def _assembled(
     first, count = where
     head = [*comments, *(" ".join(str(c) for c in row.cells if str(c)) for row in grid[:first])]
     above = {_plain(row) for row in grid[first : first + count]} | {_plain(row) for row in grid[:first]}
-    rows, left_out = [], []
+    rows: list[Row] = []
+    left_out: list[Row] = []
     units: tuple[str, ...] = ("",) * len(names)
     for row in grid[first + count :]:
-        if all(not str(cell).strip() for cell in row.cells) or all(_RULE.match(str(cell)) for cell in row.cells):
-            if all(is_null(cell) for cell in row.cells):
-                continue
+        if all(_RULE.match(str(cell)) for cell in row.cells):
+            # Empty, or a ruled line.
+            continue
         if not rows and is_unit is not None and is_unit([str(cell) for cell in row.cells]):
             units = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
             above.add(_plain(row))

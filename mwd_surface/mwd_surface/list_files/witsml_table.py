@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of the first trajectory in a WITSML document: 1.3.1.1, 1.4.1.1, 2.0 and 2.1, by the names of its elements."""
+"""The table of the first trajectory in a WITSML document of 1.3.1.1, 1.4.1.1, 2.0 or 2.1, by names of elements."""
 
 from __future__ import annotations
 

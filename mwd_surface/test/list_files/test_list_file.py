@@ -219,8 +219,11 @@ def test_a_las_file_is_read_by_its_curves_and_a_wrong_one_says_what_it_has():
 
     got = list_of(las("DEPT.FT", "DEVI.DEG", "AZIM.DEG"))
     assert got.md.tolist() == pytest.approx([0.0, 304.8])
-    assert [(r.kind, r.values) for r in got.remarks] == [(RemarkKind.ROWS_LEFT_OUT, {"rows": 1})]
-    with pytest.raises(ListFileError, match="no column for azimuth.* got DEPT, DEVI, GR"):
+    assert [(r.kind, r.values) for r in got.remarks] == [
+        (RemarkKind.NULL_VALUES, {"cells": 1}),
+        (RemarkKind.ROWS_LEFT_OUT, {"rows": 1}),
+    ]
+    with pytest.raises(ListFileError, match=r"no column for azimuth.* got DEPT, DEVI, GR"):
         list_of(las("DEPT.FT", "DEVI.DEG", "GR.API"))
-    with pytest.raises(ListFileError, match="cannot be read as LAS|no column"):
+    with pytest.raises(ListFileError, match=r"cannot be read as LAS|no column"):
         list_of(b"~V\nno LAS at all")

@@ -19,11 +19,18 @@ def test_the_separator_is_found_by_itself(tmp_path, separator):
 
 
 def test_marks_comments_and_empty_lines_are_left_out(tmp_path):
-    assert read_table(written(tmp_path, "\ufeff# from the tool\nmd,gx\n\n1,2\n")).columns() == {"md": ["1"], "gx": ["2"]}
+    assert read_table(written(tmp_path, "\ufeff# from the tool\nmd,gx\n\n1,2\n")).columns() == {
+        "md": ["1"],
+        "gx": ["2"],
+    }
 
 
 def test_missing_cells_are_empty(tmp_path):
-    assert read_table(written(tmp_path, "a,b,c\n1,2\n,,3,\n")).columns() == {"a": ["1", ""], "b": ["2", ""], "c": ["", "3"]}
+    assert read_table(written(tmp_path, "a,b,c\n1,2\n,,3,\n")).columns() == {
+        "a": ["1", ""],
+        "b": ["2", ""],
+        "c": ["", "3"],
+    }
 
 
 @pytest.mark.parametrize(

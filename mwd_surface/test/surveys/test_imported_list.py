@@ -50,9 +50,7 @@ def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_s
 
 
 def test_stations_whose_verdict_is_not_accept_are_listed_and_used_only_on_demand():
-    stations = list_of(
-        b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n"
-    )
+    stations = list_of(b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n")
     surveys = survey_list(stations)
     assert [record.in_use for record in surveys.records] == [True, False, False]
     assert "2 of 3 stations are not used" in surveys.remarks[0].text
