@@ -370,7 +370,7 @@ def factor(column: Column, at: str, given: Given | None = None, otherwise: str =
     if said:
         return known[said]
     option = "--angle-unit" if angle else "--length-unit"
-    if column.strange and not column.unit:
+    if column.strange and not column.unit and column.quantity != "azimuth":
         raise ListFileError(
             f"{at}: {column.quantity} in {column.strange!r} (column {column.name!r}): not understood; expected one of"
             f" {', '.join(list(known)[:8])} ...; say it with {option}, or name the column with --columns"

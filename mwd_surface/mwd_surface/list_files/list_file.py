@@ -117,18 +117,21 @@ def _table(data: bytes, name: str, given: Given) -> Table:
         if is_p7(start):
             return p7_table(text, name)
 
-    def is_header(names: Sequence[str]) -> bool:
-        return not list_columns.find(names, given).missing
+    def is_header(names: Sequence[str]) -> int:
+        found = list_columns.find(names, given)
+        # Names that say the same twice, or nothing that is understood, are rather half of the names.
+        again = sum(len({(one.north, one.unit) for one in columns}) < len(columns) for columns in found.of.values())
+        return 0 if found.missing else max(1, 3 * len(found.of) - 2 * again - len(found.unread) + len(NEEDED))
 
     return table_of(data, name, is_header, _are_units)
 
 
-def _are_units(cells: Sequence[str]) -> bool:
+def _are_units(cells: Sequence[str]) -> int:
     """Whether the cells of a row below the names are units: words, and one of them a unit."""
     if any(number_cells.looks_like_number(cell) for cell in cells):
-        return False
+        return 0
     words = [cell.strip().strip("()[]") for cell in cells if cell.strip().strip("()[]-")]
-    return bool(words) and (any(list_columns.unit_word(word) for word in words) or len(words) == len(cells))
+    return bool(words) and int(any(list_columns.unit_word(word) for word in words) or len(words) == len(cells))
 
 
 def _stations(table: Table, given: Given) -> StationList:
@@ -209,7 +212,9 @@ class _Reader:
             first = str(row.cells[0]).strip().lower().rstrip(":. ") if row.cells else ""
             word = str(cells[0]).strip().lower().rstrip(":. ")
             total = not numbers[0] and bool({first, word, *first.split()} & _TOTALS) and bool(kept)
+            worded = not any(c.isdigit() for c in word) and not number_cells.is_null(cells[0])
             nothing = not any(numbers) and not (number_cells.is_null(cells[0]) and self._has_null(cells))
+            nothing = nothing or (worded and not all(numbers[1:]))
             short = bool(kept) and numbers[0] and not any(numbers[1:]) and self._is_sentence(row, kept[-1], depth)
             (notes if total or nothing or short else kept).append(row)
         if notes:
@@ -599,10 +604,10 @@ class _Reader:
             words = " and ".join(sorted(norths))
             raise ListFileError(f"{self.name}: azimuths from {words} north in one list; export it as one")
         column = self.columns["azimuth"]
-        if column.strange and not column.north and not norths:
+        if column.strange and not (column.north or norths or self.given.angle_unit):
             raise ListFileError(
-                f"{self.table.at}: {column.strange!r} in the name of column {column.name!r} is not understood; say the"
-                " north of the azimuths with --north"
+                f"{self.table.at}: {column.strange!r} in the name of column {column.name!r} is understood neither as a"
+                " unit nor as a north; say them with --north and --angle-unit"
             )
         own = norths.pop() if norths else column.north
         if not own and self.head.strange_north:

@@ -40,7 +40,8 @@ _BOMS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 
-Header = Callable[[Sequence[str]], bool]
+# How well some texts are the names of columns: 0 where they are not.
+Header = Callable[[Sequence[str]], int]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,9 +173,10 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
     data, name : bytes, str
         The file and its name, for messages.
     is_header : callable, optional
-        Whether some texts are the names of the columns. Left out, the first line that is no comment has them.
+        How well some texts are the names of the columns, 0 where they are not. Left out, the first line that is no
+        comment has them.
     is_unit : callable, optional
-        Whether the cells of the line below the names are units; left out, such a line is a row.
+        Whether (not 0) the cells of the line below the names are units; left out, such a line is a row.
 
     Raises
     ------
@@ -257,6 +259,10 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
         # Names that are written as a comment count where no other line has them.
         for candidates in (lines, [(k, _COMMENT.sub("", line)) for k, line in whole]):
             for separator in _SEPARATORS:
+                if separator == WIDE:
+                    spaced = _spaced(candidates, name, is_header)
+                    if spaced is not None:
+                        return _assembled(name, *spaced, is_unit, comments)
                 grid, faults = _parted(candidates, separator, name)
                 where = _header_in(grid, is_header)
                 if where is not None:
@@ -265,9 +271,6 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
                             raise fault
                     names = _stacked(grid[where[0] : sum(where)])
                     return _assembled(name, grid, where, names, is_unit, comments)
-            spaced = _spaced(candidates, name, is_header)
-            if spaced is not None:
-                return _assembled(name, *spaced, is_unit, comments)
     grid, faults = _parted(lines, _most(lines[0][1]), name)
     if faults and is_header is None:
         raise next(iter(faults.values()))
@@ -331,8 +334,22 @@ def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int]
             # The names of a table part as its rows do.
             wide = any(2 < len(row.cells) <= width + 2 and sum(map(looks_like_number, row.cells)) > 1 for row in below)
             if (wide or not below) and is_header(_stacked(rows)):
-                return k, count
+                return _with_above(grid, k, count, is_header)
     return None
+
+
+def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> tuple[int, int]:
+    """Rows of names from row k on, with rows above that are part of the names: they make them say more."""
+    best = is_header(_stacked(grid[k : k + count]))
+    where = k, count
+    for more in range(1, min(k, _STACKED - count) + 1):
+        rows = grid[k - more : k + count]
+        if any(looks_like_number(cell) for cell in rows[0].cells) or len(rows[0].cells) < 2:
+            break
+        score = is_header(_stacked(rows))
+        if score > best:
+            best, where = score, (k - more, count + more)
+    return where
 
 
 def _stacked(rows: Sequence[Row]) -> list[str]:
@@ -357,21 +374,37 @@ def _spaced(
     width = len(grid[data].cells)
     same = [found for found in tokens[data : data + 30] if len(found) == width]
     spans = [(min(f[j].start() for f in same), max(f[j].end() for f in same)) for j in range(width)]
-    for count in range(1, min(_STACKED, data) + 1):
-        names = [""] * width
-        for found in tokens[data - count : data]:
-            for word in found:
-                if not _RULE.match(word.group()):
-                    apart = [_apart(span, word.span()) for span in spans]
-                    near = apart.index(min(apart))
-                    names[near] = f"{names[near]} {word.group()}".strip()
-        if is_header(names):
-            return grid, (data - count, count), names
+    best: tuple[int, int, list[str]] = (0, 0, [])
+    names = [""] * width
+    for count in range(1, min(_STACKED + 1, data) + 1):
+        line = data - count
+        if numeric[line]:
+            break
+        # A line that parts as its rows do, else words above the columns, with those of the lines below.
+        text = lines[line][1].strip()
+        names = [f"{a} {b}".strip() for a, b in zip(_placed_above(tokens[line], spans), names, strict=True)]
+        for found in (re.split(r"\s{2,}|\t", text), text.split(), names):
+            score = is_header(found) if len(found) == width else 0
+            if score > best[0]:
+                best = score, count, list(found)
+    if best[0]:
+        return grid, (data - best[1], best[1]), best[2]
     words = [t.group() for t in tokens[data - 1]]
     for parted in _groupings(words, width):
         if is_header(parted):
             return grid, (data - 1, 1), parted
     return None
+
+
+def _placed_above(words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> list[str]:
+    """Words of a line above the columns that they stand over."""
+    names = [""] * len(spans)
+    for word in words:
+        if not _RULE.match(word.group()):
+            apart = [_apart(span, word.span()) for span in spans]
+            near = apart.index(min(apart))
+            names[near] = f"{names[near]} {word.group()}".strip()
+    return names
 
 
 def _apart(span: tuple[int, int], word: tuple[int, int]) -> float:

@@ -40,7 +40,7 @@ def dialects(draw):
         thousands = thousands if thousands in ("", "'", ".", ",") else ""
     unit = draw(st.sampled_from(list(FEET)))
     language = draw(st.sampled_from(list(NAMES)))
-    plain = language not in ("chinese",)
+    plain = language != "chinese"
     encoding = draw(
         st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-32", *(["cp1252"] if plain else ["gb18030"])])
     )
