@@ -121,7 +121,8 @@ def _table(data: bytes, name: str, given: Given) -> Table:
         found = list_columns.find(names, given)
         # Names that say the same twice, or nothing that is understood, are rather half of the names.
         again = sum(len({(one.north, one.unit) for one in columns}) < len(columns) for columns in found.of.values())
-        return 0 if found.missing else max(1, 3 * len(found.of) - 2 * again - len(found.unread) + len(NEEDED))
+        units = sum(bool(one.unit) for columns in found.of.values() for one in columns)
+        return 0 if found.missing else max(1, 3 * len(found.of) + units - 2 * again - len(found.unread))
 
     return table_of(data, name, is_header, _are_units)
 

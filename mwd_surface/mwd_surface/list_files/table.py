@@ -346,6 +346,8 @@ def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> t
         rows = grid[k - more : k + count]
         if any(looks_like_number(cell) for cell in rows[0].cells) or len(rows[0].cells) < 2:
             break
+        if any(":" in str(cell) for cell in rows[0].cells):
+            break
         score = is_header(_stacked(rows))
         if score > best:
             best, where = score, (k - more, count + more)
@@ -378,7 +380,8 @@ def _spaced(
     names = [""] * width
     for count in range(1, min(_STACKED + 1, data) + 1):
         line = data - count
-        if numeric[line]:
+        if numeric[line] or ":" in lines[line][1] or (count > 1 and lines[line + 1][0] - lines[line][0] > 1):
+            # Numbers, the head of the list, or a gap: not part of the names.
             break
         # A line that parts as its rows do, else words above the columns, with those of the lines below.
         text = lines[line][1].strip()

@@ -124,7 +124,8 @@ def las(stations, dialect, version=2):
         return f"{start}~Well\n NULL. -999.25 :\n~Curve\n{names}~A\n{data}".encode()
     data = "".join(",".join(f"{v:.6f}" for v in row) + "\n" for row in rows)
     return (
-        f"{start} DLM. COMMA :\n~Well\n NULL. -999.25 : NULL\n~Inclinometry_Parameter\n I_AT. GRID : Azimuth North Type\n"
+        f"{start} DLM. COMMA :\n~Well\n NULL. -999.25 : NULL\n~Inclinometry_Parameter\n I_AT. GRID : "
+        "Azimuth North Type\n"
         f"~Inclinometry_Definition\n{names}~Inclinometry_Data | Inclinometry_Definition\n{data}"
     ).encode()
 
