@@ -81,8 +81,9 @@ def start_of(stations: StationList) -> Start:
     Return where the path of a list starts.
 
     The first station, where it lies at depth 0. A list that begins below has the hole above it added: it leaves the
-    wellhead vertically, or straight towards a first station that is too near for that. Only where the list gives a position of its first station that such a hole does not reach does
-    the path start there, and nothing is known of the hole above.
+    wellhead vertically, or straight towards a first station that is too near for that. Only where the list gives a
+    position of its first station that such a hole does not reach does the path start there, and nothing is known of
+    the hole above.
     """
     md, inclination = float(stations.md[0]), float(stations.inclination[0])
     azimuth = 0.0 if math.isnan(stations.azimuth[0]) else float(stations.azimuth[0])
