@@ -37,6 +37,7 @@ setup(
         "welleng",
         "matplotlib",
         "lasio",
+        "openpyxl",
         "lxml",
         "jinja2",
         "fpdf2",

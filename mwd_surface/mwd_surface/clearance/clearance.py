@@ -25,6 +25,7 @@ import numpy as np
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
+from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 # Spacing of the points at which two wells are compared; between them the library looks for the least factor, m.
@@ -105,9 +106,10 @@ class NotCompared:
     reason: str
     shared: bool = False
 
-    def sentence(self) -> str:
+    def remark(self) -> Remark:
         """Return which part was not compared and why."""
-        return f"{self.well} was not compared from {self.from_md:.0f} to {self.to_md:.0f} m: {self.reason}"
+        text = f"{self.well} was not compared from {self.from_md:.0f} to {self.to_md:.0f} m: {self.reason}"
+        return Remark(RemarkKind.NOT_COMPARED, text, {"from_md": self.from_md, "to_md": self.to_md})
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, check_plausible, nearest_first
 from mwd_surface.clearance.offset_wells import OffsetWells, clearances, read_offset_wells
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well_position import continued, uncertain_well
 from mwd_surface.trajectory.plan import Plan
@@ -29,8 +30,8 @@ class WellClearance:
         Measured depths of the last survey and of the bit, m; beyond the bit the path is planned.
     found : tuple of Clearance
         The nearest by the rule first.
-    remarks : tuple of str
-        Which offset wells and which parts of wells could not be compared, and what else people must know.
+    remarks : tuple of Remark
+        What was not compared, and every assumption behind the lists of the well, the plan and the offset wells.
     rule : ClearanceRule
     refused : tuple of str
         Offset wells of the file that could not be compared: nothing is known of their separation.
@@ -40,7 +41,7 @@ class WellClearance:
     surveyed: float
     bit: float
     found: tuple[Clearance, ...]
-    remarks: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     rule: ClearanceRule
     refused: tuple[str, ...] = ()
 
@@ -99,10 +100,12 @@ def well_clearance(
         found, remarks = clearances(well, offsets)
     except ValueError as error:
         raise ValueError(f"no clearance: {error}") from error
-    missing = dict.fromkeys(part.sentence() for one in found for part in one.not_compared if not part.shared)
+    own = (*surveys.remarks, *(() if plan is None else plan.remarks))
+    missing = dict.fromkeys(part for one in found for part in one.not_compared if not part.shared)
     compared = {one.name for one in found}
     refused = tuple(one.name for one in offsets.wells if one.name not in compared)
-    return WellClearance(well, surveyed, bit, tuple(found), (*remarks, *missing), offsets.rule, refused)
+    remarks = (*own, *remarks, *(part.remark() for part in missing))
+    return WellClearance(well, surveyed, bit, tuple(found), remarks, offsets.rule, refused)
 
 
 def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:

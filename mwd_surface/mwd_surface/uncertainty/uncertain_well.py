@@ -10,6 +10,7 @@ import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.position_covariance import StationErrors, position_covariance
@@ -22,7 +23,7 @@ class UncertainWell:
 
     md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: of azimuths
     and axes. radius: of the open hole, m. surveyed: measured depth of the last survey, m; below it the path is
-    projected or planned.
+    projected or planned. remarks: assumptions behind its list.
     """
 
     name: str
@@ -35,6 +36,7 @@ class UncertainWell:
     reference: ErrorReference
     radius: float = 0.0
     surveyed: float = math.inf
+    remarks: tuple[Remark, ...] = ()
 
     def covariance(self) -> Array:
         """

@@ -185,7 +185,7 @@ def test_what_lies_above_the_first_station_is_said_to_be_left_out():
     found = clearance(vertical("A"), late, RULE)
     assert [dataclasses.astuple(part)[:3] for part in found.not_compared] == [("B", 0.0, 300.0)]
     assert not found.not_compared[0].shared
-    assert "B was not compared from 0 to 300 m" in found.not_compared[0].sentence()
+    assert "B was not compared from 0 to 300 m" in found.not_compared[0].remark().text
     assert found.between(500.0, 600.0).not_compared == found.not_compared
     both = clearance(late, vertical("A"), RULE)
     assert [part.well for part in both.not_compared] == ["B"]
