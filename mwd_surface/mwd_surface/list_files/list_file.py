@@ -444,7 +444,7 @@ class _Reader:
         values = {}
         for what, column in self.columns.items():
             if what not in TEXTS:
-                values[what] = self._numbers(column, needed=what in ("md", angle)) * self._factor(column)
+                values[what] = self._numbers(column, needed=what in ("md", angle, "azimuth")) * self._factor(column)
         self._refuse_radians(values, angle)
         self._name_nulls()
         texts = {what: self._cells(column) for what, column in self.columns.items() if what in TEXTS}

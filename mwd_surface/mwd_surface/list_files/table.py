@@ -377,7 +377,7 @@ def _spaced(
     same = [found for found in tokens[data : data + 30] if len(found) == width]
     spans = [(min(f[j].start() for f in same), max(f[j].end() for f in same)) for j in range(width)]
     best: tuple[int, int, list[str]] = (0, 0, [])
-    names = [""] * width
+    names, parted = [""] * width, [""] * width
     for count in range(1, min(_STACKED + 1, data) + 1):
         line = data - count
         if numeric[line] or ":" in lines[line][1] or (count > 1 and lines[line + 1][0] - lines[line][0] > 1):
@@ -386,16 +386,19 @@ def _spaced(
         # A line that parts as its rows do, else words above the columns, with those of the lines below.
         text = lines[line][1].strip()
         names = [f"{a} {b}".strip() for a, b in zip(_placed_above(tokens[line], spans), names, strict=True)]
-        for found in (re.split(r"\s{2,}|\t", text), text.split(), names):
+        wide = re.split(r"\s{2,}|\t", text)
+        if len(wide) == width:
+            parted = [f"{a} {b}".strip() for a, b in zip(wide, parted, strict=True)]
+        for found in (wide, text.split(), parted, names):
             score = is_header(found) if len(found) == width else 0
             if score > best[0]:
                 best = score, count, list(found)
     if best[0]:
         return grid, (data - best[1], best[1]), best[2]
     words = [t.group() for t in tokens[data - 1]]
-    for parted in _groupings(words, width):
-        if is_header(parted):
-            return grid, (data - 1, 1), parted
+    for grouped in _groupings(words, width):
+        if is_header(grouped):
+            return grid, (data - 1, 1), grouped
     return None
 
 

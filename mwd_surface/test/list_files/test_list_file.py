@@ -74,7 +74,7 @@ def test_the_north_that_the_header_names_is_kept():
             "line 3: tvd 3280.00 m does not fit the angles, which give 1000.00 m",
         ),
         ("md_m,inc,azi\n0,90,0\n10,90,180\n", "line 3: the hole turns by 180.0 deg over 10.00 m"),
-        ("inc,azi,md_m\n0\n1,2,3\n", "line 2: 1 fields, the header names md as number 3"),
+        ("inc,azi,md_m\n0\n1,2,3\n", "line 2: 1 fields, the header names azimuth as number 2"),
         (GOOD.replace("500,0,45", "500,0," + "9" * 200_000), "line 3: field larger than field limit"),
     ],
 )

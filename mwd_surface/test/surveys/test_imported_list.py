@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reference_field import Reference
+from mwd_surface.exports.export_csv import definitive_csv
+from mwd_surface.exports.export_las import las
+from mwd_surface.exports.export_witsml import witsml
+from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_file import list_of, read_list
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import reference_in, survey_list
 from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.survey_source import surveys_of
+from mwd_surface.surveys.survey_store import decoded, encoded
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 from project import REFERENCE_DATA
@@ -74,3 +79,19 @@ def test_a_station_without_readings_shows_none():
     assert surveys.records[5].survey.sigma_azimuth == -1.0
     assert not surveys.records[5].survey.has_readings
     assert surveys.records[5].survey.azimuth_from(North.MAGNETIC) is None
+
+
+def test_remarks_stay_with_the_list_into_its_file_and_every_export():
+    surveys = survey_list(list_of(b"md_m,inc,azi\n300,1,10\n330,2,12\n"))
+    kept = decoded(encoded(surveys))
+    kinds = {remark.kind for remark in kept.remarks}
+    assert kept.remarks == surveys.remarks
+    assert kinds == {RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.NORTH_ASSUMED}
+    table = survey_table(kept, 0)
+    assert len(table.remarks) == 2
+    for remark in table.remarks:
+        assert remark in definitive_csv(table)
+        assert remark in witsml(table)
+        assert remark in content(table).notes
+        # A colon parts the fields of LAS.
+        assert remark.partition(":")[0] in las(table)
