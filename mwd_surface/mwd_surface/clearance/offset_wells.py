@@ -183,7 +183,7 @@ def offset_well(
         dataclasses.replace(errors, tie_on=tie_on + head),
         reference,
         0.5 * offset.hole_diameter_m,
-        remarks,
+        remarks=remarks,
     )
 
 
