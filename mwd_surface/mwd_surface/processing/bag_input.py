@@ -26,6 +26,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.bags.mcap.records import MAGIC
 from mwd_surface.bags.mcap.writer import is_being_written
+from mwd_surface.bags.topic_info import REMEDY
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
@@ -304,6 +305,8 @@ def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
     if not name:
         return None
     for candidate in (name, f"/{name}"):
+        if candidate in bag.unreadable:
+            raise BagError(f"{bag.path}: {bag.unreadable[candidate].described()}", REMEDY)
         about = bag.topics.get(candidate)
         if about is None:
             continue
