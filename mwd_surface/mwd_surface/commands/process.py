@@ -31,6 +31,7 @@ from mwd_surface.commands.process_options import (
     RigTopic,
     SensorToBit,
     Smooth,
+    Stamps,
     Start,
     TemperatureTopic,
 )
@@ -77,6 +78,7 @@ def process(
     accel_unit: AccelUnit = None,
     gyro_unit: GyroUnit = None,
     mag_unit: MagUnit = None,
+    stamps: Stamps = None,
     start_s: Start = None,
     end_s: End = None,
     sensor_to_bit_m: SensorToBit = None,

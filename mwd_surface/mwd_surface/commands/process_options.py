@@ -29,6 +29,14 @@ RigTopic = Annotated[str | None, typer.Option(help="Topic of the rig state, for 
 AccelUnit = Annotated[str | None, typer.Option(help="m/s2, g or mg.", rich_help_panel=_INPUT)]
 GyroUnit = Annotated[str | None, typer.Option(help="rad/s or deg/s.", rich_help_panel=_INPUT)]
 MagUnit = Annotated[str | None, typer.Option(help="T, mT, uT, nT, G or mG.", rich_help_panel=_INPUT)]
+Stamps = Annotated[
+    str | None,
+    typer.Option(
+        "--stamps",
+        help="Times of the samples: header, or recording where clocks of sensors disagree or were not set.",
+        rich_help_panel=_INPUT,
+    ),
+]
 Start = Annotated[
     float | None, typer.Option("--start", help="Begin so many seconds after the first message.", rich_help_panel=_INPUT)
 ]
