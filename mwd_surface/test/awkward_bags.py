@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import make_reader
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
@@ -198,3 +199,36 @@ def mixed(parts: Mapping[int, Samples]) -> Samples:
     for place, part in parts.items():
         out[place :: len(parts)] = part[:count]
     return out
+
+
+def not_closed(path: Path) -> Path:
+    """Take the index from a ROS 1 bag, as a recorder leaves it that died."""
+    data = bytearray(path.read_bytes())
+    at = data.find(b"index_pos=") + len(b"index_pos=")
+    index = int.from_bytes(data[at : at + 8], "little")
+    data[at : at + 8] = bytes(8)
+    path.write_bytes(bytes(data[:index]))
+    return path
+
+
+def with_a_string(source: Path, path: Path, encoding: str = "cdr", data: bytes = b"\0\1\0\0\2\0\0\0a\0") -> Path:
+    """Copy an MCAP file with a topic of strings beside the others."""
+    with source.open("rb") as old, path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        schemas: dict[int, int] = {}
+        channels: dict[int, int] = {}
+        for schema, channel, message in make_reader(old).iter_messages():
+            if schema is not None and schema.id not in schemas:
+                schemas[schema.id] = writer.register_schema(schema.name, schema.encoding, schema.data)
+            if channel.id not in channels:
+                about = schemas[schema.id] if schema is not None else 0
+                channels[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, about)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        words = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        number = writer.register_channel("/words", encoding, words)
+        for k in range(5):
+            at = message.log_time + k
+            writer.add_message(number, at, data, at)
+        writer.finish()
+    return path

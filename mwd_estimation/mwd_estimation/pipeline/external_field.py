@@ -79,7 +79,9 @@ def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     sections = _sections(text, name)
     stations = list(dict.fromkeys(section.station for section in sections))
     if len(stations) > 1:
-        raise ValueError(f"{name}: records of several observatories ({', '.join(stations)}); give a file of one of them")
+        raise ValueError(
+            f"{name}: records of several observatories ({', '.join(stations)}); give a file of one of them"
+        )
     stamps_ns = np.array([stamp for section in sections for stamp in section.stamps_ns], dtype=np.int64)
     field_n = np.concatenate([section.north_east_down(name) for section in sections])
     whole = np.isfinite(field_n).all(axis=1)
