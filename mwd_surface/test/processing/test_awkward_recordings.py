@@ -312,34 +312,34 @@ UNREADABLE = {
     "json said to be cdr": ("cdr", awkward.as_json, ("ros2msg", "sensor_msgs/msg/{}")),
     "none": ("", awkward.as_protobuf, ("ros2msg", "sensor_msgs/msg/{}")),
 }
+# {bag} is the recording, {out} a place for results.
 COMMANDS = {
-    "inspect": lambda bag, out: ("inspect", bag),
-    "process": lambda bag, out: ("process", bag, "-o", out),
-    "view": lambda bag, out: ("view", bag),
-    "plot": lambda bag, out: ("plot", bag, "-o", f"{out}.png"),
-    "calibrate": lambda bag, out: ("calibrate", bag, "-o", f"{out}.yaml", "--gravity", "9.81"),
-    "replay": lambda bag, out: ("replay", bag),
-    "export": lambda bag, out: ("export", bag, "-f", "witsml", "-o", out),
-    "time series": lambda bag, out: ("export", bag, "-f", "timeseries", "-o", out),
-    "bag info": lambda bag, out: ("bag", "info", bag),
-    "batch": lambda bag, out: ("batch", bag, "-o", out, "--scheduler", "threads"),
+    "inspect": "inspect {bag}",
+    "process": "process {bag} -o {out}",
+    "view": "view {bag}",
+    "plot": "plot {bag} -o {out}.png",
+    "calibrate": "calibrate {bag} -o {out}.yaml --gravity 9.81",
+    "replay": "replay {bag}",
+    "export": "export {bag} -f witsml -o {out}",
+    "time_series": "export {bag} -f timeseries -o {out}",
+    "bag_info": "bag info {bag}",
+    "batch": "batch {bag} -o {out} --scheduler threads",
 }
 
 
 @pytest.mark.parametrize("others", [False, True])
 @pytest.mark.parametrize("kind", UNREADABLE)
 def test_every_command_says_in_one_sentence_that_an_encoding_cannot_be_read(kind, others, sent, tmp_path, capsys):
-    path = awkward.encoded_mcap(
-        tmp_path / "b.mcap", [(n, w, s[:200], t[:200]) for n, w, s, t in sent], *UNREADABLE[kind]
-    )
+    short = [(name, layout, one[:200], log_ns[:200]) for name, layout, one, log_ns in sent]
+    path = awkward.encoded_mcap(tmp_path / "b.mcap", short, *UNREADABLE[kind])
     if others:
         path = awkward.with_a_string(path, tmp_path / "both.mcap")
     for name, words in COMMANDS.items():
-        if others and name in ("bag info", "replay"):
+        if others and name in ("bag_info", "replay"):
             # There is something to tell, and to publish.
             continue
         with pytest.raises((BagError, ValueError, typer.Exit, click.exceptions.Exit)) as caught:
-            run(*words(str(path), str(tmp_path / name.replace(" ", "_"))))
+            run(*words.format(bag=path, out=tmp_path / name).split())
         said = capsys.readouterr().err + str(caught.value)
         assert "Traceback" not in said, name
         assert IMU in said or "in a recording" in said, (name, said)
@@ -353,6 +353,4 @@ def test_a_topic_that_cannot_be_read_stays_in_a_copy_with_the_estimates(sent, tm
     run("process", str(path), "-o", str(tmp_path / "out"), "-f", "mcap", *awkward.PLACE)
     with Bag(tmp_path / "out" / "merged") as merged:
         assert merged.unreadable["/words"].count == 5
-        assert (
-            {data for _, name, _, data in merged.messages(["/words"])} == set() if "/words" in merged.topics else True
-        )
+        assert "/words" not in merged.topics
