@@ -66,7 +66,7 @@ class StreamTimes:
 
     @property
     def rate(self) -> float:
-        """Samples a second, by the mean interval of some of the first of them in a row; nan for a single one."""
+        """Samples a second, by the first of them; nan for a single one."""
         return 1.0 / self._interval_s if self._interval_s > 0.0 else math.nan
 
     @property
@@ -118,8 +118,12 @@ def _intervals(steps: Array) -> tuple[float, float]:
     """
     Return the interval of a stream and the usual time from one burst to the next, s, by its first steps, shape (n,).
 
-    Both medians are of some samples in a row, so that a gap among them does not count.
+    The median of the longest steps among some samples in a row is that of a burst, or of a regular stream its interval.
+    The mean interval of a stream in bursts leaves out gaps; of a regular stream it is the median, for some may be lost.
     """
     count = min(_RATED, len(steps))
     rows = np.lib.stride_tricks.sliding_window_view(steps, count)[:: max(count // 2, 1)]
-    return float(np.median(rows.mean(axis=1))), float(np.median(rows.max(axis=1)))
+    usual, longest = float(np.median(steps)), float(np.median(rows.max(axis=1)))
+    if longest <= _BURSTS * usual:
+        return usual, longest
+    return float(steps[steps < _BURSTS * longest].mean()), longest
