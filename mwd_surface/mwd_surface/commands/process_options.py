@@ -12,7 +12,7 @@ from mwd_surface.commands.reference_options import FIELD_PANEL
 
 _INPUT, _OUTPUT = "Input", "Output"
 
-Recording = Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap or .db3 file.")]
+Recording = Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap, .db3 or .bag file.")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")]
 Method = Annotated[
     str | None, typer.Option("--method", help="Gravity extraction: s3, mahony, raw ... (`mwd doctor` lists them).")

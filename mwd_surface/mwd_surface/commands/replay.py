@@ -12,7 +12,7 @@ import typer
 
 def replay(
     context: typer.Context,
-    bag: Annotated[Path, typer.Argument(help="Folder of a recording, or its .mcap or .db3 file.")],
+    bag: Annotated[Path, typer.Argument(help="Folder of a recording, or its .mcap, .db3 or .bag file.")],
     rate: Annotated[float, typer.Option(help="Seconds of the recording in a second; 0: as fast as possible.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")] = False,
     start: Annotated[float, typer.Option(help="Begin so many seconds after the first message.")] = 0.0,
