@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -213,13 +214,17 @@ def in_si(
     return samples
 
 
+class OptionNeededError(ValueError):
+    """Samples that can be used with options of `mwd process`, which the sentence names."""
+
+
 def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[str]:
     """
     Warnings of readings that are implausible in any unit; samples: some of the IMU and of the magnetometer, in SI.
 
     Raises
     ------
-    ValueError
+    OptionNeededError
         Readings that look like another unit, all of them in one sentence with the options that say so.
     """
     warnings, words, options = [], [], []
@@ -233,18 +238,18 @@ def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[s
             remedy = "; not used: look at the magnetometer or its driver" if name == "mag" else ""
             warnings.append(f"{topic}: {found[0]}{remedy}")
     if options:
-        raise ValueError(f"{'; '.join(words)}; say so with {' '.join(options)}")
+        raise OptionNeededError(f"{'; '.join(words)}; say so with {' '.join(options)}")
     return warnings
 
 
 def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
-    """Raise ValueError where the motion showed another unit to the end, with the option that says so."""
+    """Raise OptionNeededError where the motion showed another unit to the end, with the option that says so."""
     last = {fault.check: fault for fault in faults if fault.unit == Unit.CONVENTIONAL}
     for fault in last.values():
         if fault.code == FaultCode.UNIT and not fault.cleared_ns:
             option, unit = QUANTITIES[(1, 0, 2)[fault.place // 3]][3], unit_words(fault)
             topic = topics.mag if fault.place == 6 else topics.imu
-            raise ValueError(f"{topic}: {describe(fault).message}; say so with {option} {unit}")
+            raise OptionNeededError(f"{topic}: {describe(fault).message}; say so with {option} {unit}")
 
 
 def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
@@ -381,10 +386,19 @@ def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
         return imu, None
     others = [name for name in bag.topics if name != imu and _has(bag, name, wire.IMU)]
     if alone:
-        gyros = [name for name in others if _kind(bag, name) == Kind.GYRO]
-        return (gyros[0], imu) if len(gyros) == 1 else (imu, None)
-    accelerometers = [name for name in others if is_accelerometer(first_samples(bag, name))]
-    return imu, accelerometers[0] if len(accelerometers) == 1 else None
+        gyro = _nearest(imu, [name for name in others if _kind(bag, name) == Kind.GYRO])
+        return (gyro, imu) if gyro is not None else (imu, None)
+    return imu, _nearest(imu, [name for name in others if is_accelerometer(first_samples(bag, name))])
+
+
+def _nearest(name: str, others: list[str]) -> str | None:
+    """Return the topic that shares the most of its name with this one; None where there is none, or several do."""
+    pairs = {other: zip(name, other, strict=False) for other in others}
+    shared = {
+        other: sum(1 for _ in itertools.takewhile(lambda two: two[0] == two[1], pairs[other])) for other in others
+    }
+    best = [other for other in others if shared[other] == max(shared.values())]
+    return best[0] if len(best) == 1 else None
 
 
 def _kind(bag: Bag, imu: str) -> Kind:

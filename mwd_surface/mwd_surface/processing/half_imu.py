@@ -48,10 +48,17 @@ def kind_of(samples: Samples) -> Kind:
     # A gyro that reads zero at rest is no half: the driver says so, or sends no single other number.
     if no_gyro.all() and not no_accel.any() and _stated_absent(samples, _GYRO):
         return Kind.ACCELEROMETER
-    changes = np.count_nonzero(no_accel[1:] != no_accel[:-1])
-    if _IN_TURNS <= no_accel.mean() < _HALF and changes >= _CHANGES:
+    if among_readings(no_accel):
         return Kind.IN_TURNS if (no_accel & ~no_gyro).any() else Kind.SOME_EMPTY
     return Kind.WHOLE
+
+
+def among_readings(empty: NDArray[np.bool_]) -> bool:
+    """Whether empty messages come again and again among others; a sensor that fails is empty from then on."""
+    if not len(empty):
+        return False
+    changes = int(np.count_nonzero(empty[1:] != empty[:-1]))
+    return _IN_TURNS <= float(empty.mean()) < _HALF and changes >= _CHANGES
 
 
 def is_accelerometer(samples: Samples) -> bool:

@@ -20,13 +20,14 @@ from mwd_surface.bags.message_parts import one_array
 from mwd_surface.processing.bag_input import (
     FIELDS,
     InputSettings,
+    OptionNeededError,
     Topics,
     first_samples,
     in_si,
     unstamped,
     without_gravity,
 )
-from mwd_surface.processing.half_imu import Joiner, Kind
+from mwd_surface.processing.half_imu import Joiner, Kind, among_readings
 
 # Samples that a repeated one may come behind.
 _REMEMBERED = 4096
@@ -72,6 +73,7 @@ class InputStream:
         self._last: dict[str, Samples] = {}
         self._newest: dict[str, int] = {}
         stamped = [name for name in topics.all if name not in self.without_time and name != topics.rig]
+        self._empty_mag = topics.mag is not None and _comes_empty(bag, topics.mag)
         self._clocks = _clocks(bag, stamped) if given.stamps == "recording" else {}
 
     @property
@@ -89,6 +91,10 @@ class InputStream:
     def take(self, block: Block) -> Block:
         """Return the block as the estimator takes it; samples of the IMU may be those of an earlier block."""
         out: Block = {name: self._timed(name, *self._once(name, *part)) for name, part in block.items()}
+        if self._empty_mag and self._topics.mag in out:
+            log_ns, samples = out[self._topics.mag]
+            filled = (samples["magnetic_field"] != 0.0).any(axis=1)
+            out[self._topics.mag] = log_ns[filled], samples[filled]
         if self._joiner is not None:
             topics = self._topics
             self._put(out, self._joiner.push(out.pop(topics.imu, None), out.pop(topics.accelerometer or "", None)))
@@ -168,11 +174,12 @@ def problems(bag: Bag, topics: Topics, given: InputSettings) -> list[Problem]:
 
 
 def refuse(found: list[Problem]) -> None:
-    """Raise ValueError for problems, with the options that help."""
+    """Raise ValueError for problems; OptionNeededError where options of `mwd process` help."""
     if not found:
         return
+    sentence = "; ".join(one.sentence for one in found)
     options = " ".join(f"--{one.option[0].replace('_', '-')} {one.option[1]}" for one in found if one.option)
-    raise ValueError("; ".join(one.sentence for one in found) + (f"; say so with {options}" if options else ""))
+    raise OptionNeededError(f"{sentence}; say so with {options}") if options else ValueError(sentence)
 
 
 def repetitions(stream: InputStream) -> list[str]:
@@ -238,6 +245,12 @@ def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.in
         for name, found in least.items()
         if found
     }
+
+
+def _comes_empty(bag: Bag, mag: str) -> bool:
+    """Whether messages of zeros come among the readings of a magnetometer."""
+    block: Block = next(bag.blocks([mag], block_messages=2000, fields={wire.MAG.type_name: ("magnetic_field",)}), {})
+    return mag in block and among_readings(~(block[mag][1]["magnetic_field"] != 0.0).any(axis=1))
 
 
 def _in_turns(topics: Topics) -> bool:

@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.core.fault_messages import describe, unit_words
+from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
+from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.health import monitor
 from mwd_estimation.health.motion_window import TURNING
 from mwd_estimation.settings import derivation
@@ -166,8 +168,9 @@ def inspect(
             reading = _read(bag, topics, reading.given, named, progress)
     mount = mount_of(bag, topics, reading.estimator.tool.mount)
     verdicts: list[str] = []
+    doubts: list[str] = []
     if not refusal:
-        verdicts, refusal = _processed(bag, reading)
+        verdicts, doubts, refusal = _processed(bag, reading)
     return Inspection(
         topics,
         reading.times,
@@ -178,7 +181,7 @@ def inspect(
         reading.rests.count,
         reading.rests.longest_s,
         reading.faults,
-        _remarks(bag, topics, reading, start[1]),
+        _remarks(bag, topics, reading, start[1]) + doubts,
         _missing(topics, reading, mount),
         verdicts,
         refusal,
@@ -203,14 +206,17 @@ def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> t
     return topics, given, "; ".join(one.sentence for one in problems(bag, topics, given))
 
 
-def _processed(bag: Bag, reading: _Reading) -> tuple[list[str], str]:
-    """Return the verdicts of the surveys by the code of `mwd process`, and why it refuses the recording, if it does."""
+def _processed(bag: Bag, reading: _Reading) -> tuple[list[str], list[str], str]:
+    """Return verdicts and doubts of the surveys by the code of `mwd process`, and why it refuses the recording."""
     given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
     try:
         summary = estimate(bag, reading.estimator, given, lambda _output: None)
     except (BagError, ValueError) as error:
-        return [], str(error)
-    return [survey.station.verdict for survey, _ in summary.surveys], ""
+        return [], [], str(error)
+    stations = [survey.station for survey, _ in summary.surveys]
+    doubted = [one for one in stations if one.verdict != ACCEPT and one.reasons]
+    doubts = dict.fromkeys(f"surveys: {one.verdict}: {text(one.reasons[0])}" for one in doubted)
+    return [one.verdict for one in stations], list(doubts), ""
 
 
 def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:

@@ -95,6 +95,22 @@ def twice(path, sent, late_ns):
     )
 
 
+def two_pairs(path, sent):
+    """Halves of two units, of which the one of the tool has the usual magnetometer beside it."""
+    (_, layout, imu, log_ns), mag = sent
+    gyro, accel = awkward.halves(imu)
+    turned = awkward.changed(accel, linear_acceleration=accel["linear_acceleration"][:, ::-1])
+    names = {"/left/gyro": gyro, "/left/accel": accel, "/right/gyro": gyro, "/right/accel": turned}
+    return awkward.written(path, [*((name, layout, one, log_ns) for name, one in names.items()), mag])
+
+
+def empty_field_between(path, sent):
+    imu, (_, layout, mag, _) = sent
+    empty = awkward.changed(mag, magnetic_field=0.0, stamp_ns=mag["stamp_ns"] + 4_000_000)
+    both = awkward.mixed({0: mag, 1: empty})
+    return awkward.written(path, [imu, (MAG, layout, both, both["stamp_ns"])])
+
+
 # Name: how the same samples are recorded.
 SAME = {
     "bare mcap": lambda path, sent: awkward.bare_mcap(path / "b.mcap", sent),
@@ -111,6 +127,7 @@ SAME = {
     "half topics": lambda path, sent: half_topics(path / "b", sent),
     "halves in turns": lambda path, sent: in_turns(path / "b", sent),
     "zeros between": lambda path, sent: zeros_between(path / "b", sent),
+    "empty fields between": lambda path, sent: empty_field_between(path / "b", sent),
     "twice": lambda path, sent: twice(path / "b", sent, 300_000),
     "twice and late": lambda path, sent: twice(path / "b", sent, 53_000_000),
 }
@@ -120,6 +137,15 @@ SAME = {
 def test_the_same_samples_give_the_same_surveys_to_the_last_bit(way, sent, expected, tmp_path):
     assert len(expected) == 2
     assert surveys(SAME[way](tmp_path, sent)) == expected
+
+
+def test_the_half_that_belongs_to_the_one_that_is_named_is_joined(sent, expected, tmp_path):
+    path = two_pairs(tmp_path / "b", sent)
+    with pytest.raises(BagError, match="--imu-topic"):
+        surveys(path)
+    assert surveys(path, imu_topic="/left/gyro") == expected
+    assert surveys(path, imu_topic="/left/accel") == expected
+    assert surveys(path, imu_topic="/right/gyro") != expected
 
 
 def test_a_write_ahead_log_is_read_from_a_folder_that_nobody_may_write_and_left_as_it_is(sent, expected, tmp_path):
@@ -272,6 +298,9 @@ def test_what_inspect_promises_is_what_process_does(name, sent, tmp_path):
         # Without the options that inspect found, process refuses and names them.
         with pytest.raises(ValueError, match=" ".join(options)):
             run("process", str(path), "-o", str(tmp_path / "without"), *awkward.PLACE)
+        # The viewer has no such options, and says what has.
+        with pytest.raises(ValueError, match=f"{' '.join(options)} to `mwd process"):
+            run("view", str(path))
     run(*words[1:])
     rows = (tmp_path / "out" / "surveys.csv").read_text().splitlines()[1:]
     assert len(rows) == len(found.surveys)
