@@ -392,7 +392,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         if executor is None:
             self._let_go(held)
         else:
-            # The first task runs when the executor has heard that the entities are gone, the second after all of theirs.
+            # The first task runs when the executor has heard that they are gone, the second after all of their events.
             executor.create_task(lambda: executor.create_task(self._let_go, held))
 
     def _let_go(self, held: contextlib.ExitStack) -> None:
