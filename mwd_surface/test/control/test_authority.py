@@ -499,7 +499,11 @@ NAMES = ("a", "b", "c")
 RIG = ControlSettings(enabled=True, left_speed_rpm=30.0, left_turn_deg=90.0, longest_s=30.0, pending_s=20.0)
 SITE = LeaseLimits.of_settings(RIG)
 ANY_NUMBER = st.one_of(
-    st.floats(-20.0, 20.0), st.floats(-0.05, 0.05), st.sampled_from([0.0, math.nan, math.inf, -math.inf, 1e300])
+    st.sampled_from([0.0, 0.01, 0.4]),
+    st.sampled_from([0.9, 3.0, 10.0]),
+    st.floats(-20.0, 20.0),
+    st.floats(-0.05, 0.05),
+    st.sampled_from([0.0, math.nan, math.inf, -math.inf, 1e300]),
 )
 ANY_LIMITS = st.builds(
     LeaseLimits,
@@ -508,6 +512,14 @@ ANY_LIMITS = st.builds(
     flow=st.sampled_from([0.0, 0.02]),
     left_speed=st.sampled_from([0.0, 0.5, 100.0]),
     left_turn=st.sampled_from([0.0, 1.0]),
+)
+# Step of the number, mode, speed, turn and flow, time, and whether only what the mode needs is set.
+ANY_POINT = st.tuples(
+    st.sampled_from([1, 1, 1, 0, -1, -2, 2**32]),
+    st.sampled_from([Mode.ROTATE, Mode.ROTATE, *Mode, 9]),
+    st.tuples(ANY_NUMBER, ANY_NUMBER, ANY_NUMBER),
+    st.sampled_from([5.0, 5.0, 0.5, 0.0, -1.0, math.nan, 1e300]),
+    st.sampled_from([True, True, True, False]),
 )
 HOW = ("sliding", "rotating")
 
@@ -531,14 +543,18 @@ class AnyController(RuleBasedStateMachine):
     @initialize(
         grant=st.sampled_from(["automatic", "operator"]),
         reactions=st.tuples(*[st.sampled_from(REACTIONS)] * 4),
+        limits=ANY_LIMITS,
     )
-    def begin(self, grant, reactions):
+    def begin(self, grant, reactions, limits):
         names = [f"{what}_lost_{how}" for what in ("controller", "mwd") for how in HOW]
         self.settings = dataclasses.replace(RIG, grant=grant, **dict(zip(names, reactions, strict=True)))
         self.authority = ControlAuthority(self.settings)
         self.now = 0.0
         self.granted, self.asked, self.newest = {}, {}, 0
         self.speed, self.mwd = None, True
+        self.asks("a", 0, wait=False, duration=0.0, limits=limits)
+        if grant == "operator":
+            self.decides(Judgement.GRANT, 0)
 
     def status(self):
         return self.authority.status(self.now)
@@ -594,15 +610,16 @@ class AnyController(RuleBasedStateMachine):
             assert self.authority.request(thief, self.now).permission == Permission.DENIED
 
     @rule(
-        name=st.sampled_from(NAMES),
-        lease=st.sampled_from(["own", "in force", "first", "none"]),
-        step=st.sampled_from([-2, -1, 0, 1, 1, 1, 2**32]),
-        mode=st.sampled_from([*Mode, 9]),
-        values=st.tuples(ANY_NUMBER, ANY_NUMBER, ANY_NUMBER),
-        valid_for=st.sampled_from([0.0, -1.0, 0.5, 5.0, math.nan, 1e300]),
-        alone=st.booleans(),
+        name=st.sampled_from(["the owner", "the owner", *NAMES]),
+        lease=st.sampled_from(["in force", "in force", "own", "first", "none"]),
+        points=st.lists(ANY_POINT, min_size=1, max_size=4),
     )
-    def commands(self, name, lease, step, mode, values, valid_for, alone):
+    def commands(self, name, lease, points):
+        for step, mode, values, valid_for, alone in points:
+            self.send(name, lease, step, mode, values, valid_for=valid_for, alone=alone)
+
+    def send(self, name, lease, step, mode, values, *, valid_for, alone):
+        name = self.status().owner or "a" if name == "the owner" else name
         number = {"own": max((n for n, (who, _) in self.asked.items() if who == name), default=0)}
         number |= {"in force": self.status().lease, "first": min(self.asked, default=0), "none": 0}
         speed, turn, flow = values
