@@ -64,6 +64,7 @@ class LiveState(LiveStreams):
         self._alarms: tuple[Alarm, ...] = ()
         self._events: tuple[Event, ...] = ()
         self._clock_offset: float | None = None
+        self._not_evaluated: tuple[str, ...] = ()
 
     def on_quill(self, angle: float, now: float) -> None:
         """Take the angle of the quill, rad clockwise looking down-hole from the zero of the rig."""
@@ -174,9 +175,19 @@ class LiveState(LiveStreams):
             self._touch("diagnostics", now)
 
     def on_alarms(
-        self, alarms: Sequence[Alarm], events: Sequence[Event], now: float, now_ns: int | None = None
+        self,
+        alarms: Sequence[Alarm],
+        events: Sequence[Event],
+        now: float,
+        now_ns: int | None = None,
+        not_evaluated: tuple[str, ...] = (),
     ) -> None:
-        """Take alarms and events, newest first (`AlarmBook.alarms`, `.events`); now_ns: `now` on their clock."""
+        """
+        Take alarms and events, newest first (`AlarmBook.alarms`, `.events`).
+
+        now_ns: `now` on their clock. not_evaluated: kinds of alarms that could not be judged, in words.
+        """
+        self._not_evaluated = not_evaluated
         self._clock_offset = None if now_ns is None else now_ns * 1e-9 - now
         self._alarms, self._events = tuple(alarms), tuple(events)
         self._touch("alarms", now)
@@ -215,6 +226,7 @@ class LiveState(LiveStreams):
             alarms=self._alarms,
             events=self._events,
             clock_offset=self._clock_offset,
+            not_evaluated=self._not_evaluated,
             history=history,
             depth_log=depth_log,
             changes=dict(self._changes),

@@ -271,6 +271,8 @@ class WellState:
         Worst first.
     alarms, events
         Newest first.
+    not_evaluated : tuple of str
+        Kinds of alarms that could not be judged, in words.
     clock_offset : float or None
         Time since the epoch minus `now` when the alarms came, s: turns their stamps into ages.
     history, depth_log : Chart
@@ -311,6 +313,7 @@ class WellState:
     advice: Advice = dataclasses.field(default_factory=Advice)
     downlink: DownlinkStatus | None = None
     inputs: InputTable = dataclasses.field(default_factory=InputTable)
+    not_evaluated: tuple[str, ...] = ()
 
     @property
     def against_plan(self) -> dict[str, float | None]:

@@ -180,7 +180,8 @@ def _alarms(state: WellState) -> Table:
     """Alarms; raised_at: s of the steady clock, None where the clock of their stamps is not known."""
     offset = state.clock_offset
     ages = [None if offset is None else number(a.raised_ns * 1e-9 - offset) for a in state.alarms]
-    return {"rows": [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]}
+    rows = [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]
+    return {"rows": rows, "not_evaluated": list(state.not_evaluated)}
 
 
 def plain_events(events: Iterable[Event]) -> list[Table]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.list_files.list_file import is_list, read_list
@@ -99,8 +100,7 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
     if last is None:
         raise BagError(f"{bag.path} has no message in {topic}", "export from the surveys folder of the run")
     message = bag.decode(topic, last)
-    records = tuple(record_of(record) for record in message.records)
-    legs = {record.leg for record in records}
+    legs = {str(record.leg) for record in message.records}
     if len(legs) > 1:
         raise BagError(
             f"{bag.path} has the legs {', '.join(sorted(legs))}, and no recording says where they are tied on",
@@ -110,10 +110,22 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
     tie_on, north = _start(bag, topic.removesuffix("surveys") + "trajectory")
     well = recorded_settings(bag).well(Well(name=message.well or Well().name))
     well = dataclasses.replace(well, north_reference=north.name.lower())
-    bare = SurveyList(
-        well=well, legs=(Leg(leg, tie_on),), records=records, leg=leg, changed_ns=stamp_of(message.header.stamp)
-    )
-    return SurveyList.from_mapping(bare.to_mapping())
+    return listed(SurveyList(well=well, legs=(Leg(leg, tie_on),), leg=leg), message)
+
+
+def listed(begun: SurveyList, message: Any) -> SurveyList:
+    """
+    Return the list with the stations of a mwd_msgs/SurveyList.
+
+    begun: well, rules, legs and tie-on, which are not part of the message. A leg of the message that it does not have
+    begins where its first leg does.
+    """
+    records = tuple(record_of(record) for record in message.records)
+    known = {leg.name for leg in begun.legs}
+    added = dict.fromkeys(record.leg for record in records if record.leg not in known)
+    legs = (*begun.legs, *(Leg(name, begun.legs[0].tie_on) for name in added))
+    bare = dataclasses.replace(begun, legs=legs, records=records, changed_ns=stamp_of(message.header.stamp))
+    return SurveyList.from_mapping(bare.to_mapping(), begun.rules)
 
 
 def _folders(path: Path) -> list[Path]:
@@ -155,7 +167,11 @@ def _start(bag: Bag, topic: str) -> tuple[TieOn, North]:
             last = data
     if last is None:
         return TieOn(), North.TRUE
-    path = bag.decode(topic, last)
+    return start_of(bag.decode(topic, last))
+
+
+def start_of(path: Any) -> tuple[TieOn, North]:
+    """Return where the path of a mwd_msgs/Trajectory begins, and its north; the wellhead where it is empty."""
     north = North(path.north_reference) if path.north_reference else North.TRUE
     if not len(path.measured_depth):
         return TieOn(), north
