@@ -152,7 +152,7 @@ class LiveWell:
         self._link = LinkMonitor(context, settings.link.source, on_gauge=self.inputs.on_gauge)
         self._clearance = ClearanceMonitor(context, plan)
         self._advice = AdviceMonitor(context)
-        self._said = SaidByTheSurface(context, self.inputs, book, said)
+        self._said = SaidByTheSurface(context, self.inputs, book, self.diagnostics.survey_ended, said)
         self._shown_alarms: tuple[int, tuple[str, ...]] = (-1, ())
         self._waiting: list[Message] = []
         self._handlers = self._handlers_of(over_link=over_link)
@@ -251,8 +251,10 @@ class LiveWell:
         # The depth of a survey comes from the rig data received before it.
         self.decoder.decode(RIG, self.clock.now)
         survey = survey_of(message)
-        said = self._said.outcome(survey)
-        self.diagnostics.survey_ended(self.book.on_survey(survey) if said is None else said)
+        if self._said.lists:
+            self._said.on_survey(survey)
+        else:
+            self.diagnostics.survey_ended(self.book.on_survey(survey))
 
     def _on_revision(self, message: Any) -> None:
         if not self._said.lists:

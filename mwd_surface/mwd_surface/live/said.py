@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.control.set_point import LeaseLimits, Mode
 from mwd_surface.control.status import Achieved, ControlState, ControlStatus, Reaction
@@ -51,6 +52,8 @@ class SaidByTheSurface:
         Takes the depth that a person had set.
     book : SurveyBook
         Takes the survey list.
+    on_outcome : callable
+        Called with how a survey ended, in words, once the list says it.
     topics : collection of str
         Those of `SAID` that come as messages.
 
@@ -58,16 +61,23 @@ class SaidByTheSurface:
     ----------
     handlers : dict
         From topic to the function that takes its messages.
-    alarms, lists, advises : bool
-        Whether alarms, the survey list, and the advice on steering come as messages.
+    alarms, lists, advises, tells_inputs : bool
+        Whether alarms, the survey list, the advice on steering, and the inputs come as messages.
     """
 
     def __init__(
-        self, context: WellContext, inputs: InputMonitor, book: SurveyBook, topics: Collection[str] = ()
+        self,
+        context: WellContext,
+        inputs: InputMonitor,
+        book: SurveyBook,
+        on_outcome: Callable[[str], None],
+        topics: Collection[str] = (),
     ) -> None:
         self._clock, self._live, self._inputs, self._book = context.clock, context.live, inputs, book
         self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
         self._by_hand_at = float("-inf")
+        self._on_outcome = on_outcome
+        self._awaited: Survey | None = None
         every: dict[str, Callable[[Any], None]] = {
             "alarms": self._on_alarms,
             "events": self._on_event,
@@ -83,15 +93,26 @@ class SaidByTheSurface:
         self.alarms, self.lists = "alarms" in topics, "surveys" in topics
         self.advises, self.tells_inputs = "steering/advice" in topics, "inputs" in topics
 
-    def outcome(self, survey: Survey) -> str | None:
-        """Return how a survey ended by the list that comes as messages; None where the list is made here."""
-        if not self.lists:
-            return None
-        return next((outcome(survey, r) for r in self._book.surveys.records if r.survey.uuid == survey.uuid), "")
+    def on_survey(self, survey: Survey) -> None:
+        """Await the list that says how this survey ended."""
+        self._awaited = survey
+        self._tell_outcome()
+
+    def _tell_outcome(self) -> None:
+        survey = self._awaited
+        if survey is None:
+            return
+        for record in self._book.surveys.records:
+            if record.survey.uuid == survey.uuid:
+                self._awaited = None
+                self._on_outcome(outcome(survey, record))
+                return
 
     def _on_alarms(self, message: Any) -> None:
         alarms = [alarm_of(one) for one in message.alarms]
-        now, now_ns = self._clock.now, stamp_of(message.header.stamp)
+        now, stamp_ns = self._clock.now, stamp_of(message.header.stamp)
+        # A graph with a time of its own stamps its alarms with it.
+        now_ns = stamp_ns if abs(stamp_ns - self._clock.now_ns) > NANOSECONDS else self._clock.now_ns
         missing = tuple(str(one) for one in message.not_evaluated)
         self._live.on_alarms(alarms, tuple(reversed(self._events)), now, now_ns, missing)
 
@@ -101,6 +122,7 @@ class SaidByTheSurface:
 
     def _on_list(self, message: Any) -> None:
         self._book.replace(listed(self._book.surveys, message))
+        self._tell_outcome()
 
     def _on_trajectory(self, message: Any) -> None:
         tie_on, _ = start_of(message)

@@ -19,7 +19,7 @@ from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, Message
 from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.live.live_well import LiveWell, live_settings
+from mwd_surface.live.live_well import CELL_NS, LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.said import SAID
 from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
@@ -40,6 +40,8 @@ from mwd_surface.trajectory.slide_sheet import SlideRules
 
 _LINK_ATTITUDE = "link/attitude"
 _STEP_S = 5.0  # of the recording that are read at a time
+# What the surface says stood on its page before it was recorded: it hears itself through the middleware.
+_SAID_BEFORE_NS = 2 * CELL_NS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -175,9 +177,10 @@ class Player:
         """Play on by so many seconds of the recording, at most to its end."""
         self.at_s = min(self.at_s + max(seconds, 0.0), self.length_s)
         until_ns = self._bag.start_ns + round(self.at_s * 1e9)
-        while self._next is not None and self._next[0] <= until_ns:
+        while self._next is not None and self._next[0] <= until_ns + _SAID_BEFORE_NS:
             log_ns, name, _, data = self._next
-            self.well.put(self._names[name], data, log_ns)
+            topic = self._names[name]
+            self.well.put(topic, data, log_ns - _SAID_BEFORE_NS if topic in self._said else log_ns)
             self._next = next(self._messages, None)
         self.well.advance(until_ns)
 
