@@ -32,7 +32,7 @@ class InputMonitor:
 
     def __init__(self, context: WellContext, selection: SourceSelection, *, link: bool) -> None:
         self._clock, self._live, self._outlet = context.clock, context.live, context.outlet
-        self._depths = DepthSources(selection)
+        self._depths, self._selection = DepthSources(selection), selection
         self._over_link = link
         self._clocks: dict[str, InputClock] = {}
         self._block = BlockTrack()
@@ -85,6 +85,19 @@ class InputMonitor:
         shown["bit_depth"][shown["valid"] & bit == 0] = hand
         shown["valid"] |= bit
         return paired, shown
+
+    def measured_at(self, name: str, stamp_ns: int, now: float) -> float:
+        """
+        Return when a sample was measured, s.
+
+        name: SONDE, or another word for the source of rig data in force. now: when the sample came, which is the answer
+        where the clock that stamped it runs at a pace of its own, or is not known yet.
+        """
+        source = name if name == SONDE else short_name(self._selection.source or "")
+        clock = self._clocks.get(source)
+        if clock is None or self._clock_of(source) in (Clock.SIMULATED, Clock.HOST):
+            return now
+        return clock.measured_at(stamp_ns, self._clock, now)
 
     def _note(self, name: str, stamp_ns: int) -> None:
         self._clocks.setdefault(name, InputClock()).note(stamp_ns, self._clock.now_ns, self._clock.now)

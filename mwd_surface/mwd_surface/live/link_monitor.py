@@ -27,6 +27,7 @@ _STROKES = 30  # over which the rate of a pump is taken
 _FIELDS = (
     *("link", "state", "reason", "has_signal", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
     *("mode", "words_done", "words_expected", "toolface_age", "survey_age"),
+    *("inclination_age", "azimuth_age"),
 )
 
 

@@ -19,10 +19,18 @@ from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
+from mwd_surface.live.latest_values import LiveValue
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams
-from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress, WellState
+from mwd_surface.live.well_state import (
+    AttitudeState,
+    NodeDiagnostic,
+    ReferenceField,
+    SurveyProgress,
+    ToolfaceState,
+    WellState,
+)
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice, AdviceMode
@@ -65,6 +73,8 @@ class LiveState(LiveStreams):
         self._events: tuple[Event, ...] = ()
         self._clock_offset: float | None = None
         self._not_evaluated: tuple[str, ...] = ()
+        #: Whether a telemetry link stands between tool and surface; None: not known.
+        self.over_link: bool | None = None
 
     def on_quill(self, angle: float, now: float) -> None:
         """Take the angle of the quill, rad clockwise looking down-hole from the zero of the rig."""
@@ -109,6 +119,26 @@ class LiveState(LiveStreams):
         if link is None or link.toolface_age < 0.0:
             return 0.0
         return max(link.toolface_age + (stamp_ns - link.stamp_ns) * 1e-9, 0.0)
+
+    def _attitude(self, now: float) -> AttitudeState:
+        """Continuous attitude; over a link each angle was measured when its word was."""
+        attitude, link = self.attitude(now), self._link
+        if link is None:
+            return attitude
+        return dataclasses.replace(
+            attitude,
+            inclination=_measured(attitude.inclination, link, link.inclination_age),
+            azimuth=_measured(attitude.azimuth, link, link.azimuth_age),
+        )
+
+    def _toolface(self, now: float) -> ToolfaceState:
+        toolface, link = self.toolface(now), self._link
+        if link is None:
+            return toolface
+        if link.toolface_age < 0.0:
+            return toolface
+        angle = _measured(toolface.angle, link, link.toolface_age)
+        return dataclasses.replace(toolface, angle=angle, measured_ns=link.stamp_ns - round(link.toolface_age * 1e9))
 
     def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
         """Take the well, and the reference field in force; without one, that of the last survey counts."""
@@ -198,8 +228,8 @@ class LiveState(LiveStreams):
         history, depth_log = self.charts(now)
         return WellState(
             now=now,
-            attitude=self.attitude(now),
-            toolface=self.toolface(now),
+            attitude=self._attitude(now),
+            toolface=self._toolface(now),
             drilling=self.drilling(now),
             rig=self.rig(now),
             streams=self.streams(now),
@@ -227,7 +257,15 @@ class LiveState(LiveStreams):
             events=self._events,
             clock_offset=self._clock_offset,
             not_evaluated=self._not_evaluated,
+            over_link=self.over_link,
             history=history,
             depth_log=depth_log,
             changes=dict(self._changes),
         )
+
+
+def _measured(value: LiveValue, link: LinkStatus, age: float) -> LiveValue:
+    """Return a value of a link with the time of its word; age: of that word when the link told it, s, -1 unknown."""
+    if value.value is None or age < 0.0:
+        return value
+    return dataclasses.replace(value, measured_at=link.at - age)

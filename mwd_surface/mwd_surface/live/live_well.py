@@ -54,7 +54,8 @@ OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey"}
 _FROM_TOOL = ("gravity", "dynamics", "interference", "imu/temperature", "imu/mag", "imu/data_raw", "survey/revised")
 
 Message = tuple[int, str, bytes]
-_ARRIVED = operator.itemgetter(0)
+# Of equal times the topic decides, not who handed in first.
+_ARRIVED = operator.itemgetter(0, 1)
 
 
 class WellSettings(Protocol):
@@ -136,7 +137,7 @@ class LiveWell:
         self.live, self.alarm_log, self.clock = context.live, context.alarm_log, context.clock
         self.vertical_limit: float | None = None
         self._outlet, self._decode = context.outlet, decode
-        over_link = settings.link.source != "direct"
+        over_link = self.live.over_link = settings.link.source != "direct"
         self.decoder = StreamDecoder(
             context,
             on_attitude=self._on_attitude,
@@ -146,6 +147,7 @@ class LiveWell:
             rules=settings.rig_sources,
         )
         self.inputs = InputMonitor(context, self.decoder.rig_sources, link=over_link)
+        self.live.moment = self.inputs.measured_at
         self.slides = SlideRecorder(context, settings.slides, stretches)
         self.diagnostics = DiagnosticsMonitor(context, full_name)
         self._supervision = SupervisionMonitor(context)

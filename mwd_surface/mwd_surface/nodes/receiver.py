@@ -167,6 +167,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
                 link.take_flow(seconds, message.flow_rate if message.valid & msg.RigState.FLOW_RATE else None)
             known = bool(message.valid & msg.RigState.RATE_OF_PENETRATION)
             link.attitude.speed = abs(message.rate_of_penetration) if known else None
+            link.attitude.in_slips = bool(message.valid & msg.RigState.SLIPS and message.in_slips)
             if message.valid & msg.RigState.ROTARY_SPEED:
                 link.attitude.rotating = abs(message.rotary_speed) > _TURNING
 

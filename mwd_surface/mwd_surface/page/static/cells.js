@@ -16,6 +16,9 @@ export function stateOf(cell, now, silent) {
   return "live";
 }
 
+// The age of the measurement, which over a telemetry link is that of the word it comes from.
+export const ageOf = (cell, now) => units.age(Math.max(0, now - (cell.measured_at ?? cell.at)));
+
 export function valueBox(where, label, kind, options = {}) {
   const parts = {
     name: el("span", {}, label),
@@ -54,7 +57,7 @@ export function refresh(sections, now, silent) {
     setText(parts.unit, units.unit(kind));
     const sigma = options.big ? " 1σ" : "";
     setText(parts.sigma, cell.sigma === null ? "" : `± ${units.spread(kind, cell.sigma)}${sigma}`);
-    const old = units.age(Math.max(0, now - cell.at));
+    const old = ageOf(cell, now);
     setText(parts.age, state === "stale" ? [`STALE ${old}`, reason].filter(Boolean).join(" · ") : old);
   }
 }

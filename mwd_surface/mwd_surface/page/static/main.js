@@ -69,7 +69,7 @@ const SHOW = {
   events: showAlarmsAndEvents,
   findings: ({ findings }) => showFindings(findings),
   inputs: ({ inputs }) => showInputs(inputs),
-  link: ({ link }) => showLink(link),
+  link: ({ link, well }) => showLink(link, well?.over_link),
   downlink: ({ downlink }) => showDownlink(downlink, connection.server),
   history: () => { if (!charts.byDepth) charts.show(); },
 };
@@ -200,7 +200,7 @@ new ResizeObserver(showWellPath).observe(byId("tab-path"));
 
 showSwitches();
 startTabs(() => {
-  showLink(connection.sections.link);
+  showLink(connection.sections.link, connection.sections.well?.over_link);
   showWellPath();
   charts.show();
   tick();

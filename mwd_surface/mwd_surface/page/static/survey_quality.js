@@ -5,7 +5,7 @@ import { percent } from "./survey_table.js";
 import { stateOfStream } from "./streams.js";
 import * as units from "./units.js";
 
-const LIGHTS = { good: "good", doubtful: "doubtful", reject: "reject", "no reference": "idle" };
+const LIGHTS = { good: "good", doubtful: "doubtful", reject: "reject", "no reference": "unknown", "not measured": "unknown" };
 const VERDICTS = { accept: ["good", "accept"], doubtful: ["doubtful", "doubtful"], reject: ["reject", "reject"] };
 const SIGNS = { accept: "✓", doubtful: "▲", reject: "✕" };
 const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
@@ -41,7 +41,7 @@ const whole = (seconds, round) => (seconds === null ? "time unknown" : `${round(
 function lightRow(light) {
   const unit = KINDS[light.unit];
   const text = light.deviation === null
-    ? (light.value === null ? "no data" : "no reference")
+    ? (light.value === null ? "not measured" : "no reference")
     : `${units.signed(unit, light.deviation)} of ± ${units.size(unit, light.limit)}${units.after(unit)}`;
   const share = light.deviation === null ? 0 : Math.max(-1, Math.min(1, light.deviation / (2 * light.limit)));
   const bar = el("span", { class: "bar", "aria-hidden": "true" }, el("span", { class: `fill ${LIGHTS[light.light]}` }));
