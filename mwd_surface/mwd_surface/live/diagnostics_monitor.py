@@ -59,7 +59,7 @@ class DiagnosticsMonitor:
             self._diagnostics_of[ours[0].name.partition(":")[0]] = (self._clock.now, ours)
         for status in ours:
             values = {pair.key: pair.value for pair in status.values}
-            if status.name.endswith("estimator: survey"):
+            if status.name.endswith("estimator: survey") and not self._live.over_link:
                 figures = (_number(values.get("elapsed_s")) or 0.0, _number(values.get("remaining_s")) or 0.0)
                 # The feedback of an action is more recent.
                 if self._clock.now - self._action_at > _TIMEOUT_S:
@@ -67,7 +67,7 @@ class DiagnosticsMonitor:
                     self._show_progress(
                         SurveyProgress("remaining_s" in values, status.message, *figures, waits_for=waits_for)
                     )
-            elif status.name.endswith("estimator: reference field"):
+            elif status.name.endswith(("estimator: reference field", "receiver: reference field")):
                 self._on_reference(values, status.message)
 
     def on_north_seek(self, feedback: Any) -> None:

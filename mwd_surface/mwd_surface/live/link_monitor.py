@@ -24,6 +24,7 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.message_conversion import stamp_of
 
 _STROKES = 30  # over which the rate of a pump is taken
+_SLOWEST_NS = 6_000_000_000  # a pump makes ten strokes a minute at least, or stands
 _FIELDS = (
     *("link", "state", "reason", "has_signal", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
     *("mode", "words_done", "words_expected", "toolface_age", "survey_age"),
@@ -111,7 +112,7 @@ class LinkMonitor:
             **{name: getattr(quality, name) for name in _FIELDS},
             stamp_ns=stamp_of(quality.header.stamp),
             at=self._clock.now,
-            pump_lines=self._stroke_rates(),
+            pump_lines=self._stroke_rates(stamp_of(quality.header.stamp)),
         )
         causes = {}
         for link, one in self._qualities.items():
@@ -136,7 +137,11 @@ class LinkMonitor:
     def on_strokes(self, message: Any) -> None:
         """Take strokes of the pumps, mwd_msgs/StrokeBurst."""
         for pump, at in zip(message.pump, message.stamp, strict=True):
-            self._strokes.setdefault(int(pump), deque(maxlen=_STROKES)).append(stamp_of(at))
+            times = self._strokes.setdefault(int(pump), deque(maxlen=_STROKES))
+            if times and not 0 < stamp_of(at) - times[-1] <= _SLOWEST_NS:
+                # It stood: its rate is that since it started again.
+                times.clear()
+            times.append(stamp_of(at))
 
     def update(self) -> None:
         """Draw the pressure anew; called once a second."""
@@ -144,9 +149,14 @@ class LinkMonitor:
             self._picture = self._pressure.picture()
             self._show()
 
-    def _stroke_rates(self) -> tuple[float, ...]:
-        """Strokes a second of each pump over its last strokes."""
-        spans = [(len(times) - 1, times[-1] - times[0]) for _, times in sorted(self._strokes.items()) if len(times) > 2]
+    def _stroke_rates(self, stamp_ns: int) -> tuple[float, ...]:
+        """Strokes a second of each pump over its last strokes; none of a pump that stands at a time, ns."""
+        newest = max((times[-1] for times in self._strokes.values()), default=0)
+        spans = [
+            (len(times) - 1, times[-1] - times[0])
+            for _, times in sorted(self._strokes.items())
+            if len(times) > 2 and max(newest, stamp_ns) - times[-1] <= _SLOWEST_NS
+        ]
         return tuple(count / span * 1e9 for count, span in spans if span > 0)
 
     def _show(self) -> None:

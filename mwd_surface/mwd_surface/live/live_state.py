@@ -13,6 +13,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
@@ -62,6 +63,8 @@ class LiveState(LiveStreams):
         self._yields: tuple[Yield, ...] = ()
         self._quill: float | None = None
         self._link: LinkStatus | None = None
+        # When the word of each angle of a link was measured: s, and ns on the clock of the gauge.
+        self._words: dict[str, tuple[float, int]] = {}
         self._control = ControlStatus()
         self._advice = Advice()
         self._downlink: DownlinkStatus | None = None
@@ -85,6 +88,11 @@ class LiveState(LiveStreams):
     def on_link(self, link: LinkStatus, now: float) -> None:
         """Take the state of the link by which the surface hears the tool."""
         self._link = link
+        for name in ("inclination", "azimuth", "toolface"):
+            age = getattr(link, f"{name}_age")
+            # A word that is taken back leaves the value shown as old as it was.
+            if age >= 0.0:
+                self._words[name] = (link.at - age, link.stamp_ns - round(age * NANOSECONDS))
         self._touch("link", now)
 
     def on_control(self, status: ControlStatus, now: float) -> None:
@@ -122,23 +130,25 @@ class LiveState(LiveStreams):
 
     def _attitude(self, now: float) -> AttitudeState:
         """Continuous attitude; over a link each angle was measured when its word was."""
-        attitude, link = self.attitude(now), self._link
-        if link is None:
-            return attitude
+        attitude = self.attitude(now)
         return dataclasses.replace(
             attitude,
-            inclination=_measured(attitude.inclination, link, link.inclination_age),
-            azimuth=_measured(attitude.azimuth, link, link.azimuth_age),
+            inclination=self._of_word("inclination", attitude.inclination),
+            azimuth=self._of_word("azimuth", attitude.azimuth),
         )
 
     def _toolface(self, now: float) -> ToolfaceState:
-        toolface, link = self.toolface(now), self._link
-        if link is None:
+        toolface = self.toolface(now)
+        if "toolface" not in self._words:
             return toolface
-        if link.toolface_age < 0.0:
-            return toolface
-        angle = _measured(toolface.angle, link, link.toolface_age)
-        return dataclasses.replace(toolface, angle=angle, measured_ns=link.stamp_ns - round(link.toolface_age * 1e9))
+        _, measured_ns = self._words["toolface"]
+        return dataclasses.replace(toolface, angle=self._of_word("toolface", toolface.angle), measured_ns=measured_ns)
+
+    def _of_word(self, name: str, value: LiveValue) -> LiveValue:
+        """Return a value with the time of the word that it comes from; without a link as it is."""
+        if value.value is None or name not in self._words:
+            return value
+        return dataclasses.replace(value, measured_at=self._words[name][0])
 
     def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
         """Take the well, and the reference field in force; without one, that of the last survey counts."""
@@ -262,10 +272,3 @@ class LiveState(LiveStreams):
             depth_log=depth_log,
             changes=dict(self._changes),
         )
-
-
-def _measured(value: LiveValue, link: LinkStatus, age: float) -> LiveValue:
-    """Return a value of a link with the time of its word; age: of that word when the link told it, s, -1 unknown."""
-    if value.value is None or age < 0.0:
-        return value
-    return dataclasses.replace(value, measured_at=link.at - age)

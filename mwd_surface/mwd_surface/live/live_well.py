@@ -236,7 +236,8 @@ class LiveWell:
 
     def _on_sonde(self, samples: Samples) -> None:
         self._supervision.on_sonde(samples)
-        self.inputs.on_sonde(samples)
+        if not self.live.over_link:
+            self.inputs.on_sonde(samples)
         self.book.on_sonde(samples)
 
     def _on_rig_input(self, frame: str, samples: Samples) -> None:

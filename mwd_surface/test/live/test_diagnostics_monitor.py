@@ -19,6 +19,7 @@ def monitor():
     """A monitor, and what it shows of fields and progress."""
     fields, progress = [], []
     live = SimpleNamespace(
+        over_link=False,
         on_well=lambda _well, _now, reference: fields.append(reference),
         on_survey_progress=lambda shown, _now: progress.append(shown),
     )

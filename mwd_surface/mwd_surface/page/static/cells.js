@@ -49,7 +49,7 @@ export function refresh(sections, now, silent) {
       setText(parts.number, "no data");
       setText(parts.unit, "");
       setText(parts.sigma, "");
-      setText(parts.age, reason);
+      setText(parts.age, reason || (where.startsWith("drilling.") && sections.well?.over_link ? "not sent over the link" : ""));
       continue;
     }
     const text = options.bearing ? units.bearing(cell.value, options.decimals ?? 2) : units.number(kind, cell.value);
