@@ -78,6 +78,8 @@ class LiveState(LiveStreams):
         self._not_evaluated: tuple[str, ...] = ()
         #: Whether a telemetry link stands between tool and surface; None: not known.
         self.over_link: bool | None = None
+        #: Whether somebody described the well; False: its description is assumed.
+        self.well_given = True
 
     def on_quill(self, angle: float, now: float) -> None:
         """Take the angle of the quill, rad clockwise looking down-hole from the zero of the rig."""
@@ -268,6 +270,7 @@ class LiveState(LiveStreams):
             clock_offset=self._clock_offset,
             not_evaluated=self._not_evaluated,
             over_link=self.over_link,
+            well_given=self.well_given,
             history=history,
             depth_log=depth_log,
             changes=dict(self._changes),

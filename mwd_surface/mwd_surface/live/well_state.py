@@ -276,6 +276,8 @@ class WellState:
         Newest first.
     not_evaluated : tuple of str
         Kinds of alarms that could not be judged, in words.
+    well_given : bool
+        Whether somebody described the well; False: its description is assumed.
     over_link : bool or None
         Whether a telemetry link stands between tool and surface; None: not known.
     clock_offset : float or None
@@ -320,6 +322,7 @@ class WellState:
     inputs: InputTable = dataclasses.field(default_factory=InputTable)
     not_evaluated: tuple[str, ...] = ()
     over_link: bool | None = None
+    well_given: bool = True
 
     @property
     def against_plan(self) -> dict[str, float | None]:

@@ -279,6 +279,7 @@ def _well(state: WellState) -> Table:
         "section_azimuth": number(_section(state)),
         "sensor_to_bit": number(well.sensor_to_bit),
         "over_link": state.over_link,
+        "given": state.well_given,
         "field_total": number(reference.total),
         "field_dip": number(reference.dip),
         "field_declination": number(reference.declination),

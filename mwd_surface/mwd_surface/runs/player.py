@@ -143,6 +143,7 @@ class Player:
         )
         limit = dict(self._bag.metadata().get(ESTIMATOR, {})).get("attitude.vertical_deg")
         self.well.vertical_limit = None if limit is None else math.radians(float(limit))
+        self.well.live.well_given = SURFACE in self._bag.metadata() or self._settings.well != Well()
         self.well.diagnostics.show_well(well)
         planned.show_plan()
         book.show()

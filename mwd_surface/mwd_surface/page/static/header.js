@@ -27,10 +27,12 @@ export function showWell(well) {
   const total = {
     grid: declination === null || convergence === null ? null : declination - convergence, true: declination, magnetic: 0,
   }[well.north_reference];
+  // What nobody has given is assumed, and says so.
+  const assumed = well.given ? "" : " (assumed)";
   setText(byId("datum"), [
-    `Depth from ${well.depth_datum || "a datum not given"}`,
-    `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
-    `${well.north_reference} north`,
+    `Depth from ${well.depth_datum || "a datum not given"}${assumed}`,
+    well.sensor_to_bit > 0 ? `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit` : "sensor to bit not given, 0 assumed",
+    `${well.north_reference} north${assumed}`,
     `decl. ${angle(declination)}`,
     `conv. ${angle(convergence)}`,
     `total correction ${angle(total)}`,
