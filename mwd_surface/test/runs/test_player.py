@@ -15,6 +15,7 @@ import pytest
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.simulator.scenario import parse, read
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.processing import process
@@ -94,9 +95,15 @@ def test_the_path_goes_to_the_bit_and_is_compared_with_the_plan(recorded):
             assert sections["links"]["sonde"]["state"] == "live"
 
 
-def test_a_recording_without_settings_says_that_the_well_is_assumed_and_what_is_not_evaluated(recorded):
-    with Bag(recorded[1]) as bag:
-        player = Player(bag, "/w1/", RecordedWell())
+def test_a_recording_without_settings_says_that_the_well_is_assumed_and_what_is_not_evaluated(recorded, tmp_path):
+    with Bag(recorded[1]) as bag, BagWriter(tmp_path / "bare") as bare:
+        channels = {}
+        for at, topic, kind, data in bag.messages():
+            if topic not in channels:
+                channels[topic] = bare.topic(topic, kind)
+            bare.write(channels[topic], data, at)
+    with Bag(tmp_path / "bare") as bag:
+        player = Player(bag, "/w1/")
         player.seek(20.0)
         sections = StateJson().snapshot(player.state())["sections"]
     assert sections["well"]["given"] is False
