@@ -31,7 +31,7 @@ export function showWell(well) {
   const assumed = well.given ? "" : " (assumed)";
   setText(byId("datum"), [
     `Depth from ${well.depth_datum || "a datum not given"}${assumed}`,
-    well.sensor_to_bit > 0 ? `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit` : "sensor to bit not given, 0 assumed",
+    well.sensor_to_bit > 0 ? `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit` : "sensor at bit (assumed)",
     `${well.north_reference} north${assumed}`,
     `decl. ${angle(declination)}`,
     `conv. ${angle(convergence)}`,
@@ -82,7 +82,7 @@ function linkPills(links, now, silent, link) {
   if (silent) return [["system", "reject", "link lost"]];
   const pills = down.map((name) => ["system", "doubtful", word(name)]);
   if (link) return [...pills, telemetryPill(link, now)];
-  return pills.length ? pills : [["system", "good", "tool connected"]];
+  return pills.length ? pills : [["system", "good", "link"]];
 }
 
 function recorderPill(recorder, now, silent) {
