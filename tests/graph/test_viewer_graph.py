@@ -79,7 +79,7 @@ def run(request, tmp_path_factory):
     finally:
         graph.send_signal(signal.SIGINT)
         graph.wait(120)
-    (bag,) = (folder / "out/well_1/bags").iterdir()
+    (bag,) = (folder / "out/well_1/bags").glob("well_1_*")
     return bag, states
 
 
