@@ -15,7 +15,8 @@ import pytest
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.live.said import SAID
 from mwd_surface.page.state_json import StateJson
-from mwd_surface.runs.player import Player, namespace_of
+from mwd_surface.runs.player import Player, named_plan, namespace_of
+from mwd_surface.trajectory.plan_file import read_plan
 from page_states import differences
 from running_graph import until
 
@@ -87,7 +88,8 @@ def test_the_viewer_shows_what_the_page_showed(run):
     path, states = run
     compared, differing = 0, {}
     with Bag(path) as bag:
-        player = Player(bag, namespace_of(bag))
+        named = named_plan(bag)
+        player = Player(bag, namespace_of(bag), plan=named and read_plan(named))
         page = StateJson(player.well.live.settings)
         for state in states:
             at = told(state)
