@@ -163,7 +163,7 @@ def viewed(folder, *words):
 def listed(address):
     """What the page shows once it lists surveys; None before."""
     shown = state(address)
-    return shown if shown["sections"]["surveys"]["rows"] else None
+    return shown if shown["sections"].get("surveys", {}).get("rows") else None
 
 
 def test_results_of_a_recording_are_viewed_as_they_were_made(tmp_path):
