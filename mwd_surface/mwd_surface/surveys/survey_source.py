@@ -8,10 +8,13 @@ Only reads: a list that a running surface node keeps can be exported at the same
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.list_files.list_file import is_list, read_list
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.message_conversion import record_of, stamp_of
@@ -49,9 +52,9 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
         There is nothing at the path, or the recording has no survey list.
     """
     if path.is_file() and path.suffix == ".json":
-        return decoded(path.read_bytes()), ()
+        return _remarked(decoded(path.read_bytes()))
     if is_list(path):
-        return survey_list(read_list(path))
+        return _remarked(survey_list(read_list(path)))
     folders = _folders(path) if path.is_dir() else []
     if len(folders) > 1:
         raise ValueError(f"{path} has survey lists of several wells: {', '.join(str(f) for f in folders)}; name one")
@@ -86,6 +89,8 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
         It has none, lists of several wells, or a list of several legs, whose tie-ons are not in a recording.
     """
     if all(topic.type_name != LIST_TYPE for topic in bag.topics.values()):
+        if unread := bag.unread(LIST_TYPE):
+            raise BagError(f"{bag.path} has no survey list that can be read: {unread}")
         hint = f"`mwd process {bag.path} -o out` makes one in the folder out"
         raise BagError(f"{bag.path} has no survey list: no surface unit recorded it", hint)
     topic = bag.find_topic(LIST_TYPE, "surveys")
@@ -95,8 +100,7 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
     if last is None:
         raise BagError(f"{bag.path} has no message in {topic}", "export from the surveys folder of the run")
     message = bag.decode(topic, last)
-    records = tuple(record_of(record) for record in message.records)
-    legs = {record.leg for record in records}
+    legs = {str(record.leg) for record in message.records}
     if len(legs) > 1:
         raise BagError(
             f"{bag.path} has the legs {', '.join(sorted(legs))}, and no recording says where they are tied on",
@@ -106,10 +110,22 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
     tie_on, north = _start(bag, topic.removesuffix("surveys") + "trajectory")
     well = recorded_settings(bag).well(Well(name=message.well or Well().name))
     well = dataclasses.replace(well, north_reference=north.name.lower())
-    bare = SurveyList(
-        well=well, legs=(Leg(leg, tie_on),), records=records, leg=leg, changed_ns=stamp_of(message.header.stamp)
-    )
-    return SurveyList.from_mapping(bare.to_mapping())
+    return listed(SurveyList(well=well, legs=(Leg(leg, tie_on),), leg=leg), message)
+
+
+def listed(begun: SurveyList, message: Any) -> SurveyList:
+    """
+    Return the list with the stations of a mwd_msgs/SurveyList.
+
+    begun: well, rules, legs and tie-on, which are not part of the message. A leg of the message that it does not have
+    begins where its first leg does.
+    """
+    records = tuple(record_of(record) for record in message.records)
+    known = {leg.name for leg in begun.legs}
+    added = dict.fromkeys(record.leg for record in records if record.leg not in known)
+    legs = (*begun.legs, *(Leg(name, begun.legs[0].tie_on) for name in added))
+    bare = dataclasses.replace(begun, legs=legs, records=records, changed_ns=stamp_of(message.header.stamp))
+    return SurveyList.from_mapping(bare.to_mapping(), begun.rules)
 
 
 def _folders(path: Path) -> list[Path]:
@@ -133,8 +149,13 @@ def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
             continue
         if name != FILES[0]:
             why.append(f"surveys taken from {name}: the last change may be missing")
-        return surveys, tuple(why)
+        return _remarked(surveys, why)
     raise ValueError("; ".join(why))
+
+
+def _remarked(surveys: SurveyList, notes: Sequence[str] = ()) -> tuple[SurveyList, tuple[str, ...]]:
+    """The list, and the sentences of its remarks before other notes."""
+    return surveys, (*sentences(surveys.remarks), *notes)
 
 
 def _start(bag: Bag, topic: str) -> tuple[TieOn, North]:
@@ -146,7 +167,11 @@ def _start(bag: Bag, topic: str) -> tuple[TieOn, North]:
             last = data
     if last is None:
         return TieOn(), North.TRUE
-    path = bag.decode(topic, last)
+    return start_of(bag.decode(topic, last))
+
+
+def start_of(path: Any) -> tuple[TieOn, North]:
+    """Return where the path of a mwd_msgs/Trajectory begins, and its north; the wellhead where it is empty."""
     north = North(path.north_reference) if path.north_reference else North.TRUE
     if not len(path.measured_depth):
         return TieOn(), north

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Offset wells while drilling: clearance at the bit and ahead along the plan, shown on the page and as alarms."""
+
+from __future__ import annotations
+
+import concurrent.futures
+
+from mwd_surface.clearance.clearance import Level
+from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
+from mwd_surface.list_files.remark import sentences
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.well_context import WellContext
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.trajectory.plan import Plan
+from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
+
+_BIT_STEP = 5.0  # m; movement of the bit after which wells are compared again
+_SEPARATION, _FILE = "clearance.separation", "clearance.wells"
+_REMEDIES = {
+    Level.STOP: "stop drilling; review the separation with the survey engineer before going on",
+    Level.WARNING: "review the separation with the survey engineer; steer away or survey more often",
+}
+
+
+class ClearanceMonitor:
+    """
+    Compares the well with its offset wells in the background, whenever list, plan or bit have changed.
+
+    Parameters
+    ----------
+    context : WellContext
+    plan : PlanMonitor
+        The planned path.
+    """
+
+    def __init__(self, context: WellContext, plan: PlanMonitor) -> None:
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
+        self._outlet = context.outlet
+        self._plan = plan
+        self._compared: tuple[SurveyList, Plan | None, float | None] | None = None
+        self._busy = False
+
+    def update(self, surveys: SurveyList, bit_depth: float | None) -> None:
+        """Compare again if something has changed; called once a second."""
+        plan = self._plan.plan
+        if self._busy or not surveys.records or self._is_compared(surveys, plan, bit_depth):
+            return
+        self._compared = (surveys, plan, bit_depth)
+        self._busy = True
+        self._outlet.run(lambda: _compare(surveys, plan, bit_depth), self._show)
+
+    def _is_compared(self, surveys: SurveyList, plan: Plan | None, bit_depth: float | None) -> bool:
+        if self._compared is None:
+            return not surveys.well.offset_wells
+        old_surveys, old_plan, old_bit = self._compared
+        if surveys is not old_surveys or plan is not old_plan:
+            return False
+        return bit_depth is None or (old_bit is not None and abs(bit_depth - old_bit) < _BIT_STEP)
+
+    def _show(self, job: concurrent.futures.Future[WellClearance | str | None]) -> None:
+        self._busy = False
+        near = job.result()
+        log = self._alarm_log
+        if near is None or isinstance(near, str):
+            self._live.on_clearance((), self._clock.now)
+            log.clear_alarm(_SEPARATION)
+            self._report_file((near,) if near else ())
+            return
+        ahead = near.ahead()
+        self._live.on_clearance(ahead, self._clock.now)
+        self._report_file(sentences(near.remarks))
+        if near.level == Level.CLEAR:
+            log.clear_alarm(_SEPARATION)
+            return
+        severity = Severity.CRITICAL if near.level == Level.STOP else Severity.WARNING
+        beyond = float(ahead[0].md[ahead[0].least]) - near.bit
+        place = f"{beyond:.0f} m ahead of the bit" if beyond > 0.0 else "at the bit"
+        log.raise_alarm(_SEPARATION, severity, f"{ahead[0].sentence()}; {place}", _REMEDIES[near.level])
+
+    def _report_file(self, remarks: tuple[str, ...]) -> None:
+        if remarks:
+            remedy = "correct the file or the setting it names, then set well.offset_wells again"
+            self._alarm_log.raise_alarm(_FILE, Severity.WARNING, "; ".join(remarks), remedy)
+        else:
+            self._alarm_log.clear_alarm(_FILE)
+
+
+def _compare(surveys: SurveyList, plan: Plan | None, bit_depth: float | None) -> WellClearance | str | None:
+    """Compare, or say in a sentence why not; None where there are no offset wells."""
+    try:
+        offsets = offset_wells_of(surveys)
+        return None if offsets is None else well_clearance(surveys, offsets, plan, bit_depth)
+    except (CovarianceUnavailableError, ValueError) as error:
+        return str(error)

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Monitors the graph: diagnostics of the nodes, and the progress of a survey."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.supervision import TABLE
+from mwd_surface.live.well_context import WellContext
+from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress
+from mwd_surface.surveys.well import Well
+
+_TIMEOUT_S = 2.0  # without a message before a topic counts as silent
+_SUPERVISED = {row.alarm for row in TABLE}
+_WARN, _ERROR = 1, 2  # diagnostic_msgs/DiagnosticStatus
+_DIAGNOSTICS_AGE_S = 5.0  # diagnostics older than this are no longer shown
+_REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
+
+
+class DiagnosticsMonitor:
+    """
+    Monitors the graph of one well. Errors of the surface node itself raise their alarms where they happen.
+
+    Parameters
+    ----------
+    context : WellContext
+    full_name : str
+        Of the surface node, with the namespace of the well.
+
+    Attributes
+    ----------
+    reference : ReferenceField or None
+        The reference field the estimator has in force.
+    """
+
+    def __init__(self, context: WellContext, full_name: str) -> None:
+        self.reference: ReferenceField | None = None
+        self._own_name, self._namespace = full_name, full_name.rpartition("/")[0] or "/"
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
+        self._well = Well()
+        self._diagnostics_of: dict[str, tuple[float, list[Any]]] = {}
+        self._progress = SurveyProgress()
+        self._progress_at = 0.0
+        self._action_at = -math.inf
+        self._result = ""
+
+    def show_well(self, well: Well) -> None:
+        """Show the well, with the field in force."""
+        self._well = well
+        self._live.on_well(well, self._clock.now, self.reference)
+
+    def on_diagnostics(self, array: Any) -> None:
+        """Take the diagnostics of a node, diagnostic_msgs/DiagnosticArray."""
+        ours = [s for s in array.status if s.hardware_id == self._namespace]
+        if ours:
+            self._diagnostics_of[ours[0].name.partition(":")[0]] = (self._clock.now, ours)
+        for status in ours:
+            values = {pair.key: pair.value for pair in status.values}
+            if status.name.endswith("estimator: survey") and not self._live.over_link:
+                figures = (_number(values.get("elapsed_s")) or 0.0, _number(values.get("remaining_s")) or 0.0)
+                # The feedback of an action is more recent.
+                if self._clock.now - self._action_at > _TIMEOUT_S:
+                    waits_for = values.get("waits_for", "")
+                    self._show_progress(
+                        SurveyProgress("remaining_s" in values, status.message, *figures, waits_for=waits_for)
+                    )
+            elif status.name.endswith(("estimator: reference field", "receiver: reference field")):
+                self._on_reference(values, status.message)
+
+    def on_north_seek(self, feedback: Any) -> None:
+        """Show the progress of a north seek: NorthSeek feedback."""
+        progress = feedback.feedback
+        state = f"seeking north: {progress.state}"
+        if progress.sigma >= 0.0:
+            state += f"; {math.degrees(progress.azimuth):.1f} deg +- {math.degrees(progress.sigma):.1f} so far"
+        self._on_feedback(progress, state)
+
+    def on_rotary_survey(self, feedback: Any) -> None:
+        """Show the progress of a survey taken while the string rotates: RotarySurvey feedback."""
+        progress = feedback.feedback
+        self._on_feedback(progress, f"rotary survey: {progress.state}")
+
+    def _on_feedback(self, progress: Any, state: str) -> None:
+        self._action_at = self._clock.now
+        self._show_progress(SurveyProgress(True, state, progress.elapsed, progress.remaining))
+
+    def survey_ended(self, result: str) -> None:
+        """Show that the survey has ended; result: in words."""
+        self._result = result
+        self._show_progress(SurveyProgress(state=self._progress.state))
+
+    def _show_progress(self, progress: SurveyProgress) -> None:
+        shown = dataclasses.replace(progress, result=self._result)
+        if shown.active or shown != self._progress:
+            self._progress_at = self._clock.now
+            self._progress = shown
+            self._live.on_survey_progress(shown, self._progress_at)
+
+    def _on_reference(self, values: dict[str, str], source: str) -> None:
+        reference = None
+        numbers = {name: _number(values[name]) for name in _REFERENCE if name in values}
+        if "total" in numbers and None not in numbers.values():
+            reference = ReferenceField(**numbers, source=source)
+        if reference != self.reference:
+            self.reference = reference
+            self.show_well(self._well)
+
+    def update(self, now: float) -> None:
+        """Raise alarms of faulty nodes, show the diagnostics; called once a second. now: s."""
+        self._alarm_log.set_alarms("node.", self._node_alarms(now))
+        if self._progress.active and now - self._progress_at > _TIMEOUT_S + 1.0:
+            self._show_progress(SurveyProgress())
+        statuses = [
+            NodeDiagnostic(s.name, _level(s), s.message, _remedy(s))
+            for received_at, found in self._diagnostics_of.values()
+            if now - received_at < _DIAGNOSTICS_AGE_S
+            for s in found
+        ]
+        self._live.on_diagnostics(statuses, now)
+
+    def _node_alarms(self, now: float) -> dict[str, tuple[int, str, str]]:
+        """Errors of other nodes, and errors and warnings of sensors; silent topics have alarms of their own."""
+        causes: dict[str, tuple[int, str, str]] = {}
+        for node, (received_at, found) in self._diagnostics_of.items():
+            if now - received_at >= _DIAGNOSTICS_AGE_S:
+                continue
+            for status in found:
+                level, what = _level(status), status.name.partition(": ")[2]
+                alarming = level == _ERROR or (level == _WARN and what.startswith("sensors"))
+                # Its own errors raise alarms where they happen, but for what the middleware says.
+                own = node == self._own_name and not what.startswith("middleware")
+                if alarming and not own and f"input.{what}" not in _SUPERVISED:
+                    severity = Severity.CRITICAL if level == _ERROR else Severity.WARNING
+                    causes[f"node.{node.strip('/')}.{what}"] = (severity, status.message, _remedy(status))
+        return causes
+
+
+def _number(text: str | None) -> float | None:
+    """Finite number of a value; None where anybody has written something else."""
+    try:
+        number = float(text or "")
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _level(status: Any) -> int:
+    """Level of a status: a byte, which readers of messages give as bytes or as a number."""
+    level = status.level
+    return int(level[0] if isinstance(level, bytes) else level)
+
+
+def _remedy(status: Any) -> str:
+    return next((pair.value for pair in status.values if pair.key == "remedy"), "")

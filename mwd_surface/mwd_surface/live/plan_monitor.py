@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planned path: read from settings, shown on the page, compared with the surveyed path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.settings import PlanSettings
+from mwd_surface.live.well_context import WellContext
+from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
+from mwd_surface.trajectory.plan_file import read_plan
+from mwd_surface.trajectory.well_path import Definitive
+
+
+class PlanMonitor:
+    """
+    Plan of one well.
+
+    Attributes
+    ----------
+    plan : Plan or None
+        The plan in force.
+    """
+
+    def __init__(self, context: WellContext) -> None:
+        self.plan: Plan | None = None
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
+
+    @staticmethod
+    def read(settings: PlanSettings, north: str) -> Plan | ListFileError | None:
+        """Read the plan from its file, in any thread: the plan, why it cannot be used, or None where none is named."""
+        try:
+            return read_plan(Path(settings.file).expanduser(), north) if settings.file else None
+        except ListFileError as error:
+            return error
+
+    def use(self, found: Plan | ListFileError | None) -> None:
+        """Use what `read` has found; a file that cannot be used raises an alarm, and there is no plan."""
+        self.plan = None
+        if isinstance(found, ListFileError):
+            text = f"the plan is not used: {found}"
+            remedy = "correct the file, then set plan.file again"
+            self._alarm_log.raise_alarm("plan.file", Severity.WARNING, text, remedy)
+            return
+        if found is not None:
+            self.plan = found
+            self._alarm_log.log_event("plan", f"{found.name}: {len(found.md)} stations to {found.md[-1]:.0f} m")
+        self._alarm_log.clear_alarm("plan.file")
+
+    def show_plan(self) -> None:
+        """Show the plan."""
+        self._live.on_plan(interpolated(self.plan, DRAWN_STEP) if self.plan is not None else None, self._clock.now)
+
+    def show_offset(self, path: Definitive) -> None:
+        """Show where the end of the path is relative to the plan."""
+        offset, dogleg = offset_of_end(self.plan, path)
+        self._live.on_offset(offset, self._clock.now, dogleg)

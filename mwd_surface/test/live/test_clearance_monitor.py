@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Offset wells while drilling: alarms by level, cleared again, and compared only when something has changed."""
+
+import concurrent.futures
+import dataclasses
+from types import SimpleNamespace
+
+import example_surveys as example
+import pytest
+
+from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.clearance_monitor import ClearanceMonitor
+from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.well_clock import WellClock
+
+NEAR = "wells: [{name: A-3, file: beside.csv, north_m: -20.0}]"
+
+
+class Log:
+    """The alarm log without a node."""
+
+    def __init__(self):
+        self.book = AlarmBook()
+
+    def raise_alarm(self, alarm_id, severity, text, remedy=""):
+        self.book.raise_alarm(alarm_id, severity, text, remedy, 1)
+
+    def clear_alarm(self, alarm_id):
+        self.book.clear(alarm_id, 2)
+
+    def active(self):
+        return {alarm.id: alarm for alarm in self.book.alarms() if alarm.active}
+
+
+class Worker:
+    """Does the work at once; counts it."""
+
+    def __init__(self):
+        self.jobs = 0
+
+    def run(self, work, done):
+        self.jobs += 1
+        job = concurrent.futures.Future()
+        job.set_result(work())
+        done(job)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rows = "\n".join(f"{30 * k},{max(0.0, 4.0 * (k - 11))},79" for k in range(30))
+    (tmp_path / "beside.csv").write_text(f"md_m,inc_deg,azi_grid_deg\n{rows}\n")
+    (tmp_path / "wells.yaml").write_text(NEAR)
+    return tmp_path
+
+
+def surveys(folder):
+    return example.surveys(dataclasses.replace(example.WELL, offset_wells=str(folder / "wells.yaml")))
+
+
+def monitor():
+    context = SimpleNamespace(clock=WellClock(), live=LiveState(), alarm_log=Log(), outlet=Worker())
+    return ClearanceMonitor(context, SimpleNamespace(plan=None)), context
+
+
+def test_a_well_too_near_stops_drilling_and_stands_on_the_page(folder):
+    watched, context = monitor()
+    watched.update(surveys(folder), 642.5)
+    alarm = context.alarm_log.active()["clearance.separation"]
+    assert alarm.severity == Severity.CRITICAL
+    assert "A-3 is " in alarm.text
+    assert "stop drilling" in alarm.remedy
+    (shown,) = context.live.at(1.0).clearance
+    assert shown.name == "A-3"
+    assert shown.md[0] >= 630.0
+
+
+@pytest.mark.slow
+def test_the_alarm_goes_with_its_cause(folder):
+    watched, context = monitor()
+    watched.update(surveys(folder), 642.5)
+    (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
+    watched.update(surveys(folder), 642.5)
+    assert context.alarm_log.active() == {}
+    watched.update(example.surveys(), 642.5)
+    assert context.live.at(1.0).clearance == ()
+
+
+@pytest.mark.slow
+def test_wells_are_compared_again_when_the_bit_has_moved_or_the_list_changed(folder):
+    watched, context = monitor()
+    same = surveys(folder)
+    for depth in (642.5, 642.9, 648.0, 648.5):
+        watched.update(same, depth)
+    assert context.outlet.jobs == 2
+    watched.update(surveys(folder), 648.5)
+    assert context.outlet.jobs == 3
+    nothing, context = monitor()
+    nothing.update(example.surveys(), 642.5)
+    assert context.outlet.jobs == 0
+
+
+def test_a_file_that_cannot_be_used_is_an_alarm(folder):
+    watched, context = monitor()
+    (folder / "wells.yaml").write_text("wells: [{name: A-3, file: lost.csv, north_m: 5.0}]")
+    watched.update(surveys(folder), 642.5)
+    alarm = context.alarm_log.active()["clearance.wells"]
+    assert alarm.severity == Severity.WARNING
+    assert "lost.csv" in alarm.text
+    (folder / "wells.yaml").unlink()
+    watched.update(surveys(folder), 642.5)
+    assert "No such file" in context.alarm_log.active()["clearance.wells"].text

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Diagnostics of the estimator as the surface reads them, and what others may write under its name."""
+
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
+from mwd_surface.live.well_clock import WellClock
+
+FIELD = {"total": "5.1e-05", "dip": "1.2", "declination": "0.05", "convergence": "0.0", "gravity": "9.81"}
+
+
+def monitor():
+    """A monitor, and what it shows of fields and progress."""
+    fields, progress = [], []
+    live = SimpleNamespace(
+        over_link=False,
+        on_well=lambda _well, _now, reference: fields.append(reference),
+        on_survey_progress=lambda shown, _now: progress.append(shown),
+    )
+    context = SimpleNamespace(clock=WellClock(10**18), live=live, alarm_log=None)
+    return DiagnosticsMonitor(context, "/w/surface"), fields, progress
+
+
+def said(name, **values):
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    status = DiagnosticStatus(name=f"/w/estimator: {name}", hardware_id="/w", message="said", values=pairs)
+    return DiagnosticArray(status=[status])
+
+
+def test_the_field_and_the_progress_of_a_survey_are_read():
+    found, fields, progress = monitor()
+    found.on_diagnostics(said("reference field", **FIELD))
+    found.on_diagnostics(said("survey", elapsed_s="3.5", remaining_s="26.5"))
+    assert (fields[-1].total, fields[-1].gravity) == (5.1e-5, 9.81)
+    assert (progress[-1].active, progress[-1].elapsed, progress[-1].remaining) == (True, 3.5, 26.5)
+
+
+@pytest.mark.fault_case(3)
+@pytest.mark.parametrize("foreign", ["", "fifty", "nan", "inf", "5,1e-05", "0x10"])
+def test_values_that_are_no_numbers_give_no_field_and_no_times(foreign):
+    found, fields, progress = monitor()
+    found.on_diagnostics(said("reference field", **FIELD))
+    found.on_diagnostics(said("reference field", **{**FIELD, "dip": foreign}))
+    assert fields[-1] is None
+    found.on_diagnostics(said("survey", elapsed_s=foreign, remaining_s="20"))
+    assert (progress[-1].elapsed, progress[-1].remaining) == (0.0, 20.0)

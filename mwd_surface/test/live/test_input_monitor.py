@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which depth surveys are paired with, and which is shown, while a person's contradicts the rig's."""
+
+import numpy as np
+import pytest
+
+from mwd_sensors.core import wire
+from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.input_monitor import InputMonitor
+from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.source_selection import SourceRules, SourceSelection
+from mwd_surface.live.well_clock import WellClock
+from mwd_surface.live.well_context import WellContext
+
+BIT, BLOCK, SLIPS = 1, 4, 1024
+
+
+@pytest.fixture
+def monitor():
+    """An open monitor that has heard the rig floor say 1000 m."""
+    clock, selection = WellClock(10**18), SourceSelection(SourceRules())
+    monitor = InputMonitor(WellContext(clock, LiveState(), AlarmLog(clock)), selection, link=False)
+    selection.choose(["rig_floor"], clock.now)
+    monitor.on_rig_input("rig_floor", rig([1000.0]))
+    return monitor
+
+
+def rig(depths, valid=BIT, blocks=0.0):
+    samples = wire.RIG_STATE.empty(len(depths))
+    samples["stamp_ns"] = (1 + np.arange(len(depths))) * wire.NANOSECONDS
+    samples["bit_depth"], samples["block_position"], samples["valid"] = depths, blocks, valid
+    return samples
+
+
+def test_a_depth_by_hand_that_contradicts_the_rig_is_shown_and_surveys_get_none_of_the_rigs(monitor):
+    monitor.on_depth_by_hand(1020.0)
+    samples = rig([1000.0, 1000.1])
+    paired, shown = monitor.in_force(samples)
+    assert not np.any(paired["valid"] & BIT)
+    assert list(shown["bit_depth"]) == [1020.0, 1020.0]
+    assert np.all(shown["valid"] & BIT)
+    assert np.all(samples["valid"] & BIT)
+
+
+def test_block_and_slips_carry_a_depth_by_hand_on(monitor):
+    monitor.on_depth_by_hand(1020.0)
+    paired, shown = monitor.in_force(rig([1000.0, 1000.5], BIT | BLOCK | SLIPS, [9.0, 8.5]))
+    assert list(paired["bit_depth"]) == list(shown["bit_depth"]) == [1020.0, 1020.5]
+    assert np.all(paired["valid"] & BIT)
+
+
+def test_without_a_hand_the_rig_has_its_own_depth(monitor):
+    samples = rig([1000.0], BIT | BLOCK | SLIPS)
+    assert [one is samples for one in monitor.in_force(samples)] == [True, True]
