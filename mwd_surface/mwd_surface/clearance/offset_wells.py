@@ -19,8 +19,9 @@ from mwd_sensors.core.frames import wrap_tau
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, clearance, nearest_first
+from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.trajectory.north import North
-from mwd_surface.trajectory.plan import interpolated
+from mwd_surface.trajectory.plan import Plan, interpolated
 from mwd_surface.trajectory.plan_file import read_plan
 from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
@@ -113,7 +114,7 @@ def read_offset_wells(path: Path) -> OffsetWells:
 
 def offset_well(offset: OffsetWell, folder: Path, north: North, reference: ErrorReference) -> UncertainWell:
     """
-    Return an offset well in the axes of the well that is drilled.
+    Return an offset well in the axes of the well that is drilled; its remarks are those about its list.
 
     north: of those axes. reference: the local field, which is that of the well.
 
@@ -124,6 +125,7 @@ def offset_well(offset: OffsetWell, folder: Path, north: North, reference: Error
     """
     try:
         plan = read_plan(folder / Path(offset.file).expanduser())
+        remarks = _remarks(offset, plan)
         plan = interpolated(plan, _SPACING) if offset.planned else plan
         programme = (
             read_programme(folder / Path(offset.programme).expanduser())
@@ -135,6 +137,9 @@ def offset_well(offset: OffsetWell, folder: Path, north: North, reference: Error
         raise OffsetWellError(f"offset well {offset.name}: {error}") from error
     to_true = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}
     own = plan.north or north.name.lower()
+    if not plan.north:
+        text = f"offset well {offset.name}: its list does not say which north its azimuths are from: taken as {own}"
+        remarks = (*remarks, Remark(RemarkKind.NORTH_ASSUMED, text))
     azimuth = wrap_tau(plan.azimuth + to_true[own] - to_true[north.name.lower()])
     start = plan.positions[0] + np.array([offset.north_m, offset.east_m, offset.tvd_m])
     tie_on = np.zeros((3, 3)) if errors.tie_on is None else errors.tie_on
@@ -149,14 +154,16 @@ def offset_well(offset: OffsetWell, folder: Path, north: North, reference: Error
         dataclasses.replace(errors, tie_on=tie_on + head),
         reference,
         0.5 * offset.hole_diameter_m,
+        remarks,
     )
 
 
-def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearance], tuple[str, ...]]:
+def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearance], tuple[Remark, ...]]:
     """
-    Clearance to each offset well, the nearest by the rule first, and sentences about what people must know of them.
+    Return the clearance to each offset well, the nearest by the rule first, and every remark about them.
 
-    That is which cannot be used and why, and which have stations so far apart that the hole between is hardly known.
+    Remarks say which wells or parts of them are not compared and why, what was assumed when their lists were read, and
+    which have stations so far apart that the hole between is hardly known.
 
     Raises
     ------
@@ -166,17 +173,36 @@ def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearanc
         `welleng` is not installed.
     """
     well.covariance()
-    found, remarks = [], []
+    found: list[Clearance] = []
+    remarks: list[Remark] = []
     for offset in offsets.wells:
         try:
             other = offset_well(offset, Path(offsets.folder), well.north, well.reference)
             found.append(clearance(well, other, offsets.rule, offset.shared_to_m))
-            gap = float(np.max(np.diff(other.md)))
-            if gap > _WIDE:
-                remarks.append(
-                    f"offset well {offset.name} has stations {gap:.0f} m apart, between which its path is hardly known;"
-                    " set planned: true if the file is a plan"
-                )
         except ValueError as error:
-            remarks.append(str(error) if offset.name in str(error) else f"offset well {offset.name}: {error}")
+            text = str(error) if offset.name in str(error) else f"offset well {offset.name}: {error}"
+            remarks.append(Remark(RemarkKind.NOT_COMPARED, text))
+            continue
+        remarks += other.remarks
     return nearest_first(found), tuple(remarks)
+
+
+def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
+    """What must be known of the list of an offset well: the remarks of its reader, and what cannot be compared."""
+    named = f"offset well {offset.name}"
+    remarks = [dataclasses.replace(one, text=f"{named}: {one.text}") for one in plan.remarks]
+    above = float(plan.md[0])
+    if above > 0.0:
+        text = f"{named}: its list begins at {above:.2f} m; the hole above is not known and was not compared"
+        remarks.append(Remark(RemarkKind.NOT_COMPARED, text, {"from": 0.0, "to": above}))
+    apart = np.diff(plan.md)
+    # An assumed hole above is a remark of its own.
+    assumed = any(one.kind == RemarkKind.HOLE_ABOVE_ASSUMED for one in plan.remarks)
+    gap = float(np.max(apart[1:] if assumed and apart.size > 1 else apart))
+    if gap > _WIDE and not offset.planned:
+        text = (
+            f"{named} has stations {gap:.0f} m apart, between which its path is hardly known; set planned: true if the"
+            " file is a plan"
+        )
+        remarks.append(Remark(RemarkKind.SPARSE, text, {"distance": gap}))
+    return tuple(remarks)

@@ -10,6 +10,7 @@ import numpy as np
 
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, nearest_first
 from mwd_surface.clearance.offset_wells import OffsetWells, clearances, read_offset_wells
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well_position import continued, uncertain_well
 from mwd_surface.trajectory.plan import Plan
@@ -29,8 +30,8 @@ class WellClearance:
         Measured depths of the last survey and of the bit, m; beyond the bit the path is planned.
     found : tuple of Clearance
         The nearest by the rule first.
-    remarks : tuple of str
-        Which offset wells could not be compared, and what else people must know.
+    remarks : tuple of Remark
+        What was not compared, and every assumption behind the lists of the well, the plan and the offset wells.
     rule : ClearanceRule
     """
 
@@ -38,7 +39,7 @@ class WellClearance:
     surveyed: float
     bit: float
     found: tuple[Clearance, ...]
-    remarks: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     rule: ClearanceRule
 
     def ahead(self) -> tuple[Clearance, ...]:
@@ -94,7 +95,8 @@ def well_clearance(
         found, remarks = clearances(well, offsets)
     except ValueError as error:
         raise ValueError(f"no clearance: {error}") from error
-    return WellClearance(well, surveyed, bit, tuple(found), remarks, offsets.rule)
+    own = (*surveys.remarks, *(() if plan is None else plan.remarks))
+    return WellClearance(well, surveyed, bit, tuple(found), (*own, *remarks), offsets.rule)
 
 
 def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:

@@ -51,6 +51,7 @@ def clearance(
     from mwd_surface.commands import terminal
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.list_files.list_file import is_list
+    from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
     from mwd_surface.plots.drawing import png
     from mwd_surface.surveys.survey_source import surveys_of
@@ -62,7 +63,7 @@ def clearance(
     surveys = _with_model(surveys, programme, code)
     planned = None if plan is None else read_plan(plan, surveys.well.north_reference)
     near = well_clearance(surveys, read_offset_wells(offsets), planned, bit_depth, leg)
-    for remark in (*remarks, *near.remarks):
+    for remark in dict.fromkeys((*remarks, *sentences(near.remarks))):
         terminal.warn(remark)
     if not near.found:
         raise ValueError(f"--offsets {offsets}: none of the wells can be compared")

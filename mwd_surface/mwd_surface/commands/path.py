@@ -135,6 +135,7 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
     from mwd_surface.list_files.list_columns import Given
     from mwd_surface.list_files.list_file import read_list
+    from mwd_surface.list_files.remark import sentences
     from mwd_surface.surveys.imported_list import reference_in, survey_list
     from mwd_surface.surveys.well import Well
 
@@ -158,14 +159,14 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
             geomagnetic_model=reference.source if reference is not None else "",
         )
     tie_on = options["tie_on"]
-    surveys, said = survey_list(
+    surveys = survey_list(
         stations,
         well,
         tie_on=None if tie_on is None else _tie_on(tie_on),
         reference=reference,
         every=options["every"],
     )
-    return surveys, (*remarks, *said)
+    return surveys, (*remarks, *sentences(surveys.remarks))
 
 
 def _pairs(text: str | None) -> dict[str, str]:

@@ -21,52 +21,15 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.input_files import read_file
 from mwd_surface.list_files import list_columns
 from mwd_surface.list_files.list_columns import FIGURES, NEEDED, NORTHS, TEXTS, Given, ListFileError
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.station_list import POSITION, StationList
 
 LARGEST = 20_000_000
 WITSML = "{http://www.witsml.org/schemas/1series}"
 _TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispNs", "east": "dispEw"}
 # Lines above the one that names the columns, as programs for people write them.
 _PREAMBLE = 60
-_POSITION = ("north", "east", "tvd")
 _ARC = 60.0  # m; stations farther apart leave out others
-
-
-@dataclasses.dataclass(frozen=True)
-class StationList:
-    """
-    Stations as a file has them.
-
-    Attributes
-    ----------
-    name, north : str
-        For people; and what azimuths are from: "magnetic", "true", "grid", or "" where the file does not say.
-    md, inclination, azimuth : ndarray, shape (n,)
-        m, increasing; rad. An azimuth that is not given is nan.
-    positions : ndarray, shape (n, 3)
-        North, east, down as the file has them, m; nan where it has none. They are checked against the angles.
-    sigma_inclination, sigma_azimuth : ndarray, shape (n,)
-        rad; nan where not given.
-    tool, time, verdict : tuple of str
-        Of each station as written; empty where not given.
-    figures : mapping of ndarray, shape (n,)
-        Reference of each station by the names of `list_columns.FIGURES`: T, m/s^2, rad; nan where not given.
-    remarks : tuple of str
-        What people must know about how it was read.
-    """
-
-    name: str
-    north: str
-    md: Array
-    inclination: Array
-    azimuth: Array
-    positions: Array
-    sigma_inclination: Array
-    sigma_azimuth: Array
-    tool: tuple[str, ...]
-    time: tuple[str, ...]
-    verdict: tuple[str, ...]
-    figures: Mapping[str, Array]
-    remarks: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +140,10 @@ def list_from_las(data: bytes, name: str = "list", given: Given | None = None) -
         cells = [str(cell) if _is_number(str(cell)) or isinstance(cell, str) else "" for cell in row]
         body.append((f"{name}, row {k}", cells))
     read = _list(_rows(columns, body, name, given), columns.north or _las_north(file), name, given)
-    remark = (f"{name}: {skipped} rows without depth or inclination are left out",) if skipped else ()
+    remark: tuple[Remark, ...] = ()
+    if skipped:
+        text = f"{name}: {skipped} rows without depth or inclination are left out"
+        remark = (Remark(RemarkKind.ROWS_LEFT_OUT, text, {"rows": skipped}),)
     return dataclasses.replace(read, remarks=read.remarks + remark)
 
 
@@ -273,7 +239,7 @@ def _list(rows: list[_Row], north: str, name: str, given: Given | None) -> Stati
         md=column("md"),
         inclination=column("inclination"),
         azimuth=column("azimuth") % math.tau,
-        positions=np.column_stack([column(what) for what in _POSITION]),
+        positions=np.column_stack([column(what) for what in POSITION]),
         sigma_inclination=column("sigma_inclination"),
         sigma_azimuth=column("sigma_azimuth"),
         tool=tuple(row.texts.get("tool", "") for row in rows),
@@ -286,7 +252,7 @@ def _list(rows: list[_Row], north: str, name: str, given: Given | None) -> Stati
     return read
 
 
-def _increasing(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
+def _increasing(rows: list[_Row]) -> tuple[list[_Row], list[Remark]]:
     """The rows in range and in order of depth; a station written twice is taken once."""
     kept: list[_Row] = []
     remarks = []
@@ -302,7 +268,8 @@ def _increasing(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
         above = kept[-1] if kept else None
         if above is not None and md <= above.numbers["md"]:
             if all(above.numbers.get(what) == row.numbers.get(what) for what in NEEDED):
-                remarks.append(f"{row.at}: the same station again, taken once")
+                text = f"{row.at}: the same station again, taken once"
+                remarks.append(Remark(RemarkKind.STATION_REPEATED, text, {"measured_depth": md}))
                 continue
             raise ListFileError(f"{row.at}: measured depth {md:g} m does not increase after {above.numbers['md']:g} m")
         kept.append(row)
@@ -329,7 +296,7 @@ def _check_positions(read: StationList, at: list[str]) -> None:
     for k, axis in zip(*np.nonzero(np.abs(difference) > allowed[:, None]), strict=True):
         given, expected = read.positions[k, axis], read.positions[0, axis] + computed[k, axis] - computed[0, axis]
         raise ListFileError(
-            f"{at[k]}: {_POSITION[axis]} {given:.2f} m does not fit the angles, which give {expected:.2f} m; check"
+            f"{at[k]}: {POSITION[axis]} {given:.2f} m does not fit the angles, which give {expected:.2f} m; check"
             " units and north"
         )
 

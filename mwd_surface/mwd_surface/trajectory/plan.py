@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_tau
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.trajectory.well_path import Definitive
 
 DRAWN_STEP = 10.0  # m between the points of the plan that the page draws
@@ -28,7 +29,7 @@ class Plan:
     Stations of a plan and their positions.
 
     md, inclination, azimuth: shape (n,), n >= 2, m and rad. positions: shape (n, 3), m. north: "magnetic", "true",
-    "grid" or "" where the file did not say. name: for people.
+    "grid" or "" where the file did not say. name: for people. remarks: assumptions of its reader.
     """
 
     md: Array
@@ -37,6 +38,7 @@ class Plan:
     positions: Array
     north: str = ""
     name: str = ""
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def target(self) -> Array:
@@ -119,7 +121,7 @@ def interpolated(plan: Plan, step: float) -> Plan:
     between = np.arange(plan.md[0], plan.md[-1], step)
     md = np.unique(np.concatenate([plan.md, between]))
     inc, azi, positions = mc.interpolate(plan.md, plan.inclination, plan.azimuth, plan.positions, md)
-    return Plan(md, inc, azi, positions, plan.north, plan.name)
+    return dataclasses.replace(plan, md=md, inclination=inc, azimuth=azi, positions=positions)
 
 
 def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: float) -> Offset:

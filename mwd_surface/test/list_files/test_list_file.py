@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mwd_surface.list_files import list_file
 from mwd_surface.list_files.list_columns import Given, ListFileError
 from mwd_surface.list_files.list_file import list_from_las, list_from_table, list_from_witsml, read_list
+from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.trajectory.plan_file import plan_from_list, read_plan
 from project import REFERENCE_DATA
 
@@ -218,7 +219,7 @@ def test_a_las_file_is_read_by_its_curves_and_a_wrong_one_says_what_it_has():
 
     got = list_from_las(las("DEPT.FT", "DEVI.DEG", "AZIM.DEG"))
     assert got.md.tolist() == pytest.approx([0.0, 304.8])
-    assert got.remarks == ("list: 1 rows without depth or inclination are left out",)
+    assert [(r.kind, r.values) for r in got.remarks] == [(RemarkKind.ROWS_LEFT_OUT, {"rows": 1})]
     with pytest.raises(ListFileError, match="no curve for azimuth; it has DEPT, DEVI, GR"):
         list_from_las(las("DEPT.FT", "DEVI.DEG", "GR.API"))
     with pytest.raises(ListFileError, match="cannot be read as LAS"):

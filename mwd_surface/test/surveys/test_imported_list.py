@@ -10,6 +10,7 @@ import pytest
 from mwd_estimation.core.reference_field import Reference
 from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_file import list_from_table, read_list
+from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import reference_in, survey_list
 from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.survey_source import surveys_of
@@ -23,7 +24,7 @@ FIELD = Reference(total=50e-6, dip=1.2, declination=0.02, convergence=-0.01)
 
 def test_the_gyro_list_of_volve_f4_has_its_published_path():
     """Published to a micrometre, of stations that are rounded likewise; the errors of 87 arcs add up to two."""
-    surveys, remarks = survey_list(read_list(F4))
+    surveys = survey_list(read_list(F4))
     path = surveys.definitive()
     with F4.open() as file:
         rows = [{k: float(v) for k, v in row.items() if k.endswith(("_m", "30m"))} for row in csv.DictReader(file)]
@@ -31,18 +32,18 @@ def test_the_gyro_list_of_volve_f4_has_its_published_path():
     np.testing.assert_allclose(path.positions, published, atol=2e-6)
     dogleg = np.degrees(path.dogleg_severity) * 30.0
     np.testing.assert_allclose(dogleg, [row["dls_deg_per_30m"] for row in rows], atol=1.1e-6)
-    assert (path.north, surveys.well.error_model, remarks) == (North.TRUE, "GYRO-NS", ())
+    assert (path.north, surveys.well.error_model, surveys.remarks) == (North.TRUE, "GYRO-NS", ())
     assert all(record.in_use and not record.flags[1:] for record in surveys.records)
 
 
 def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_says():
     whole = list_from_table(b"md_m,inc,azi_true,tvd_m,north_m,east_m\n500,10,0,495,20,-3\n600,12,0,593.2,39,-3\n")
-    assert survey_list(whole)[0].definitive().positions[0].tolist() == [20.0, -3.0, 495.0]
+    assert survey_list(whole).definitive().positions[0].tolist() == [20.0, -3.0, 495.0]
     bare = list_from_table(b"md_m,inc,azi_true\n500,10,0\n600,12,0\n")
-    surveys, remarks = survey_list(bare)
+    surveys = survey_list(bare)
     assert surveys.definitive().md.tolist() == [0.0, 500.0, 600.0]
-    assert any("begins at 500.00 m" in remark for remark in remarks)
-    tied, _ = survey_list(bare, tie_on=TieOn(550.0, 0.2, 0.0, 30.0, 0.0, 545.0, "given"))
+    assert RemarkKind.HOLE_ABOVE_ASSUMED in {remark.kind for remark in surveys.remarks}
+    tied = survey_list(bare, tie_on=TieOn(550.0, 0.2, 0.0, 30.0, 0.0, 545.0, "given"))
     assert tied.definitive().md.tolist() == [550.0, 600.0]
     with pytest.raises(ValueError, match="no station lies below the tie-on at 900 m"):
         survey_list(bare, tie_on=TieOn(900.0))
@@ -52,14 +53,14 @@ def test_stations_whose_verdict_is_not_accept_are_listed_and_used_only_on_demand
     stations = list_from_table(
         b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n"
     )
-    surveys, remarks = survey_list(stations)
+    surveys = survey_list(stations)
     assert [record.in_use for record in surveys.records] == [True, False, False]
-    assert "2 of 3 stations are not used" in remarks[0]
-    assert all(record.in_use for record in survey_list(stations, every=True)[0].records)
+    assert "2 of 3 stations are not used" in surveys.remarks[0].text
+    assert all(record.in_use for record in survey_list(stations, every=True).records)
 
 
 def test_with_a_reference_the_tool_code_gives_each_station_its_uncertainty():
-    surveys, _ = survey_list(read_list(F4), Well(latitude_deg=58.44, longitude_deg=1.88), reference=FIELD)
+    surveys = survey_list(read_list(F4), Well(latitude_deg=58.44, longitude_deg=1.88), reference=FIELD)
     table = survey_table(surveys, 0)
     assert table.covariance is not None
     # GYRO-NS and MWD+SRGM are different models.
