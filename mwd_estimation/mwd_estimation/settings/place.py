@@ -63,11 +63,19 @@ class Place:
         low=0.0,
         high=75000.0,
     )
-    dip_deg: float = setting(
-        60.0, "Dip of the fixed field, positive below the horizontal.", unit="deg", low=-90.0, high=90.0
+    dip_deg: float | None = setting(
+        None,
+        "Dip of the fixed field, positive below the horizontal; nan: not given, a fixed field is refused.",
+        unit="deg",
+        low=-90.0,
+        high=90.0,
     )
-    declination_deg: float = setting(
-        0.0, "Magnetic north from true north at the fixed field, east positive.", unit="deg", low=-180.0, high=180.0
+    declination_deg: float | None = setting(
+        None,
+        "Magnetic north from true north at the fixed field, east positive; nan: not given, azimuths stay magnetic.",
+        unit="deg",
+        low=-180.0,
+        high=180.0,
     )
     source: str = setting(
         "",
@@ -83,9 +91,9 @@ class Place:
         high=5000.0,
         expert=True,
     )
-    convergence_deg: float = setting(
-        0.0,
-        "Grid north from true north at the fixed field, east positive.",
+    convergence_deg: float | None = setting(
+        None,
+        "Grid north from true north at the fixed field, east positive; nan: no grid is given.",
         unit="deg",
         low=-180.0,
         high=180.0,
@@ -161,13 +169,13 @@ def _convergence(place: Place, lat: float, lon: float) -> float | None:
 
 def _fixed(place: Place) -> Reference:
     """The reference of a field that is given in figures."""
-    if not place.total_nt > 0.0:
-        raise SettingsError("place.total_nt: a fixed field needs its strength, with place.dip_deg and declination_deg")
+    if not place.total_nt > 0.0 or place.dip_deg is None:
+        raise SettingsError("place.total_nt, place.dip_deg: a fixed field needs its strength and dip")
     reference = Reference(
         total=place.total_nt * 1e-9,
         dip=math.radians(place.dip_deg),
-        declination=math.radians(place.declination_deg),
-        convergence=math.radians(place.convergence_deg),
+        declination=None if place.declination_deg is None else math.radians(place.declination_deg),
+        convergence=None if place.convergence_deg is None else math.radians(place.convergence_deg),
         gravity=None if place.lat_deg is None else earth.gravity(math.radians(place.lat_deg), place.height_m),
         source=place.source or "configured",
     )

@@ -84,8 +84,8 @@ def well_clearance(
     """
     path = surveys.definitive(leg)
     surveyed = float(path.md[-1])
-    if bit_depth is None and surveys.well.sensor_to_bit > 0.0 and path.kind[-1] == "survey":
-        bit_depth = surveyed + surveys.well.sensor_to_bit
+    if bit_depth is None and surveys.well.sensor_offset > 0.0 and path.kind[-1] == "survey":
+        bit_depth = surveyed + surveys.well.sensor_offset
     path = surveys.definitive(leg, bit_depth)
     bit = float(path.md[-1])
     path = continued(path, plan, offsets.ahead_m)
@@ -95,7 +95,7 @@ def well_clearance(
         found, remarks = clearances(well, offsets)
     except ValueError as error:
         raise ValueError(f"no clearance: {error}") from error
-    own = (*surveys.remarks, *(() if plan is None else plan.remarks))
+    own = (*path.assumptions, *surveys.remarks, *(() if plan is None else plan.remarks))
     return WellClearance(well, surveyed, bit, tuple(found), (*own, *remarks), offsets.rule)
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -53,7 +52,6 @@ def view(
     from mwd_surface.runs import launch_plan
     from mwd_surface.runs.bundle import newest_recording
     from mwd_surface.runs.player import Player, Playing, namespace_of
-    from mwd_surface.surveys.well import with_section
 
     if not 0.01 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0.01 to 1000")
@@ -77,7 +75,7 @@ def view(
                 terminal.remark("shown are the estimates in the recording, not those of these results")
         else:
             bag, surveys = held.enter_context(_processed(bag, read))
-        surveys = dataclasses.replace(surveys, well=with_section(surveys.well, planned))
+        surveys = surveys if planned is None else surveys.along(planned)
         player = Player(bag, namespace_of(bag), surveys, planned)
         page_port = held.enter_context(launch_plan.page_port(port))
 

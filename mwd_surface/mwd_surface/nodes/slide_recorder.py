@@ -73,7 +73,7 @@ class SlideRecorder:
         if bit_depth is None or valid & _DEPTHS != _DEPTHS or float(last["hole_depth"]) - bit_depth > _ON_BOTTOM:
             self._live.on_log_depth(None)
             return
-        self._live.on_log_depth(bit_depth - self._surveys.well.sensor_to_bit)
+        self._live.on_log_depth(bit_depth - self._surveys.well.sensor_offset)
         reading = self._live.toolface_reading
         known = reading is not None and reading.sigma >= 0.0
         stretch = self._sheet.update(

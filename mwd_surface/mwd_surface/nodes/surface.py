@@ -59,7 +59,6 @@ from mwd_surface.ros.topics import OF_TOOL, OVER_LINK
 from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_store import StoreError
-from mwd_surface.surveys.well import with_section
 
 _LIVE_PERIOD = 0.05  # s between updates of page and toolface
 _LINK_PERIOD = 2.0  # s between attitudes over a link at most
@@ -82,7 +81,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
         def apply(job: concurrent.futures.Future[Any]) -> None:
             self._plan.use(job.result())
-            self._surveys.change_settings(with_section(settings.well, self._plan.plan), settings.rules, settings.leg)
+            self._surveys.change_settings(settings.well, settings.rules, settings.leg, self._plan.plan)
             self._show_well()
 
         # A disk may take its time; the node meanwhile serves page and rig.
@@ -124,13 +123,11 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._supervision = SupervisionMonitor(context)
         self._plan = PlanServer(live, context.alarm_log)
         self._plan.use(self._plan.read(settings.plan, settings.well.north_reference))
-        well = with_section(settings.well, self._plan.plan)
         self._slides = self._closed_on_cleanup(SlideRecorder(context, settings.slides))
         self._surveys = self._closed_on_cleanup(
             SurveyListServer(
                 context,
                 settings,
-                well,
                 plan=self._plan,
                 on_published=self._on_surveys_published,
                 slide_sheet=self._slides.stretches,
@@ -151,7 +148,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._advice = AdviceServer(context)
         self._downlink = DownlinkServer(context, settings.downlink, self._control.authority)
         self._rig = self._closed_on_cleanup(
-            RigBridge(context, settings.rig, well.name, self._control.authority, self._inputs.is_simulated)
+            RigBridge(context, settings.rig, settings.well.name, self._control.authority, self._inputs.is_simulated)
         )
         self._frames = StaticFrames(context)
         self._decoder = StreamDecoder(
@@ -319,7 +316,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def _update_slow(self) -> None:
         now = time.monotonic()
         self._router.find_missing()
-        self._frames.publish(self._decoder.tool_frame, self._surveys.surveys.well.sensor_to_bit)
+        self._frames.publish(self._decoder.tool_frame, self._surveys.surveys.well.sensor_offset)
         self._page.open()
         self._foxglove.open()
         self._parameter_tables.request()

@@ -36,6 +36,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_sheet import Stretch
 from mwd_surface.trajectory.well_path import Definitive
 
@@ -52,9 +53,7 @@ class SurveyListServer:
         Node, folder, live state, alarm log and worker. The list is kept in the subfolder `surveys`, exported files in
         `exports`.
     settings : SurfaceSettings
-        Its sections `rules`, `leg` and `depth` are used.
-    well : Well
-        With its vertical section.
+        Its sections `well`, `rules`, `leg` and `depth` are used.
     plan : PlanServer
         The planned path.
     on_published : callable
@@ -81,7 +80,6 @@ class SurveyListServer:
         self,
         context: SurfaceContext,
         settings: SurfaceSettings,
-        well: Well,
         *,
         plan: PlanServer,
         on_published: Callable[[SurveyList], None],
@@ -99,11 +97,11 @@ class SurveyListServer:
         self._reporting, self._reported = False, SurveyList()
         self._files: list[tuple[str, str, bytes]] = []
         self._store = SurveyStore(context.folder / "surveys")
-        loaded = self._store.load(well, settings.rules)
+        loaded = self._store.load(settings.well, settings.rules)
         self.surveys = loaded.surveys
         for text in loaded.messages:
             self._alarm_log.log_event("survey list", text, Severity.WARNING)
-        self.surveys = self._with_leg(self.surveys, settings.leg)
+        self.surveys = self._with_leg(self.surveys.along(plan.plan), settings.leg)
 
     def open(self) -> None:
         """Open topics and services."""
@@ -121,10 +119,10 @@ class SurveyListServer:
         """Release the list's folder."""
         self._store.close()
 
-    def change_settings(self, well: Well, rules: ListRules, leg: LegSettings) -> None:
-        """Apply other settings of the well, the rules and the leg; where they do not fit the list, raise an alarm."""
+    def change_settings(self, well: Well, rules: ListRules, leg: LegSettings, plan: Plan | None) -> None:
+        """Apply other settings of well, rules, leg and plan; where they do not fit the list, raise an alarm."""
         try:
-            surveys = self.surveys.configured(well, rules)
+            surveys = self.surveys.configured(well, rules).along(plan)
         except ValueError as error:
             self._alarm_settings(error)
             return
@@ -169,7 +167,7 @@ class SurveyListServer:
     def on_survey(self, data: bytes) -> str:
         """Add a serialised survey of the estimator to the list; returns the outcome in words."""
         survey = survey_of(deserialize_message(data, msg.Survey))
-        at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_to_bit)
+        at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_offset)
         known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
         try:
             self._replace(self.surveys.add(survey, at.measured_depth, at.depth_age, comment=at.reason))
@@ -211,6 +209,15 @@ class SurveyListServer:
         doubts = {r.survey.sequence: revision_doubt(r, self.surveys.north) for r in self.surveys.records}
         causes = {f"survey.revised.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text}
         self._alarm_log.set_alarms("survey.revised.", causes)
+
+    def _alarm_assumptions(self, path: Definitive) -> None:
+        """Raise an alarm while the coordinates of the path rest on an assumption."""
+        remedy = "give the last station of the hole above: leg.tie_on_depth and the rest of leg.tie_on_*"
+        causes = {
+            f"path.assumed.{one.kind}": (int(Severity.WARNING), f"coordinates are assumed: {one.text}", remedy)
+            for one in path.assumptions
+        }
+        self._alarm_log.set_alarms("path.assumed.", causes)
 
     def _alarm_verdict(self, record: SurveyRecord) -> None:
         """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""
@@ -322,6 +329,7 @@ class SurveyListServer:
         now, surveys, path = time.monotonic(), self.surveys, self.definitive()
         wellhead, local = (self._node.frame(name) for name in (wire.WELLHEAD_FRAME, wire.LOCAL_FRAME))
         self._alarm_revisions()
+        self._alarm_assumptions(path)
         self._list_publisher.publish(messages.list_message(surveys, wellhead))
         self._trajectory_publisher.publish(messages.trajectory_message(path, surveys.changed_ns, wellhead))
         self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, local))
@@ -338,12 +346,12 @@ class SurveyListServer:
 
     def _table(self) -> Callable[[], SurveyTable]:
         """Return a function that computes the printed table of the present list, in any thread."""
-        surveys, plan, bit_depth = self.surveys, self._plan.plan, self.bit_depth
+        surveys, bit_depth = self.surveys, self.bit_depth
         made_ns, stretches = self._alarm_log.now_ns(), self._slide_sheet()
 
         def table() -> SurveyTable:
-            sections, _ = clearance_sections(surveys, plan, bit_depth)
-            return survey_table(surveys, made_ns, plan=plan, stretches=stretches, sections=sections)
+            sections, _ = clearance_sections(surveys, surveys.plan, bit_depth)
+            return survey_table(surveys, made_ns, stretches=stretches, sections=sections)
 
         return table
 

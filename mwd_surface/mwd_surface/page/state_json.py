@@ -316,7 +316,7 @@ def _offset(state: WellState) -> Table:
         return {"known": False}
     against = state.against_plan
     table = {name: number(against.get(signal.field)) for name, signal in page_fields("offset").items()}
-    return {"known": True, **table}
+    return {"known": True, "assumed": state.path is not None and state.path.assumed, **table}
 
 
 def _near(one: Clearance) -> Table:

@@ -58,7 +58,7 @@ def test_what_comes_from_a_message_is_accepted_by_the_list():
 
 def test_the_list_message_is_stamped_by_its_last_change():
     whole, message = example.surveys(), msg.SurveyList()
-    between.fill_list(message, whole, msg.SurveyRecord, msg.AzimuthEstimate)
+    between.fill_list(message, whole, msg.SurveyRecord, msg.AzimuthEstimate, msg.Leg)
     assert between.stamp_of(message.header.stamp) == whole.changed_ns
     assert (message.well, len(message.records)) == ("Åsgard Ω-1", 12)
     assert [between.record_of(r) for r in message.records] == list(whole.records)

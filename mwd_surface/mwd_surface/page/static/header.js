@@ -29,7 +29,7 @@ export function showWell(well) {
   }[well.north_reference];
   setText(byId("datum"), [
     `Depth from ${well.depth_datum || "a datum not given"}`,
-    `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
+    well.sensor_to_bit === null ? "sensor to bit not given" : `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
     `${well.north_reference} north`,
     `decl. ${angle(declination)}`,
     `conv. ${angle(convergence)}`,
