@@ -236,8 +236,8 @@ def tie_on_assumptions(
     """
     if tie_on.source == Origin.WITHOUT_POSITION:
         text = (
-            f"the position of the tie-on at {tie_on.measured_depth:.2f} m is not given in full; what is missing is taken"
-            " as straight below the wellhead"
+            f"the position of the tie-on at {tie_on.measured_depth:.2f} m is not given in full; what is missing is"
+            " taken as straight below the wellhead"
         )
         return (Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": tie_on.measured_depth}),)
     if tie_on.source != Origin.WELLHEAD or first_depth is None:
