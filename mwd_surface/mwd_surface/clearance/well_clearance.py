@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, nearest_first
+from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, check_plausible, nearest_first
 from mwd_surface.clearance.offset_wells import OffsetWells, clearances, read_offset_wells
-from mwd_surface.list_files.remark import Remark
+from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well_position import continued, uncertain_well
 from mwd_surface.trajectory.plan import Plan
@@ -33,6 +33,8 @@ class WellClearance:
     remarks : tuple of Remark
         What was not compared, and every assumption behind the lists of the well, the plan and the offset wells.
     rule : ClearanceRule
+    refused : tuple of str
+        Offset wells of the file that could not be compared: nothing is known of their separation.
     """
 
     well: UncertainWell
@@ -41,11 +43,17 @@ class WellClearance:
     found: tuple[Clearance, ...]
     remarks: tuple[Remark, ...]
     rule: ClearanceRule
+    refused: tuple[str, ...] = ()
 
     def ahead(self) -> tuple[Clearance, ...]:
         """Return the clearances from the last survey on, the nearest by the rule first."""
         parts = (one.between(self.surveyed, float(self.well.md[-1])) for one in self.found)
         return tuple(nearest_first([part for part in parts if part is not None]))
+
+    @property
+    def not_compared(self) -> tuple[Remark, ...]:
+        """The remarks that leave a well or a part of one uncompared; those of a refused well are among them."""
+        return tuple(one for one in self.remarks if one.kind == RemarkKind.NOT_COMPARED)
 
     @property
     def level(self) -> Level:
@@ -78,7 +86,7 @@ def well_clearance(
     Raises
     ------
     ValueError
-        No such leg, or the position of the well has no covariance.
+        No such leg, an implausible path (`check_plausible`), or the position of the well has no covariance.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -92,11 +100,17 @@ def well_clearance(
     records = [surveys.find(number) if number else None for number in path.sequence]
     try:
         well = uncertain_well(surveys, path, records, 0.5 * offsets.hole_diameter_m)
+        well = dataclasses.replace(well, surveyed=surveyed)
+        check_plausible(well, offsets.rule)
         found, remarks = clearances(well, offsets)
     except ValueError as error:
         raise ValueError(f"no clearance: {error}") from error
     own = (*path.assumptions, *surveys.remarks, *(() if plan is None else plan.remarks))
-    return WellClearance(well, surveyed, bit, tuple(found), (*own, *remarks), offsets.rule)
+    missing = dict.fromkeys(part for one in found for part in one.not_compared if not part.shared)
+    compared = {one.name for one in found}
+    refused = tuple(one.name for one in offsets.wells if one.name not in compared)
+    remarks = distinct((*own, *remarks, *(part.remark() for part in missing)))
+    return WellClearance(well, surveyed, bit, tuple(found), remarks, offsets.rule, refused)
 
 
 def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:

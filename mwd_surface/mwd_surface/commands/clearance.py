@@ -37,7 +37,7 @@ def clearance(
     Writes DIR/clearance.csv, DIR/ladder.png and DIR/travelling_cylinder.png. The offset wells stand in a YAML file:
     wells, each with name, file, north_m and east_m of its wellhead, hole_diameter_m, and code or programme; rule, with
     its factors; hole_diameter_m and ahead_m. Ends with status 1 where a factor at the bit or ahead of it is below the
-    level that stops drilling.
+    level that stops drilling, and where a well of the file could not be compared.
 
     \b
     Examples:
@@ -76,7 +76,7 @@ def clearance(
     for one in near.ahead()[:1]:
         terminal.output().print(f"from the last survey at {near.surveyed:.1f} m on: {one.sentence()}", markup=False)
     terminal.write(output, files)
-    if near.level == Level.STOP:
+    if near.level == Level.STOP or near.refused:
         raise typer.Exit(1)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, SURVEY, TIE_ON
@@ -52,8 +53,10 @@ def las(table: SurveyTable) -> str:
         file.params.append(item(f"H{k:02d}", value=_value(value), descr=_value(label)))
     for k, why in enumerate(table.left_out, start=1):
         file.params.append(item(f"X{k:02d}", value=_value(why), descr="LEFT OUT"))
-    for k, assumed in enumerate(table.remarks, start=1):
-        file.params.append(item(f"A{k:02d}", value=_value(assumed), descr="ASSUMED"))
+    assumptions = sentences(table.path.assumptions)
+    for k, remark in enumerate(table.remarks, start=1):
+        # Only what flags the coordinates (ASMD) is called assumed.
+        file.params.append(item(f"A{k:02d}", value=_value(remark), descr="ASSUMED" if remark in assumptions else "REMARK"))
     formats: dict[int, str] = {}
     for column in table.columns:
         if all(v is None for v in column.values):

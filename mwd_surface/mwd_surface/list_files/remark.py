@@ -26,8 +26,10 @@ class RemarkKind(enum.StrEnum):
     COLUMN_CHOSEN = "column_chosen"  #: one of several columns that could be the quantity
     COLUMN_NOT_READ = "column_not_read"  #: a column, unit or word that was not understood, quoted
     DIP_CONVERTED = "dip_converted"  #: angles from the horizontal turned into inclinations
+    WELLHEAD_ASSUMED = "wellhead_assumed"  #: where the wellhead of an offset well lies
     MAP_SHIFTED = "map_shifted"  #: map coordinates; the wellhead was subtracted
     AZIMUTH_MISSING = "azimuth_missing"  #: stations without azimuth
+    NULL_VALUES = "null_values"  #: cells with a null value, such as -999.25
     ROWS_LEFT_OUT = "rows_left_out"  #: rows that are not stations: nulls, footers, notes, repeated headers
     STATION_REPEATED = "station_repeated"  #: a station that stands twice in the list
     STATIONS_NOT_USED = "stations_not_used"  #: stations whose verdict is not accept
@@ -49,6 +51,14 @@ class Remark:
     values: dict[str, float] = dataclasses.field(default_factory=dict)
 
 
+def distinct(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    """Return remarks in their order, those with the same sentence once."""
+    found: dict[str, Remark] = {}
+    for remark in remarks:
+        found.setdefault(remark.text, remark)
+    return tuple(found.values())
+
+
 def sentences(remarks: Iterable[Remark]) -> tuple[str, ...]:
     """Return the sentences of remarks, each once."""
-    return tuple(dict.fromkeys(remark.text for remark in remarks))
+    return tuple(remark.text for remark in distinct(remarks))

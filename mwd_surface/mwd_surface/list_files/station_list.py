@@ -17,6 +17,8 @@ POSITION = ("north", "east", "tvd")
 # A first station whose own position an arc from the wellhead reaches this closely has left the wellhead vertically:
 # rounding, and what methods of calculation differ by over so short a way; m, and share of the depth.
 _REACHED, _REACHED_SHARE = 0.2, 0.001
+# Dogleg of a hole above that is assumed to leave the wellhead vertically, rad/m; twice that of most motors.
+_SHARPEST = math.radians(20.0) / 30.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,8 +81,9 @@ def start_of(stations: StationList) -> Start:
     Return where the path of a list starts.
 
     The first station, where it lies at depth 0. A list that begins below has the hole above it added: it leaves the
-    wellhead vertically. Only where the list gives a position of its first station that such a hole does not reach does
-    the path start there, and nothing is known of the hole above.
+    wellhead vertically, or straight towards a first station that is too near for that. Only where the list gives a
+    position of its first station that such a hole does not reach does the path start there, and nothing is known of
+    the hole above.
     """
     md, inclination = float(stations.md[0]), float(stations.inclination[0])
     azimuth = 0.0 if math.isnan(stations.azimuth[0]) else float(stations.azimuth[0])
@@ -90,20 +93,30 @@ def start_of(stations: StationList) -> Start:
         source = "wellhead" if inclination == 0.0 else "first station of the list"
         return Start(md, inclination, azimuth, own, source)
     given = not math.isnan(down)
-    reached = mc.path([0.0, md], [0.0, inclination], [azimuth, azimuth])[-1]
-    miss = float(np.linalg.norm(reached - np.array(own))) if given else 0.0
+    # A hole that would have to turn too sharply left its collar in the direction of the first station.
+    vertical = inclination <= _SHARPEST * md
+    top = 0.0 if vertical else inclination
+    reached = mc.path([0.0, md], [top, inclination], [azimuth, azimuth])[-1]
+    # What the list does not give cannot contradict the hole.
+    miss = float(np.linalg.norm(np.nan_to_num(reached - stations.positions[0]))) if given else 0.0
     if miss <= _REACHED + _REACHED_SHARE * md:
+        how = "vertically and to reach" if vertical else "straight towards"
         text = (
-            f"{stations.name} begins at {md:.2f} m: the hole above is assumed to leave the wellhead vertically and to"
-            " reach the first station in one arc"
+            f"{stations.name} begins at {md:.2f} m: the hole above is assumed to leave the wellhead {how} the first"
+            " station"
         )
         assumed = Remark(RemarkKind.HOLE_ABOVE_ASSUMED, text, {"measured_depth": md, "inclination": inclination})
-        return Start(0.0, 0.0, 0.0, (0.0, 0.0, 0.0), "wellhead", (assumed,))
+        return Start(0.0, top, 0.0 if vertical else azimuth, (0.0, 0.0, 0.0), "wellhead", (assumed,))
+    kind = RemarkKind.TIE_ON_OF_LIST
+    place = f"{north:+.2f} m north, {east:+.2f} m east"
+    if math.isnan(north) or math.isnan(east):
+        kind = RemarkKind.TIE_ON_ASSUMED
+        place = "north and east not both given, what is missing taken as that of the wellhead"
     text = (
-        f"{stations.name} begins at {md:.2f} m with a position of its own, {own[2]:.2f} m TVD, {own[0]:+.2f} m north,"
-        f" {own[1]:+.2f} m east: the path starts there, and the hole above is not known"
+        f"{stations.name} begins at {md:.2f} m with a position of its own, {own[2]:.2f} m TVD, {place}: the path starts"
+        " there, and the hole above is not known"
     )
-    remark = Remark(RemarkKind.TIE_ON_OF_LIST, text, {"measured_depth": md})
+    remark = Remark(kind, text, {"measured_depth": md})
     return Start(md, inclination, azimuth, own, "first station of the list", (remark,))
 
 

@@ -333,7 +333,7 @@ class SurveyListServer:
         self._list_publisher.publish(messages.list_message(surveys, wellhead))
         self._trajectory_publisher.publish(messages.trajectory_message(path, surveys.changed_ns, wellhead))
         self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, local))
-        self._live.on_records(surveys.records, now)
+        self._live.on_records(surveys.records, now, surveys.remarks)
         self._covariance, self._shown_bit = None, self.bit_depth
         self._live.on_trajectory(path, now)
         self._plan.show_offset(path)

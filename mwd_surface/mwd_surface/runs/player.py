@@ -154,7 +154,7 @@ class Player:
             table = dataclasses.replace(self._surveys, records=records).to_mapping()
             self._known = SurveyList.from_mapping(table, self._surveys.rules)
             self._live.on_well(self._known.well, now)
-            self._live.on_records(self._known.records, now)
+            self._live.on_records(self._known.records, now, self._known.remarks)
         if self._path_to == (len(records), self._bit_depth):
             return
         self._path_to = len(records), self._bit_depth

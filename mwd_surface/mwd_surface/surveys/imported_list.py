@@ -13,8 +13,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core import utc
 from mwd_surface.list_files.remark import Remark, RemarkKind
@@ -78,8 +76,9 @@ def survey_list(
     start = tie_on
     if start is None:
         first = start_of(stations)
-        placed = first.md <= 0.0 or first.source == Origin.WELLHEAD or not np.isnan(stations.positions[0]).any()
-        origin = Origin(first.source) if placed else Origin.WITHOUT_POSITION
+        origin = Origin.STATION if first.md == stations.md[0] else Origin.WELLHEAD
+        if any(one.kind == RemarkKind.TIE_ON_ASSUMED for one in first.remarks):
+            origin = Origin.WITHOUT_POSITION
         start = TieOn(first.md, first.inclination, first.azimuth, *first.position, origin)
         remarks += first.remarks
     below = [k for k in range(stations.md.size) if stations.md[k] > start.measured_depth]

@@ -11,10 +11,10 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from mwd_surface.list_files.remark import sentences
+from mwd_surface.list_files.remark import Remark, RemarkKind, sentences
 from mwd_surface.surveys.leg import MAIN, Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
@@ -172,6 +172,7 @@ def list_of(message: Any, well: Well, rules: ListRules | None = None) -> SurveyL
         leg=str(message.leg) if legs else MAIN,
         changed_ns=stamp_of(message.header.stamp),
         plan=plan_of_message(message.plan) if legs else None,
+        remarks=_remarks_of(message),
     )
     return SurveyList.from_mapping(bare.to_mapping(), rules)
 
@@ -181,7 +182,8 @@ def plan_of_message(message: Any) -> Plan | None:
     if not len(message.measured_depth):
         return None
     angles = message.inclination, message.azimuth
-    return plan_of(message.measured_depth, *angles, message.start, str(message.north), str(message.name))
+    plan = plan_of(message.measured_depth, *angles, message.start, str(message.north), str(message.name))
+    return dataclasses.replace(plan, remarks=_remarks_of(message))
 
 
 def fill_list(
@@ -190,6 +192,7 @@ def fill_list(
     new_record: Callable[[], Any],
     new_azimuth: Callable[[], Any],
     new_leg: Callable[[], Any],
+    new_remark: Callable[[], Any],
 ) -> None:
     """Write a list into an empty mwd_msgs/msg/SurveyList, all but its frame."""
     fill_stamp(message.header.stamp, surveys.changed_ns)
@@ -207,6 +210,7 @@ def fill_list(
         for name in _TIE_ON:
             setattr(line, name, getattr(leg.tie_on, name))
         message.legs.append(line)
+    message.remarks = _remark_messages(surveys.remarks, new_remark)
     if surveys.plan is not None:
         planned = surveys.plan
         message.plan.name, message.plan.north = planned.name, planned.north
@@ -214,6 +218,7 @@ def fill_list(
         message.plan.inclination = planned.inclination.tolist()
         message.plan.azimuth = planned.azimuth.tolist()
         message.plan.start = planned.positions[0].tolist()
+        message.plan.remarks = _remark_messages(planned.remarks, new_remark)
 
 
 def advice_of(message: Any) -> Advice:
@@ -250,6 +255,24 @@ def fill_trajectory(message: Any, path: Definitive, stamp_ns: int) -> None:
     message.last_is_projected = path.kind[-1] == PROJECTED
     message.first_is_assumed = path.kind[0] == ASSUMED
     message.assumptions = list(sentences(path.assumptions))
+
+
+def _remarks_of(message: Any) -> tuple[Remark, ...]:
+    """Return the remarks of a message; recordings of earlier versions have none."""
+    return tuple(
+        Remark(RemarkKind(one.kind), str(one.text), dict(zip(one.names, map(float, one.values), strict=True)))
+        for one in getattr(message, "remarks", ())
+    )
+
+
+def _remark_messages(remarks: Iterable[Remark], new_remark: Callable[[], Any]) -> list[Any]:
+    messages = []
+    for remark in remarks:
+        line = new_remark()
+        line.kind, line.text = remark.kind.value, remark.text
+        line.names, line.values = list(remark.values), list(remark.values.values())
+        messages.append(line)
+    return messages
 
 
 def _plain(value: Any) -> Any:

@@ -18,7 +18,7 @@ from typing import Any
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
-from mwd_surface.list_files.remark import Remark
+from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.surveys.leg import MAIN, Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import DEEPEST, LAST_SEQUENCE, ListRules
 from mwd_surface.surveys.station_checks import (
@@ -35,6 +35,9 @@ from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.well_path import Definitive
+
+#: Kinds of remarks about where the path of a list starts.
+OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED, RemarkKind.TIE_ON_OF_LIST)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -255,7 +258,9 @@ class SurveyList:
         if above:
             raise ValueError(f"tie_on: surveys {above} of leg {there.name!r} lie at or above {tie_on.measured_depth} m")
         legs = tuple(dataclasses.replace(g, tie_on=tie_on) if g is there else g for g in self.legs)
-        return dataclasses.replace(self, legs=legs)._with(self.records)
+        # A reader's assumption about the start of the path ends where a person gives the start.
+        remarks = self.remarks if there.parent else tuple(one for one in self.remarks if one.kind not in OF_START)
+        return dataclasses.replace(self, legs=legs, remarks=remarks)._with(self.records)
 
     def sidetracked(self, name: str, measured_depth: float, parent: str | None = None) -> SurveyList:
         """

@@ -270,10 +270,10 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
 
 def _toolface_of(direction_n: Array, inclination: float, azimuth: float) -> float:
     """Toolface whose steering plane contains a direction; rad from the high side, or from north where vertical."""
-    mat = mat_nt(inclination, _azimuth_at(inclination, azimuth), 0.0)
+    mat = mat_nt(inclination, azimuth_at(inclination, azimuth), 0.0)
     return float(wrap_tau(math.atan2(-float(direction_n @ mat[:, 1]), float(direction_n @ mat[:, 2]))))
 
 
-def _azimuth_at(inclination: float, azimuth: float) -> float:
-    # Straight down the high side has no direction; with azimuth 0 the angle counts from north.
-    return 0.0 if math.sin(inclination) < 1e-9 else azimuth
+def azimuth_at(inclination: float, azimuth: float) -> float:
+    """Return the azimuth of the high side, rad; 0 in a vertical hole, so that a toolface there counts from north."""
+    return 0.0 if math.sin(inclination) < mc.VERTICAL else azimuth

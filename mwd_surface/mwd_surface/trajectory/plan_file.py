@@ -8,17 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
-from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.list_columns import Given
+from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import read_list
 from mwd_surface.list_files.station_list import StationList, completed
 from mwd_surface.trajectory.plan import Plan, plan_of
 
 
-def read_plan(path: str | Path, north: str = "") -> Plan:
+def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> Plan:
     """
     The plan of a file: a table, LAS or WITSML.
 
-    north: "magnetic", "true" or "grid", which its azimuths must be from; empty: any.
+    north: "magnetic", "true" or "grid", which its azimuths must be from; empty: any. given: what the
+    caller says of the file.
 
     Raises
     ------
@@ -26,7 +28,7 @@ def read_plan(path: str | Path, north: str = "") -> Plan:
         The file is missing, unreadable, too large, not a plan, or from another north; the message gives file, line and
         rule.
     """
-    plan = plan_from_list(read_list(path))
+    plan = plan_from_list(read_list(path, given))
     if north and plan.north not in ("", north):
         raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
     return plan

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -21,7 +22,8 @@ class UncertainWell:
     Stations, what measured them, and the size of the hole.
 
     md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: of azimuths
-    and axes. radius: of the open hole, m. remarks: assumptions behind its list.
+    and axes. radius: of the open hole, m. surveyed: measured depth of the last survey, m; below it the path is
+    projected or planned. remarks: assumptions behind its list.
     """
 
     name: str
@@ -33,6 +35,7 @@ class UncertainWell:
     errors: StationErrors
     reference: ErrorReference
     radius: float = 0.0
+    surveyed: float = math.inf
     remarks: tuple[Remark, ...] = ()
 
     def covariance(self) -> Array:

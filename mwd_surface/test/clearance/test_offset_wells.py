@@ -125,8 +125,8 @@ def test_a_list_that_begins_at_depth_is_compared_with_the_hole_above_as_mwd_path
     path = written(tmp_path, text)
     found, remarks = clearances(drilled(), read_offset_wells(path))
     whole, cut = (next(one for one in found if one.name == name) for name in ("whole", "cut"))
-    # Few stations make the error model a little coarser, not another one.
-    assert cut.factor[cut.least] == pytest.approx(whole.factor[whole.least], rel=0.05, abs=0.01)
+    # An assumed hole is known no better than a surveyed one.
+    assert cut.factor[cut.least] <= whole.factor[whole.least] + 0.01
     assert [one.kind for one in remarks if "cut" in one.text] == [RemarkKind.HOLE_ABOVE_ASSUMED]
     read = survey_list(read_list(tmp_path / "cut.csv")).definitive()
     used = offset_well(OffsetWell("cut", "cut.csv"), tmp_path, North.GRID, REFERENCE)

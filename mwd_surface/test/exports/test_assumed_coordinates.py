@@ -19,8 +19,8 @@ from mwd_surface.exports.export_witsml import NAMESPACE
 from mwd_surface.exports.path_csv import path_csv
 from mwd_surface.exports.report_plots import plan_view, section_view
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.list_files.list_file import list_from_table
-from mwd_surface.list_files.remark import RemarkKind
+from mwd_surface.list_files.list_file import list_of
+from mwd_surface.list_files.remark import RemarkKind, distinct
 from mwd_surface.page.survey_panel import path_table, survey_row
 from mwd_surface.rig.survey import accepted_surveys
 from mwd_surface.rig.value import Condition
@@ -28,7 +28,7 @@ from mwd_surface.rig.values import nothing_yet, survey_values
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
-from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_list import OF_START, SurveyList
 from mwd_surface.trajectory.advice import AdviceMode, AdvisorySettings, Known, advise
 from mwd_surface.trajectory.plan import plan_of
 from mwd_surface.trajectory.well_path import ASSUMED, TIE_ON
@@ -197,12 +197,82 @@ def test_a_sidetrack_is_assumed_as_its_parent_is_and_follows_when_the_parent_get
 
 def test_an_assumed_north_is_said_beside_the_azimuths():
     text = b"md_m,inc,azi\n0,0,0\n30,1,10\n60,2,12\n"
-    surveys = survey_list(list_from_table(text))
+    surveys = survey_list(list_of(text))
     assert {one.kind for one in surveys.definitive().assumptions} == {RemarkKind.NORTH_ASSUMED}
     header = dict(survey_table(surveys, example.MADE).header)
     assert header["Azimuth reference"].endswith("north, assumed")
-    named = survey_list(list_from_table(text.replace(b"azi", b"azi_true")))
+    named = survey_list(list_of(text.replace(b"azi", b"azi_true")))
     assert not named.definitive().assumed
+
+
+def rows(columns, *stations):
+    return "\n".join([columns, *(",".join(map(str, one)) for one in stations)]).encode() + b"\n"
+
+
+BELOW = ((600, 8.0, 30.0), (630, 9.0, 31.0), (660, 10.0, 31.0))
+# A list as a file, what its coordinates rest on, and what else is said of where its path starts.
+LISTS = {
+    "begins at depth": (rows("md_m,inc_deg,azi_true", *BELOW), {RemarkKind.HOLE_ABOVE_ASSUMED}, set()),
+    "begins at depth, too steep for an arc": (
+        rows("md_m,inc_deg,azi_true", (6, 85, 30), (36, 86, 30)),
+        {RemarkKind.HOLE_ABOVE_ASSUMED},
+        set(),
+    ),
+    "begins at depth with a depth no arc reaches": (
+        rows("md_m,inc_deg,azi_true,tvd_m", (600, 8.0, 30.0, 540.0), (630, 8.0, 30.0, 569.71)),
+        {RemarkKind.TIE_ON_ASSUMED},
+        set(),
+    ),
+    "begins at depth with a depth an arc reaches": (
+        rows("md_m,inc_deg,azi_true,tvd_m", (600, 8.0, 30.0, 598.05), (630, 8.0, 30.0, 627.76)),
+        {RemarkKind.HOLE_ABOVE_ASSUMED},
+        set(),
+    ),
+    "begins at depth with a whole position": (
+        rows("md_m,inc_deg,azi_true,tvd_m,ns_m,ew_m", (600, 8, 0, 540, 150, 20), (630, 8, 0, 569.71, 154.18, 20)),
+        set(),
+        {RemarkKind.TIE_ON_OF_LIST},
+    ),
+    "has a station at the wellhead": (rows("md_m,inc_deg,azi_true", (0, 0, 0), *BELOW), set(), set()),
+    "begins near the wellhead": (
+        rows("md_m,inc_deg,azi_true", (20, 0.5, 10), (50, 1, 10)),
+        set(),
+        {RemarkKind.HOLE_ABOVE_ASSUMED},
+    ),
+    "does not name its north": (rows("md_m,inc_deg,azi", (0, 0, 0), *BELOW), {RemarkKind.NORTH_ASSUMED}, set()),
+    "begins at depth and does not name its north": (
+        rows("md_m,inc_deg,azi", *BELOW),
+        {RemarkKind.NORTH_ASSUMED, RemarkKind.HOLE_ABOVE_ASSUMED},
+        set(),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LISTS)
+def test_what_the_reader_assumed_flags_coordinates_everywhere_and_is_said_once(case):
+    data, assumed, said = LISTS[case]
+    surveys = survey_list(list_of(data))
+    path = surveys.definitive()
+    assert {one.kind for one in path.assumptions} == assumed
+    # Of the start of a path the reader's sentence is the only one.
+    start = [one for one in distinct((*path.assumptions, *surveys.remarks)) if one.kind in OF_START]
+    assert [one.kind for one in start] == [one for one in OF_START if one in assumed | said]
+    table = survey_table(surveys, example.MADE)
+    for kind, flag in FLAGS.items():
+        assert flag(FORMATS[kind].make(table)) == bool(assumed), kind
+    page = path_table(path, 0.0, None, 100)
+    assert len(page["assumptions"]) == len(assumed)
+    values = survey_values(accepted_surveys(surveys)[-1], example.MADE)
+    assert {values[name].condition == Condition.DOUBTFUL for name in POSITIONS} == {bool(assumed)}
+    # The same path looks the same after it went to the file of the list and back.
+    assert SurveyList.from_mapping(surveys.to_mapping()).definitive().assumptions == path.assumptions
+
+
+def test_an_assumption_about_the_start_ends_where_a_person_gives_the_start():
+    surveys = survey_list(list_of(rows("md_m,inc_deg,azi", *BELOW)))
+    tied = surveys.tied_on(GIVEN)
+    assert {one.kind for one in tied.definitive().assumptions} == {RemarkKind.NORTH_ASSUMED}
+    assert {one.kind for one in tied.remarks} == {RemarkKind.NORTH_ASSUMED}
 
 
 # Fields of the well, and the line of the head block that prints each.

@@ -8,12 +8,17 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reference_field import Reference
+from mwd_surface.exports.export_csv import definitive_csv
+from mwd_surface.exports.export_las import las
+from mwd_surface.exports.export_witsml import witsml
+from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.list_files.list_file import list_from_table, read_list
+from mwd_surface.list_files.list_file import list_of, read_list
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import reference_in, survey_list
 from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.survey_source import surveys_of
+from mwd_surface.surveys.survey_store import decoded, encoded
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 from project import REFERENCE_DATA
@@ -37,9 +42,9 @@ def test_the_gyro_list_of_volve_f4_has_its_published_path():
 
 
 def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_says():
-    whole = list_from_table(b"md_m,inc,azi_true,tvd_m,north_m,east_m\n500,10,0,495,20,-3\n600,12,0,593.2,39,-3\n")
+    whole = list_of(b"md_m,inc,azi_true,tvd_m,north_m,east_m\n500,10,0,495,20,-3\n600,12,0,593.2,39,-3\n")
     assert survey_list(whole).definitive().positions[0].tolist() == [20.0, -3.0, 495.0]
-    bare = list_from_table(b"md_m,inc,azi_true\n500,10,0\n600,12,0\n")
+    bare = list_of(b"md_m,inc,azi_true\n500,10,0\n600,12,0\n")
     surveys = survey_list(bare)
     assert surveys.definitive().md.tolist() == [0.0, 500.0, 600.0]
     assert RemarkKind.HOLE_ABOVE_ASSUMED in {remark.kind for remark in surveys.remarks}
@@ -50,9 +55,7 @@ def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_s
 
 
 def test_stations_whose_verdict_is_not_accept_are_listed_and_used_only_on_demand():
-    stations = list_from_table(
-        b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n"
-    )
+    stations = list_of(b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n")
     surveys = survey_list(stations)
     assert [record.in_use for record in surveys.records] == [True, False, False]
     assert "2 of 3 stations are not used" in surveys.remarks[0].text
@@ -76,3 +79,19 @@ def test_a_station_without_readings_shows_none():
     assert surveys.records[5].survey.sigma_azimuth == -1.0
     assert not surveys.records[5].survey.has_readings
     assert surveys.records[5].survey.azimuth_from(North.MAGNETIC) is None
+
+
+def test_remarks_stay_with_the_list_into_its_file_and_every_export():
+    surveys = survey_list(list_of(b"md_m,inc,azi\n300,1,10\n330,2,12\n"))
+    kept = decoded(encoded(surveys))
+    kinds = {remark.kind for remark in kept.remarks}
+    assert kept.remarks == surveys.remarks
+    assert kinds == {RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.NORTH_ASSUMED}
+    table = survey_table(kept, 0)
+    assert len(table.remarks) == 2
+    for remark in table.remarks:
+        assert remark in definitive_csv(table)
+        assert remark in witsml(table)
+        assert remark in content(table).notes
+        # A colon parts the fields of LAS.
+        assert remark.partition(":")[0] in las(table)

@@ -22,6 +22,18 @@ const revised = (row) => !row.revised ? null : pill(REVISED[row.revised] || "inf
 export const assumedNote = (path) => !path?.assumptions.length ? null : el("p", { class: "assumed-note" },
   pill("doubtful", "coordinates assumed"), ` ${path.assumptions.join("; ")}`);
 
+let remarksOpen = false;
+
+// What else was assumed about the lists behind these tables; null: nothing.
+export function remarksNote(path, ...tables) {
+  const said = new Set(path?.assumptions);
+  const texts = [...new Set(tables.flatMap((table) => table?.remarks || []))].filter((text) => !said.has(text));
+  return !texts.length ? null : el("details",
+    { class: "remarks", open: remarksOpen, ontoggle: (event) => { remarksOpen = event.target.open; } },
+    el("summary", { "data-keep": "remarks" }, pill("info", `remarks: ${texts.length}`)),
+    el("ul", {}, texts.map((text) => el("li", {}, text))));
+}
+
 export const percent = (odds) => `${(100 * odds).toFixed(odds < 0.1 ? 1 : 0)} %`;
 
 const BLANK = { reason: "", depth: "", replace: false };
@@ -80,8 +92,9 @@ export class SurveyTable {
   show(surveys, path, well, controls) {
     this.last = [surveys, path, well, controls];
     const rows = surveys?.rows || [];
+    const remarks = remarksNote(path, surveys) || "";
     if (!rows.length) {
-      this.body.replaceChildren(el("p", { class: "empty" }, "No surveys yet."));
+      this.body.replaceChildren(remarks, el("p", { class: "empty" }, "No surveys yet."));
       return;
     }
     const wanted = columns(well?.north_reference || "");
@@ -100,7 +113,7 @@ export class SurveyTable {
     const table = el("table", { class: "surveys" }, el("caption", { class: "quiet" }, "Survey list, deepest first"), el("thead", {}, head), body);
     // A rebuild while somebody types must not take the keyboard away.
     const focused = document.activeElement?.getAttribute?.("data-keep");
-    this.body.replaceChildren(assumedNote(path) || "", table);
+    this.body.replaceChildren(assumedNote(path) || "", remarks, table);
     if (surveys.left_out) this.body.append(el("p", { class: "empty" }, `${surveys.left_out} older lines are in the export.`));
     if (focused) this.body.querySelector(`[data-keep="${focused}"]`)?.focus();
   }
