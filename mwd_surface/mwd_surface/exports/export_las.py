@@ -56,7 +56,8 @@ def las(table: SurveyTable) -> str:
     assumptions = sentences(table.path.assumptions)
     for k, remark in enumerate(table.remarks, start=1):
         # Only what flags the coordinates (ASMD) is called assumed.
-        file.params.append(item(f"A{k:02d}", value=_value(remark), descr="ASSUMED" if remark in assumptions else "REMARK"))
+        descr = "ASSUMED" if remark in assumptions else "REMARK"
+        file.params.append(item(f"A{k:02d}", value=_value(remark), descr=descr))
     formats: dict[int, str] = {}
     for column in table.columns:
         if all(v is None for v in column.values):
