@@ -20,7 +20,6 @@ from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.message_buffer import decode_messages
 
 _SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
 _RATED = 16  # samples a rate is told from
@@ -84,7 +83,7 @@ class InputTopics:
         """Take the samples that wait on a topic, followed by those of the burst topic that replaces it."""
         layout = wire.SONDE_TOPICS[topic]
         messages = [message.data for message in self._buffers[topic].take()]
-        samples, errors = decode_messages(layout, messages)
+        samples, errors = wire.decode_messages(layout, messages)
         bursts = []
         if topic in _BURST_TOPIC:
             bursts = [message.data for message in self._buffers[_BURST_TOPIC[topic]].take()]

@@ -64,6 +64,8 @@ class AlarmBook:
         self._events: deque[Event] = deque(maxlen=max_events)
         self._max_alarms = max_alarms
         self.version = 0
+        #: Events logged so far.
+        self.logged = 0
 
     def alarms(self) -> tuple[Alarm, ...]:
         """Those active or not yet acknowledged, newest first."""
@@ -167,15 +169,23 @@ class AlarmBook:
     def note(self, source: str, text: str, stamp_ns: int, severity: Severity | int = Severity.INFO) -> Event:
         """Write a line in the log that is no alarm: a survey taken, a recording started, who accepted what."""
         event = Event(stamp_ns, "note", source, text, int(Severity(severity)))
-        self._events.append(event)
+        self._log(event)
         self.version += 1
         return event
 
     def _store(self, alarm: Alarm, kind: str, text: str, stamp_ns: int) -> Alarm:
         self._alarms[alarm.id] = alarm
-        self._events.append(Event(stamp_ns, kind, alarm.id, text, alarm.severity))
+        self._log(Event(stamp_ns, kind, alarm.id, text, alarm.severity))
         self.version += 1
         return alarm
+
+    def events_after(self, logged: int) -> tuple[Event, ...]:
+        """Return the events since a count of `logged`, oldest first, as far as they are kept."""
+        return tuple(self._events)[-(self.logged - logged) :] if self.logged > logged else ()
+
+    def _log(self, event: Event) -> None:
+        self._events.append(event)
+        self.logged += 1
 
     def _make_room(self, alarm: Alarm) -> bool:
         if len(self._alarms) < self._max_alarms:

@@ -107,6 +107,8 @@ class ToolfaceState:
     rotating : bool
     stamp_ns : int or None
         Of the last sample; None before the first.
+    measured_ns : int or None
+        When the angle was measured: that of the last sample, or over a link of the word it comes from.
     readings : tuple of DialReading
         Oldest first.
     advisory : Advisory or None
@@ -118,6 +120,7 @@ class ToolfaceState:
     mode: int = GRAVITY
     rotating: bool = False
     stamp_ns: int | None = None
+    measured_ns: int | None = None
     readings: tuple[DialReading, ...] = ()
     advisory: Advisory | None = None
     threshold: float | None = None
@@ -272,6 +275,12 @@ class WellState:
         Worst first.
     alarms, events
         Newest first.
+    not_evaluated : tuple of str
+        Kinds of alarms that could not be judged, in words.
+    well_given : bool
+        Whether somebody described the well; False: its description is assumed.
+    over_link : bool or None
+        Whether a telemetry link stands between tool and surface; None: not known.
     clock_offset : float or None
         Time since the epoch minus `now` when the alarms came, s: turns their stamps into ages.
     history, depth_log : Chart
@@ -314,6 +323,9 @@ class WellState:
     advice: Advice = dataclasses.field(default_factory=Advice)
     downlink: DownlinkStatus | None = None
     inputs: InputTable = dataclasses.field(default_factory=InputTable)
+    not_evaluated: tuple[str, ...] = ()
+    over_link: bool | None = None
+    well_given: bool = True
 
     @property
     def against_plan(self) -> dict[str, float | None]:

@@ -75,10 +75,11 @@ class StateJson:
         -------
         dict
             now: of the state. sections: name to table. revisions: name to a number that changes whenever the table
-            does, apart from the ages in it. Single values are {value, sigma, unit, at, age, stale_after, state,
-            reason}: value None while there never was one, state "live", "stale" or "no data", at in s of the clock of
-            `now`. Tables carry since and age of their last change. Sections history and depth_log are {columns, rows},
-            oldest and shallowest row first; the first column is s of that clock, or m of depth of the sensor.
+            does, apart from the ages in it. Single values are {value, sigma, unit, at, measured_at, age, stale_after,
+            state, reason}: value None while there never was one, state "live", "stale" or "no data", at when it came,
+            from which it turns stale, measured_at when it was measured, both in s of the clock of `now`. Tables carry
+            since and age of their last change. Sections history and depth_log are {columns, rows}, oldest and
+            shallowest row first; the first column is s of that clock, or m of depth of the sensor.
         """
         sections = {**self._streams(state), **self._tables(state)}
         for name, chart in (("history", state.history), ("depth_log", state.depth_log)):
@@ -181,7 +182,8 @@ def _alarms(state: WellState) -> Table:
     """Alarms; raised_at: s of the steady clock, None where the clock of their stamps is not known."""
     offset = state.clock_offset
     ages = [None if offset is None else number(a.raised_ns * 1e-9 - offset) for a in state.alarms]
-    return {"rows": [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]}
+    rows = [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]
+    return {"rows": rows, "not_evaluated": list(state.not_evaluated)}
 
 
 def plain_events(events: Iterable[Event]) -> list[Table]:
@@ -204,6 +206,7 @@ def _value(value: LiveValue) -> Table:
         "sigma": number(value.sigma),
         "unit": value.unit,
         "at": number(value.at),
+        "measured_at": number(value.measured_at),
         "age": number(value.age),
         "stale_after": value.stale_after,
         "state": value.state,
@@ -231,6 +234,7 @@ def _toolface(toolface: ToolfaceState, north: str) -> Table:
         "known": toolface.stamp_ns is not None,
         "rotating": toolface.rotating,
         "stamp_ns": toolface.stamp_ns,
+        "measured_ns": toolface.measured_ns,
         "north": north,
         "threshold": number(toolface.threshold),
         "readings": [
@@ -275,6 +279,8 @@ def _well(state: WellState) -> Table:
         "north_reference": well.north_reference,
         "section_azimuth": number(_section(state)),
         "sensor_to_bit": number(well.sensor_to_bit),
+        "over_link": state.over_link,
+        "given": state.well_given,
         "field_total": number(reference.total),
         "field_dip": number(reference.dip),
         "field_declination": number(reference.declination),
