@@ -68,8 +68,9 @@ class ClearanceMonitor:
             self._report_file((near,) if near else ())
             return
         ahead = near.ahead()
-        self._live.on_clearance(ahead, self._clock.now)
-        self._report_file(sentences(near.remarks))
+        self._live.on_clearance(ahead, self._clock.now, near.remarks)
+        # An assumption stands on the page; only what was not compared may hide a well.
+        self._report_file(sentences(near.not_compared))
         if near.level == Level.CLEAR:
             log.clear_alarm(_SEPARATION)
             return
@@ -78,10 +79,10 @@ class ClearanceMonitor:
         place = f"{beyond:.0f} m ahead of the bit" if beyond > 0.0 else "at the bit"
         log.raise_alarm(_SEPARATION, severity, f"{ahead[0].sentence()}; {place}", _REMEDIES[near.level])
 
-    def _report_file(self, remarks: tuple[str, ...]) -> None:
-        if remarks:
+    def _report_file(self, missing: tuple[str, ...]) -> None:
+        if missing:
             remedy = "correct the file or the setting it names, then set well.offset_wells again"
-            self._alarm_log.raise_alarm(_FILE, Severity.WARNING, "; ".join(remarks), remedy)
+            self._alarm_log.raise_alarm(_FILE, Severity.WARNING, "; ".join(missing), remedy)
         else:
             self._alarm_log.clear_alarm(_FILE)
 

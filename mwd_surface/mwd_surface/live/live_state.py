@@ -18,6 +18,7 @@ from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.latest_values import LiveValue
@@ -53,12 +54,14 @@ class LiveState(LiveStreams):
         self._reference: ReferenceField | None = None
         self._survey_reference = ReferenceField()
         self._records: tuple[SurveyRecord, ...] = ()
+        self._remarks: tuple[Remark, ...] = ()
         self._path: Definitive | None = None
         self._covariance: Array | None = None
         self._plan: Plan | None = None
         self._offset: Offset | None = None
         self._dogleg_to_target: float | None = None
         self._clearance: tuple[Clearance, ...] = ()
+        self._clearance_remarks: tuple[Remark, ...] = ()
         self._stretches: tuple[Stretch, ...] = ()
         self._yields: tuple[Yield, ...] = ()
         self._quill: float | None = None
@@ -157,9 +160,9 @@ class LiveState(LiveStreams):
         self._well, self._reference = well, reference
         self._touch("well", now)
 
-    def on_records(self, records: Iterable[SurveyRecord], now: float) -> None:
-        """Take all records of the survey list, in order."""
-        self._records = tuple(records)
+    def on_records(self, records: Iterable[SurveyRecord], now: float, remarks: Iterable[Remark] = ()) -> None:
+        """Take all records of the survey list, in order, and its remarks."""
+        self._records, self._remarks = tuple(records), tuple(remarks)
         self._touch("records", now)
         last = max(self._records, key=lambda r: r.survey.stamp_ns, default=None)
         if last is not None and last.survey.has_reference:
@@ -181,9 +184,9 @@ class LiveState(LiveStreams):
         self._offset, self._dogleg_to_target = offset, dogleg_to_target
         self._touch("offset", now)
 
-    def on_clearance(self, ahead: Sequence[Clearance], now: float) -> None:
-        """Take the clearances from the last survey on, the nearest by the rule first."""
-        self._clearance = tuple(ahead)
+    def on_clearance(self, ahead: Sequence[Clearance], now: float, remarks: Iterable[Remark] = ()) -> None:
+        """Take the clearances from the last survey on, the nearest by the rule first, and the remarks about them."""
+        self._clearance, self._clearance_remarks = tuple(ahead), tuple(remarks)
         self._touch("clearance", now)
 
     def on_steering(self, stretches: Sequence[Stretch], yields: Sequence[Yield], now: float) -> None:
@@ -248,12 +251,14 @@ class LiveState(LiveStreams):
             well=self._well,
             reference=self._reference or self._survey_reference,
             records=self._records,
+            remarks=self._remarks,
             path=self._path,
             covariance=self._covariance,
             plan=self._plan,
             offset=self._offset,
             dogleg_to_target=self._dogleg_to_target,
             clearance=self._clearance,
+            clearance_remarks=self._clearance_remarks,
             stretches=self._stretches,
             yields=self._yields,
             quill=self._quill,

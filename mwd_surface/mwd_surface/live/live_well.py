@@ -246,7 +246,7 @@ class LiveWell:
     def _on_rig_state(self, samples: Samples) -> Samples:
         paired, shown = self.inputs.in_force(samples)
         bit_depth = self.book.on_rig_state(paired)
-        self.slides.on_rig_state(paired, bit_depth, self.book.surveys.well.sensor_to_bit)
+        self.slides.on_rig_state(paired, bit_depth, self.book.surveys.well.sensor_offset)
         self._outlet.on_rig_state(samples)
         return shown
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import deque
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -19,9 +18,8 @@ from mwd_surface.live.input_monitor import InputMonitor
 from mwd_surface.live.inputs import HAND, Clock, InputState, InputTable, Role
 from mwd_surface.live.survey_book import SurveyBook, outcome
 from mwd_surface.live.well_context import WellContext
-from mwd_surface.surveys.message_conversion import advice_of, stamp_of
+from mwd_surface.surveys.message_conversion import advice_of, list_of, stamp_of
 from mwd_surface.surveys.survey_record import Survey
-from mwd_surface.surveys.survey_source import listed, start_of
 
 # Topics of the surface node itself that tell what the page shows.
 SAID = frozenset(
@@ -29,7 +27,6 @@ SAID = frozenset(
         "alarms",
         "events",
         "surveys",
-        "trajectory",
         "inputs",
         "steering/advice",
         "recorder",
@@ -82,7 +79,6 @@ class SaidByTheSurface:
             "alarms": self._on_alarms,
             "events": self._on_event,
             "surveys": self._on_list,
-            "trajectory": self._on_trajectory,
             "inputs": self._on_inputs,
             "steering/advice": lambda message: self._live.on_advice(advice_of(message), self._clock.now),
             "recorder": lambda message: self._live.on_recorder(recorder_status_of(message), self._clock.now),
@@ -121,16 +117,9 @@ class SaidByTheSurface:
         self._events.append(Event(stamp_ns, str(message.kind), str(message.source), str(message.text), severity))
 
     def _on_list(self, message: Any) -> None:
-        self._book.replace(listed(self._book.surveys, message))
+        here = self._book.surveys
+        self._book.on_list(list_of(message, here.well, here.rules))
         self._tell_outcome()
-
-    def _on_trajectory(self, message: Any) -> None:
-        tie_on, _ = start_of(message)
-        surveys = self._book.surveys
-        leg = surveys.find_leg()
-        if len(message.measured_depth) and leg.tie_on != tie_on and len(surveys.legs) == 1:
-            legs = (dataclasses.replace(leg, tie_on=tie_on),)
-            self._book.replace(type(surveys).from_mapping(dataclasses.replace(surveys, legs=legs).to_mapping()))
 
     def _on_inputs(self, message: Any) -> None:
         table = input_table_of(message)

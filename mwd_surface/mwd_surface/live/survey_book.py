@@ -83,7 +83,7 @@ class SurveyBook:
 
     def on_survey(self, survey: Survey) -> str:
         """Add a survey of the estimator to the list; returns the outcome in words."""
-        at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_to_bit)
+        at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_offset)
         known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
         try:
             self.replace(self.surveys.add(survey, at.measured_depth, at.depth_age, comment=at.reason))
@@ -134,7 +134,21 @@ class SurveyBook:
         remedy = "act on the reason, or decide about it in the list"
         self._alarm_log.raise_alarm("survey.azimuth", severity, record.azimuth_doubt, remedy)
 
+    def _alarm_assumptions(self, path: Definitive) -> None:
+        """Raise an alarm while the coordinates of the path rest on an assumption."""
+        remedy = "give the last station of the hole above: leg.tie_on_depth and the rest of leg.tie_on_*"
+        causes = {
+            f"path.assumed.{one.kind}": (int(Severity.WARNING), f"coordinates are assumed: {one.text}", remedy)
+            for one in path.assumptions
+        }
+        self._alarm_log.set_alarms("path.assumed.", causes)
+
     # The list and its path, shown.
+
+    def on_list(self, surveys: SurveyList) -> None:
+        """Put a list in force that a surface told, along the planned path of this well where it has one."""
+        plan = self._plan.plan
+        self.replace(surveys if plan is None else surveys.along(plan))
 
     def replace(self, surveys: SurveyList) -> None:
         """Put another list in force; the same one changes nothing."""
@@ -146,8 +160,9 @@ class SurveyBook:
         """Show list and path, and tell them."""
         surveys, path = self.surveys, self.definitive()
         self._alarm_revisions()
+        self._alarm_assumptions(path)
         self._outlet.on_surveys(surveys, path)
-        self._live.on_records(surveys.records, self._clock.now)
+        self._live.on_records(surveys.records, self._clock.now, surveys.remarks)
         self._covariance, self._shown_bit = None, self.bit_depth
         self._live.on_trajectory(path, self._clock.now)
         self._plan.show_offset(path)

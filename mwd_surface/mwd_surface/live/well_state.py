@@ -18,6 +18,7 @@ from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
@@ -249,16 +250,16 @@ class WellState:
         s of the steady clock.
     streams : mapping of str to StreamState
         The streams by name.
-    records : tuple of SurveyRecord
-        The survey list, in its order.
+    records, remarks
+        The survey list, in its order, and the remarks behind it.
     path, covariance
         The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
     offset : Offset or None
         From the plan to the end of the path.
     dogleg_to_target : float or None
         Of the arc that hits the target, rad/m.
-    clearance : tuple of Clearance
-        To offset wells from the last survey on, the nearest by the rule first.
+    clearance, clearance_remarks
+        To offset wells from the last survey on, the nearest by the rule first; what it left out and assumed.
     stretches, yields
         The slide sheet, deepest last.
     quill : float or None
@@ -297,12 +298,14 @@ class WellState:
     well: Well
     reference: ReferenceField
     records: tuple[SurveyRecord, ...]
+    remarks: tuple[Remark, ...]
     path: Definitive | None
     covariance: Array | None
     plan: Plan | None
     offset: Offset | None
     dogleg_to_target: float | None
     clearance: tuple[Clearance, ...]
+    clearance_remarks: tuple[Remark, ...]
     stretches: tuple[Stretch, ...]
     yields: tuple[Yield, ...]
     quill: float | None

@@ -54,7 +54,6 @@ from mwd_surface.ros.parameter_tables import ParameterTables
 from mwd_surface.ros.topics import OF_TOOL, TOPICS
 from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_store import StoreError
-from mwd_surface.surveys.well import with_section
 from mwd_surface.trajectory.slide_file import NAME, read_stretches
 
 _LIVE_PERIOD = 0.05  # s between updates of page and toolface
@@ -78,7 +77,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         def apply(job: concurrent.futures.Future[Any]) -> None:
             self._plan.use(job.result())
             self._well.settings = settings
-            self._surveys.change_settings(with_section(settings.well, self._plan.plan), settings.rules, settings.leg)
+            self._surveys.change_settings(settings.well, settings.rules, settings.leg, self._plan.plan)
             self._show_well()
 
         # A disk may take its time; the node meanwhile serves page and rig.
@@ -123,10 +122,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         )
         self._plan = PlanMonitor(well_context)
         self._plan.use(self._plan.read(settings.plan, settings.well.north_reference))
-        well = with_section(settings.well, self._plan.plan)
-        self._surveys = outlet.surveys = self._closed_on_cleanup(
-            SurveyListServer(context, settings, well, plan=self._plan)
-        )
+        self._surveys = outlet.surveys = self._closed_on_cleanup(SurveyListServer(context, settings, plan=self._plan))
         earlier, bad = read_stretches(slide_file)
         if bad:
             outlet.alarm_log.log_event("slide sheet", f"{bad} lines of {slide_file} cannot be read", Severity.WARNING)
@@ -156,7 +152,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._control = ControlServer(context, settings.control)
         self._downlink = DownlinkServer(context, settings.downlink, self._control.authority)
         self._rig = self._closed_on_cleanup(
-            RigBridge(context, settings.rig, well.name, self._control.authority, outlet.simulator_seen)
+            RigBridge(context, settings.rig, settings.well.name, self._control.authority, outlet.simulator_seen)
         )
         outlet.listeners.append(self._rig.on_surveys)
         outlet.rig_listeners.append(self._downlink.on_rig_state)
@@ -291,7 +287,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
 
     def _update_slow(self) -> None:
         self._router.find_missing()
-        self._frames.publish(self._well.decoder.tool_frame, self._surveys.surveys.well.sensor_to_bit)
+        self._frames.publish(self._well.decoder.tool_frame, self._surveys.surveys.well.sensor_offset)
         self._page.open()
         self._foxglove.open()
         self._parameter_tables.request()

@@ -30,6 +30,7 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_sheet import Stretch
 from mwd_surface.trajectory.well_path import Definitive
 
@@ -43,9 +44,7 @@ class SurveyListServer(SurveyBook):
     context : SurfaceContext
         Node, folder, alarm log and worker. The list is kept in the subfolder `surveys`, exported files in `exports`.
     settings : SurfaceSettings
-        Its sections `rules`, `leg` and `depth` are used.
-    well : Well
-        With its vertical section.
+        Its sections `well`, `rules`, `leg` and `depth` are used.
     plan : PlanMonitor
         The planned path.
 
@@ -65,9 +64,9 @@ class SurveyListServer(SurveyBook):
     slide_sheet: Callable[[], tuple[Stretch, ...]]
     on_depth_by_hand: Callable[[float], None]
 
-    def __init__(self, context: SurfaceContext, settings: SurfaceSettings, well: Well, *, plan: PlanMonitor) -> None:
+    def __init__(self, context: SurfaceContext, settings: SurfaceSettings, *, plan: PlanMonitor) -> None:
         store = SurveyStore(context.folder / "surveys")
-        loaded = store.load(well, settings.rules)
+        loaded = store.load(settings.well, settings.rules)
         super().__init__(context.well, plan, loaded.surveys, settings.depth)
         self._node, self._folder, self._worker = context.node, context.folder, context.worker
         self._save_error = ""
@@ -76,7 +75,7 @@ class SurveyListServer(SurveyBook):
         self._store = store
         for text in loaded.messages:
             self._alarm_log.log_event("survey list", text, Severity.WARNING)
-        self.surveys = self._with_leg(self.surveys, settings.leg)
+        self.surveys = self._with_leg(self.surveys.along(plan.plan), settings.leg)
 
     def open(self) -> None:
         """Open topics and services."""
@@ -94,10 +93,10 @@ class SurveyListServer(SurveyBook):
         """Release the list's folder."""
         self._store.close()
 
-    def change_settings(self, well: Well, rules: ListRules, leg: LegSettings) -> None:
-        """Apply other settings of the well, the rules and the leg; where they do not fit the list, raise an alarm."""
+    def change_settings(self, well: Well, rules: ListRules, leg: LegSettings, plan: Plan | None) -> None:
+        """Apply other settings of well, rules, leg and plan; where they do not fit the list, raise an alarm."""
         try:
-            surveys = self.surveys.configured(well, rules)
+            surveys = self.surveys.configured(well, rules).along(plan)
         except ValueError as error:
             self._alarm_settings(error)
             return
@@ -227,12 +226,12 @@ class SurveyListServer(SurveyBook):
 
     def _table(self) -> Callable[[], SurveyTable]:
         """Return a function that computes the printed table of the present list, in any thread."""
-        surveys, plan, bit_depth = self.surveys, self._plan.plan, self.bit_depth
+        surveys, bit_depth = self.surveys, self.bit_depth
         made_ns, stretches = self._alarm_log.now_ns(), self.slide_sheet()
 
         def table() -> SurveyTable:
-            sections, _ = clearance_sections(surveys, plan, bit_depth)
-            return survey_table(surveys, made_ns, plan=plan, stretches=stretches, sections=sections)
+            sections, _ = clearance_sections(surveys, surveys.plan, bit_depth)
+            return survey_table(surveys, made_ns, stretches=stretches, sections=sections)
 
         return table
 

@@ -19,6 +19,7 @@ from mwd_estimation.core.status import words
 from mwd_sensors.core import settings as settings_tables
 from mwd_surface.bags.recorder.status import RecorderState
 from mwd_surface.clearance.clearance import Clearance
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.alarms import Alarm, Event, Severity
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.settings import LiveSettings
@@ -134,7 +135,7 @@ class StateJson:
             "path": ("path", None, lambda: _path(state, most)),
             "plan": ("plan", section, lambda: _plan(state.plan, section, most)),
             "offset": ("offset", None, lambda: _offset(state)),
-            "clearance": ("clearance", None, lambda: {"rows": [_near(c) for c in state.clearance[:_MAX_NEAR]]}),
+            "clearance": ("clearance", None, lambda: _clearance(state)),
             "steering": ("steering", None, lambda: _steering(state, most)),
             "control": ("control", None, lambda: control_table(state.control)),
             "advice": ("advice", None, lambda: advice_table(state.advice)),
@@ -161,7 +162,7 @@ class StateJson:
     def _surveys(self, state: WellState, most: int) -> Table:
         north, kept = North[state.well.north_reference.upper()], state.records[-most:]
         rows = [survey_row(record, north, self._settings.limits) for record in kept]
-        return {"rows": rows, "left_out": len(state.records) - len(kept)}
+        return {"rows": rows, "left_out": len(state.records) - len(kept), "remarks": list(sentences(state.remarks))}
 
     def _revise(self, name: str, signature: Any) -> bool:
         """Count the revision of a table up where its signature is new; return whether it is."""
@@ -322,7 +323,14 @@ def _offset(state: WellState) -> Table:
         return {"known": False}
     against = state.against_plan
     table = {name: number(against.get(signal.field)) for name, signal in page_fields("offset").items()}
-    return {"known": True, **table}
+    return {"known": True, "assumed": state.path is not None and state.path.assumed, **table}
+
+
+def _clearance(state: WellState) -> Table:
+    return {
+        "rows": [_near(one) for one in state.clearance[:_MAX_NEAR]],
+        "remarks": list(sentences(state.clearance_remarks)),
+    }
 
 
 def _near(one: Clearance) -> Table:

@@ -394,7 +394,8 @@ def _command(
             day = place.date or f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
             words += ["--date", day]
     elif place.field == "fixed":
-        words += ["--field", f"{place.total_nt:g},{place.dip_deg:g},{place.declination_deg:g}"]
+        figures = (place.total_nt, place.dip_deg, place.declination_deg)
+        words += ["--field", ",".join(f"{v:g}" for v in figures if v is not None)]
     if not bag.complete:
         words.append("--partial")
     return shlex.join(words)

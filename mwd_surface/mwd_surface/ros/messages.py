@@ -32,7 +32,7 @@ def list_message(surveys: SurveyList, frame_id: str) -> msg.SurveyList:
     """Message of the whole list."""
     message = msg.SurveyList()
     message.header.frame_id = frame_id
-    fill_list(message, surveys, msg.SurveyRecord, msg.AzimuthEstimate)
+    fill_list(message, surveys, msg.SurveyRecord, msg.AzimuthEstimate, msg.Leg, msg.Remark)
     return message
 
 

@@ -33,7 +33,7 @@ from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE, recorded_sections
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.well import Well, with_section
+from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import AdvisorySettings
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_sheet import SlideRules
@@ -134,8 +134,7 @@ class Player:
         context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(clock), outlet)
         planned = PlanMonitor(context)
         planned.plan = self._plan
-        well = with_section(settings.well, self._plan)
-        begun = arranged(SurveyList(well=well, rules=settings.rules), settings.leg)
+        begun = arranged(SurveyList(well=settings.well, rules=settings.rules, plan=self._plan), settings.leg)
         book = SurveyBook(context, planned, begun, settings.depth)
         full_name = f"{self._namespace}surface"
         self.well = LiveWell(
@@ -144,7 +143,7 @@ class Player:
         limit = dict(self._bag.metadata().get(ESTIMATOR, {})).get("attitude.vertical_deg")
         self.well.vertical_limit = None if limit is None else math.radians(float(limit))
         self.well.live.well_given = SURFACE in self._bag.metadata() or self._settings.well != Well()
-        self.well.diagnostics.show_well(well)
+        self.well.diagnostics.show_well(settings.well)
         planned.show_plan()
         book.show()
         topics = {self._full(topic): topic for topic in self.well.topics}

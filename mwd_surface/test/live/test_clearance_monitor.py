@@ -12,6 +12,7 @@ from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.well_clock import WellClock
+from mwd_surface.page.state_json import StateJson
 
 NEAR = "wells: [{name: A-3, file: beside.csv, north_m: -20.0}]"
 
@@ -109,3 +110,26 @@ def test_a_file_that_cannot_be_used_is_an_alarm(folder):
     (folder / "wells.yaml").unlink()
     watched.update(surveys(folder), 642.5)
     assert "No such file" in context.alarm_log.active()["clearance.wells"].text
+
+
+def test_an_assumption_is_a_remark_of_the_page_and_no_alarm(folder):
+    watched, context = monitor()
+    beside = folder / "beside.csv"
+    beside.write_text(beside.read_text().replace("azi_grid_deg", "azi_deg"))
+    (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
+    watched.update(surveys(folder), 642.5)
+    assert context.alarm_log.active() == {}
+    table = StateJson().snapshot(context.live.at(1.0))["sections"]["clearance"]
+    assert any("which north" in text for text in table["remarks"])
+
+
+def test_a_hole_that_was_not_compared_is_an_alarm(folder):
+    watched, context = monitor()
+    beside = folder / "beside.csv"
+    lines = beside.read_text().splitlines()
+    rows = "\n".join(f"{line},{270 + 30 * k},0,0" for k, line in enumerate(lines[11:14]))
+    beside.write_text(f"{lines[0]},tvd_m,ns_m,ew_m\n{rows}\n")
+    (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
+    watched.update(surveys(folder), 642.5)
+    alarm = context.alarm_log.active()["clearance.wells"]
+    assert "not compared" in alarm.text

@@ -4,6 +4,7 @@
 import concurrent.futures
 import dataclasses
 import logging
+import math
 from types import SimpleNamespace
 
 import example_surveys as example
@@ -18,10 +19,14 @@ from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.page.survey_panel import survey_row
 from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.surveys.leg_settings import LegSettings
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.message_conversion import list_of
 from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.plan import plan_of
 
 
 class Log:
@@ -40,7 +45,8 @@ class Log:
         """No alarm stands here."""
 
     def set_alarms(self, prefix, causes):
-        self.standing = {key: (severity, text) for key, (severity, text, _) in causes.items()}
+        self.standing = {key: cause for key, cause in self.standing.items() if not key.startswith(prefix)}
+        self.standing |= {key: (severity, text) for key, (severity, text, _) in causes.items()}
         assert all(key.startswith(prefix) for key in causes)
 
     def now_ns(self):
@@ -77,8 +83,7 @@ def server(tmp_path):
     context = SurfaceContext(node, tmp_path, well, Worker(), requests=None)
     server = SurveyListServer(
         context,
-        SurfaceSettings(),
-        example.WELL,
+        SurfaceSettings(well=example.WELL, leg=LegSettings(tie_on_depth=0.0)),
         plan=SimpleNamespace(plan=None, show_offset=nothing),
     )
     server.slide_sheet, server.on_depth_by_hand = tuple, nothing
@@ -157,3 +162,25 @@ def test_a_revision_that_says_no_more_than_the_value_in_use_raises_no_alarm():
 def test_a_revision_of_a_survey_that_is_not_listed_changes_nothing(server):
     server.server.on_revision(dataclasses.replace(example.survey(9, 10.0, 40.0), revision=1))
     assert "surveys" not in server.published
+
+
+def test_a_path_without_a_tie_on_raises_an_alarm_until_one_is_given_and_the_plan_goes_out_with_the_list(server):
+    listed = server.server
+    plan = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 0.7], [0.8, 0.8, 0.9], name="plan B")
+    listed.surveys = SurveyList(well=example.WELL)
+    listed.on_survey(example.survey(1, 10.0, 40.0))
+    assert "path.assumed.hole_above_assumed" in server.log.standing
+    path = server.published["trajectory"][-1]
+    assert path.first_is_assumed
+    assert "no tie-on is given" in path.assumptions[0]
+    well = dataclasses.replace(example.WELL, section_azimuth_deg=-1.0)
+    listed.change_settings(well, ListRules(), LegSettings(tie_on_depth=0.0), plan)
+    assert not server.log.standing
+    path, sent = server.published["trajectory"][-1], server.published["surveys"][-1]
+    assert (path.first_is_assumed, path.assumptions) == (False, [])
+    assert list_of(sent, well).plan == plan
+    assert listed.definitive().section_azimuth == plan.section_azimuth
+    # Of a section azimuth that is set the plan says nothing.
+    listed.change_settings(dataclasses.replace(well, section_azimuth_deg=75.0), ListRules(), LegSettings(), plan)
+    assert math.degrees(listed.definitive().section_azimuth) == pytest.approx(75.0)
+    assert listed.surveys.plan == plan

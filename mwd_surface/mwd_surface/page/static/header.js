@@ -30,8 +30,8 @@ export function showWell(well) {
   // What nobody has given is assumed, and says so.
   const assumed = well.given ? "" : " (assumed)";
   setText(byId("datum"), [
-    `Depth from ${well.depth_datum || "a datum not given"}${assumed}`,
-    well.sensor_to_bit > 0 ? `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit` : "sensor at bit (assumed)",
+    well.depth_datum ? `Depth from ${well.depth_datum}${assumed}` : "Depth from a datum not given",
+    well.sensor_to_bit === null ? "sensor to bit not given" : `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
     `${well.north_reference} north${assumed}`,
     `decl. ${angle(declination)}`,
     `conv. ${angle(convergence)}`,

@@ -86,5 +86,6 @@ export function showOffset(o, plan) {
     ["Steer back at", `${units.bearing(o.toolface, 0)}° GTF`],
   ];
   if (o.dogleg_to_target !== null) facts.push(["To hit target", `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);
-  place.replaceChildren(el("dl", { class: "facts" }, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))));
+  const doubt = o.assumed ? el("p", {}, pill("doubtful", "assumed"), " the position rests on an assumption: see Path") : "";
+  place.replaceChildren(doubt, el("dl", { class: "facts" }, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))));
 }
