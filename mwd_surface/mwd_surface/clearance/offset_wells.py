@@ -15,6 +15,7 @@ import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_tau
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
@@ -167,10 +168,11 @@ def offset_well(
     if not plan.north:
         text = f"offset well {offset.name}: its list does not say which north its azimuths are from: taken as {own}"
         remarks = (*remarks, Remark(RemarkKind.NORTH_ASSUMED, text))
-    azimuth = wrap_tau(plan.azimuth + to_true[own] - to_true[north.name.lower()])
+    turn = to_true[own] - to_true[north.name.lower()]
+    azimuth = wrap_tau(plan.azimuth + turn)
     place, said = _wellhead(offset, plan, wellhead, north, reference)
     remarks = (*remarks, *said)
-    start = plan.positions[0] + np.array([*place, offset.tvd_m])
+    start = _turned(plan.positions[0], turn) + np.array([*place, offset.tvd_m])
     tie_on = np.zeros((3, 3)) if errors.tie_on is None else errors.tie_on
     head = np.diag([offset.wellhead_sigma_m**2, offset.wellhead_sigma_m**2, 0.0])
     return UncertainWell(
@@ -214,6 +216,12 @@ def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearanc
             continue
         remarks += other.remarks
     return nearest_first(found), tuple(remarks)
+
+
+def _turned(position: Array, turn: float) -> Array:
+    """Return a position in axes whose north lies `turn` rad anticlockwise of its own, shape (3,), m."""
+    level = complex(position[0], position[1]) * np.exp(1j * turn)
+    return np.array([level.real, level.imag, position[2]])
 
 
 def _wellhead(

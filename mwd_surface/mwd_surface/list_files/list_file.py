@@ -32,7 +32,7 @@ from mwd_surface.list_files.list_head import Head, read_head
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
 from mwd_surface.list_files.p7_table import is_p7, p7_table
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.list_files.station_list import StationList
+from mwd_surface.list_files.station_list import StationList, carried
 from mwd_surface.list_files.table import Row, Table, is_spreadsheet, read_bytes, table_of, text_of
 from mwd_surface.list_files.witsml_table import witsml_table
 
@@ -62,6 +62,8 @@ _TOTALS = frozenset(
     ]
 )
 _FEW = 4
+# A first station so far from its wellhead lies visibly elsewhere when a convergence is left out (3 deg: half a metre), m.
+_OFFSET = 10.0
 # Magic bytes of files that are no lists: recordings.
 _OTHERS = (b"\x89MCAP0", b"SQLite format 3\x00", b"#ROSBAG")
 
@@ -167,15 +169,6 @@ def _roughly(cell: number_cells.Cell) -> float:
         return math.nan if found is None else number_cells.value(found[0], number_cells.decimal_mark(found[0]))
     except ValueError:
         return math.nan
-
-
-def _carried(azimuth: Array) -> Array:
-    """Azimuths in which a station without one has that of the station above, for checks."""
-    known = np.flatnonzero(~np.isnan(azimuth))
-    if not known.size:
-        return np.zeros_like(azimuth)
-    above = np.searchsorted(known, np.arange(azimuth.size), side="right") - 1
-    return np.asarray(azimuth[known[np.maximum(above, 0)]])
 
 
 class _Reader:
@@ -568,12 +561,12 @@ class _Reader:
         azimuth = column("azimuth") % math.tau
         inclination = np.clip(column("inclination"), 0.0, math.pi)
         self._without_azimuth(md, inclination, azimuth)
-        angles = md, inclination, _carried(azimuth)
+        angles = md, inclination, carried(azimuth)
         self.remarks += check_doglegs(angles, at, self.given)
         horizontal = self._horizontal(md, column)
         positions = np.column_stack([*horizontal, column("tvd")])
         if self.named_map and north in ("true", "magnetic"):
-            positions = self._unless_turned(angles, positions, north)
+            positions = self._in_axes(angles, positions, north)
         known = positions if not np.isnan(azimuth).any() else positions * np.array([math.nan, math.nan, 1.0])
         check_positions(self.name, angles, known, at)
         return StationList(
@@ -667,9 +660,17 @@ class _Reader:
                 )
         return shifted[:, 0], shifted[:, 1]
 
-    def _unless_turned(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
-        """Positions without north and east where these are turned from the azimuths as grid is from another north."""
+    def _in_axes(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
+        """Map coordinates, which count along a grid, in the axes of the list's azimuths from another north."""
+        offset = float(np.hypot(*positions[0, :2]))
         if fits(angles, positions):
+            if offset > _OFFSET:
+                text = (
+                    f"{self.name}: its azimuths are from {north} north and its map coordinates along a grid; its first"
+                    f" station, {offset:.0f} m from the wellhead, is not turned by the convergence, which the list does"
+                    " not show: export the list with azimuths from grid north"
+                )
+                self._say(RemarkKind.NORTH_ASSUMED, text, distance=offset)
             return positions
         turn = turn_between(angles, positions)
         md, inc, azi = angles
@@ -677,7 +678,8 @@ class _Reader:
             return positions
         text = (
             f"{self.name}: its azimuths are from {north} north, its north and east columns turned by"
-            f" {math.degrees(turn):+.2f} deg from them, as a grid is: those columns are not read"
+            f" {math.degrees(turn):+.2f} deg from them, as a grid is: those columns are turned back"
         )
-        self._say(RemarkKind.COLUMN_NOT_READ, text, turn=float(turn))
-        return np.asarray(positions * np.array([math.nan, math.nan, 1.0]))
+        self._say(RemarkKind.MAP_TURNED, text, turn=float(turn))
+        level = (positions[:, 0] + 1j * positions[:, 1]) * np.exp(-1j * turn)
+        return np.column_stack([level.real, level.imag, positions[:, 2]])

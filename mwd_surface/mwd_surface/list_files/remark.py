@@ -28,6 +28,7 @@ class RemarkKind(enum.StrEnum):
     DIP_CONVERTED = "dip_converted"  #: angles from the horizontal turned into inclinations
     WELLHEAD_ASSUMED = "wellhead_assumed"  #: where the wellhead of an offset well lies
     MAP_SHIFTED = "map_shifted"  #: map coordinates; the wellhead was subtracted
+    MAP_TURNED = "map_turned"  #: map coordinates turned from grid north to the north of the azimuths
     AZIMUTH_MISSING = "azimuth_missing"  #: stations without azimuth
     NULL_VALUES = "null_values"  #: cells with a null value, such as -999.25
     ROWS_LEFT_OUT = "rows_left_out"  #: rows that are not stations: nulls, footers, notes, repeated headers

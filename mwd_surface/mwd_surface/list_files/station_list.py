@@ -17,6 +17,8 @@ POSITION = ("north", "east", "tvd")
 # A first station whose own position an arc from the wellhead reaches this closely has left the wellhead vertically:
 # rounding, and what methods of calculation differ by over so short a way; m, and share of the depth.
 _REACHED, _REACHED_SHARE = 0.2, 0.001
+# Up to this inclination a station without azimuth is vertical: over 30 m it then lies within half a metre, rad.
+VERTICAL = math.radians(1.0)
 # Dogleg of a hole above that is assumed to leave the wellhead vertically, rad/m; twice that of most motors.
 _SHARPEST = math.radians(20.0) / 30.0
 
@@ -74,6 +76,15 @@ class Start:
     position: tuple[float, float, float]
     source: str
     remarks: tuple[Remark, ...] = ()
+
+
+def carried(azimuth: Array) -> Array:
+    """Return azimuths in which a station without one has that of the station above, else of the first with one."""
+    known = np.flatnonzero(~np.isnan(azimuth))
+    if not known.size:
+        return np.zeros_like(azimuth)
+    above = np.searchsorted(known, np.arange(azimuth.size), side="right") - 1
+    return np.asarray(azimuth[known[np.maximum(above, 0)]])
 
 
 def start_of(stations: StationList) -> Start:

@@ -11,7 +11,8 @@ import numpy as np
 from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import read_list
-from mwd_surface.list_files.station_list import StationList, completed
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.station_list import VERTICAL, StationList, carried, completed
 from mwd_surface.trajectory.plan import Plan, plan_of
 
 
@@ -31,6 +32,9 @@ def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> 
     plan = plan_from_list(read_list(path, given))
     if north and plan.north not in ("", north):
         raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
+    if north and not plan.north:
+        text = f"{plan.name} does not say which north its azimuths are from: taken as {north}, as those of the well"
+        plan = dataclasses.replace(plan, remarks=(*plan.remarks, Remark(RemarkKind.NORTH_ASSUMED, text)))
     return plan
 
 
@@ -41,13 +45,20 @@ def plan_from_list(stations: StationList) -> Plan:
     Raises
     ------
     ListFileError
-        Fewer than two stations, or one without azimuth.
+        Fewer than two stations, or one without azimuth where the hole is not vertical.
     """
     if stations.md.size < 2:
         raise ListFileError(f"{stations.name}: a plan needs at least two stations, got {stations.md.size}")
     without = np.isnan(stations.azimuth)
+    deviated = without & (stations.inclination > VERTICAL)
+    if deviated.any():
+        raise ListFileError(
+            f"{stations.name}: no azimuth at {stations.md[deviated][0]:g} m, where the hole is not vertical; a plan or"
+            " an offset well needs each azimuth"
+        )
     if without.any():
-        raise ListFileError(f"{stations.name}: no azimuth at {stations.md[without][0]:g} m; a plan needs each")
+        # The azimuth of a vertical station has no meaning: it takes that of the hole next to it.
+        stations = dataclasses.replace(stations, azimuth=carried(stations.azimuth))
     md, inclination, azimuth, start, remarks = completed(stations)
     plan = plan_of(md, inclination, azimuth, start, stations.north, stations.name)
     return dataclasses.replace(plan, remarks=remarks)

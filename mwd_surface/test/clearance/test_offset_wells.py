@@ -6,7 +6,10 @@ import math
 import example_surveys as example
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.clearance.clearance import Level
 from mwd_surface.clearance.offset_wells import OffsetWell, OffsetWellError, clearances, offset_well, read_offset_wells
 from mwd_surface.list_files.list_file import read_list
@@ -143,3 +146,57 @@ def test_a_list_whose_hole_above_is_not_known_says_from_where_it_is_compared(tmp
     _, remarks = clearances(drilled(), read_offset_wells(path))
     not_compared = [one for one in remarks if one.kind == RemarkKind.NOT_COMPARED]
     assert [one.values for one in not_compared] == [{"from": 0.0, "to": 300.0}]
+
+
+TO_TRUE = {"true": 0.0, "magnetic": 2.0, "grid": -1.0}  # of REFERENCE, deg
+STEPS = np.arange(0.0, 1501.0, 30.0)
+BUILT = np.clip((STEPS - 150.0) * 0.1, 0.0, 70.0)
+
+
+def deep_list(path, north, azimuth, first, *, charted=False):
+    """A list from station `first` on with positions of its own, as written by someone who uses another north."""
+    azi = np.full_like(STEPS, azimuth)
+    positions = mc.path(STEPS, np.radians(BUILT), np.radians(azi), (0.0, 0.0, 0.0))
+    # Map coordinates are those of the grid whatever the azimuths are from.
+    turn = math.radians(TO_TRUE["grid"] - TO_TRUE[north]) if charted else 0.0
+    level = (positions[:, 0] + 1j * positions[:, 1]) * np.exp(-1j * turn)
+    names = ("Northing", "Easting") if charted else ("N/S", "E/W")
+    head = "Wellhead Northing: 6478300.0 m\nWellhead Easting: 431200.0 m\n" if charted else ""
+    n, e = (level.real + 6478300.0, level.imag + 431200.0) if charted else (level.real, level.imag)
+    rows = (
+        f"{m:.3f},{i:.4f},{a % 360.0:.4f},{d:.4f},{x:.4f},{y:.4f}"
+        for m, i, a, d, x, y in zip(STEPS, BUILT, azi, positions[:, 2], n, e, strict=True)
+    )
+    text = f"{head}MD (m),Inc (deg),Azi {north} (deg),TVD (m),{names[0]} (m),{names[1]} (m)\n"
+    path.write_text(text + "\n".join(list(rows)[first:]) + "\n")
+
+
+@given(
+    st.sampled_from(list(TO_TRUE)),
+    st.sampled_from(list(TO_TRUE)),
+    st.floats(0.0, 359.0),
+    st.integers(0, 40),
+    st.booleans(),
+)
+@settings(max_examples=60, deadline=None)
+def test_a_list_is_the_same_hole_in_any_north_from_any_first_station(
+    tmp_path_factory, written_in, well_in, azimuth, first, charted
+):
+    folder = tmp_path_factory.mktemp("offset")
+    deep_list(folder / "x.csv", written_in, azimuth, first, charted=charted)
+    got = offset_well(OffsetWell("X", "x.csv"), folder, North[well_in.upper()], REFERENCE)
+    turned = math.radians(azimuth + TO_TRUE[written_in] - TO_TRUE[well_in])
+    want = mc.path(STEPS, np.radians(BUILT), np.full_like(STEPS, turned), (0.0, 0.0, 0.0))
+    # The turn of a chart is that which fits the list's own columns.
+    np.testing.assert_allclose(got.positions[-1], want[-1], atol=0.2 if charted else 0.02)
+
+
+@pytest.mark.parametrize("blank", ["", "-", "-999.25"])
+def test_an_offset_list_may_leave_the_azimuth_of_a_vertical_hole_blank(tmp_path, blank):
+    text = "md_m,inc_deg,azi_grid_deg\n0,0,{0}\n300,0,{0}\n330,3,79\n360,6,79\n"
+    for name, azimuth in (("blank.csv", blank), ("filled.csv", "79")):
+        (tmp_path / name).write_text(text.format(azimuth))
+    blank_well, filled = (
+        offset_well(OffsetWell("X", name), tmp_path, North.GRID, REFERENCE) for name in ("blank.csv", "filled.csv")
+    )
+    np.testing.assert_allclose(blank_well.positions, filled.positions, atol=1e-9)
