@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mwd_surface.list_files.list_columns import column_of, north_of
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import Cell
 from mwd_surface.list_files.table import Row, Table
@@ -53,9 +54,15 @@ def _curves(text: str, name: str) -> Table:
     for k, row in enumerate(data, start=1):
         if kind is None or str(row[kind]) not in ("2", "2.0"):
             rows.append(Row(f"{name}, row {k}", tuple(_cell(value) for value in row)))
-    head = [f"{item.descr}: {item.value}" for item in (*file.well, *file.params)]
+    head = [f"{item.descr or item.mnemonic}: {item.value}" for item in (*file.well, *file.params)]
+    head += [_described(curve.mnemonic, str(curve.descr)) for curve in file.curves]
     units = tuple(str(curve.unit or "") for curve in file.curves)
     return Table(name, name, tuple(names), units, tuple(rows), tuple(head))
+
+
+def _described(name: str, words: str) -> str:
+    """Line of the head for the description of an azimuth curve, which may say its north."""
+    return words if column_of(0, name).quantity == "azimuth" and north_of(words) else ""
 
 
 def _cell(value: object) -> Cell:
@@ -71,7 +78,7 @@ def _inclinometry(text: str, name: str) -> Table | None:
     if definition is None or data is None:
         return None
     found = [match for _, line in definition if (match := _LINE.match(line))]
-    head, separator = [], ","
+    head, separator = [_described(match["name"], match["words"]) for match in found], ","
     for title, lines in sections:
         if not re.match(r"v|w|p|inclinometry_?par", title):
             continue

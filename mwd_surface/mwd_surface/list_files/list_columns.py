@@ -31,8 +31,13 @@ CONFIRMABLE = ("dogleg", "wellhead", "depth")
 
 # The US survey foot is 1200/3937 m.
 LENGTH_UNITS = {
-    **dict.fromkeys(("m", "meter", "metre", "meters", "metres", "mtr", "mtrs", "米", "м"), 1.0),
-    **dict.fromkeys(("ft", "feet", "foot", "fti", "ift", "international feet", "intl feet", "英尺"), 0.3048),
+    **dict.fromkeys(
+        ("m", "meter", "metre", "meters", "metres", "mtr", "mtrs", "米", "м", "метр", "метры", "metros", "metri"), 1.0
+    ),
+    **dict.fromkeys(
+        ("ft", "f", "feet", "foot", "fti", "ift", "international feet", "intl feet", "英尺", "pies", "pieds", "fuss"),
+        0.3048,
+    ),
     **dict.fromkeys(
         (
             *("ftus", "usft", "us ft", "ft us", "usfeet", "us feet", "feet us", "us foot", "survey feet", "survey ft"),
@@ -43,7 +48,11 @@ LENGTH_UNITS = {
 }
 ANGLE_UNITS = {
     **dict.fromkeys(
-        ("deg", "dega", "degs", "degree", "degrees", "decimal degrees", "dd", "度", "grader"), math.pi / 180.0
+        (
+            *("deg", "dega", "degs", "degree", "degrees", "decimal degrees", "dd", "度", "grader", "graden", "grados"),
+            *("graus", "gradi", "degre", "degres", "град", "градус", "градусы"),
+        ),
+        math.pi / 180.0,
     ),
     **dict.fromkeys(("rad", "rads", "radian", "radians", "弧度"), 1.0),
     **dict.fromkeys(("grad", "gon", "grads", "gradians", "gons", "gradian"), math.pi / 200.0),
@@ -91,11 +100,17 @@ _DATUMS = frozenset(
     ]
 )
 _NORTH_WORDS = {
-    **dict.fromkeys(("true", "tn", "geographic", "geo", "truenorth", "真", "真北"), "true"),
-    **dict.fromkeys(("grid", "gn", "map", "gridnorth", "网格", "坐标", "坐标北"), "grid"),
-    **dict.fromkeys(("magnetic", "mag", "mn", "magn", "compass", "magneticnorth", "磁", "磁北"), "magnetic"),
+    **dict.fromkeys(("true", "tn", "geographic", "geo", "truenorth", "vrai", "wahr", "真", "真北", "真方位"), "true"),
+    **dict.fromkeys(("grid", "gn", "map", "gridnorth", "网格", "坐标", "坐标北", "网格方位"), "grid"),
+    **dict.fromkeys(("magnetic", "mag", "mn", "magn", "compass", "magneticnorth", "磁", "磁北", "磁方位"), "magnetic"),
 }
-_LETTERS = {"t": "true", "g": "grid"}  # behind the name of an azimuth
+# Beginnings of such words in languages that bend them.
+_NORTH_STEMS = {
+    **dict.fromkeys(("geograf", "geograph", "rechtweisend", "verdader", "verdadeir", "истинн", "географ"), "true"),
+    **dict.fromkeys(("gitter", "rutenett", "cuadricul", "quadricul", "quadrill", "дирекцион", "картограф"), "grid"),
+    **dict.fromkeys(("magnet", "missweisend", "магнит"), "magnetic"),
+}
+_LETTERS = {"t": "true", "g": "grid", "m": "magnetic"}  # behind the unit of an azimuth
 # Words that neither say nor change what a column is.
 _FILLERS = frozenset(
     [
@@ -144,12 +159,16 @@ _WORDS = {
         "md|measured depth|meas depth|m depth|mdepth|depth|dept|depth md|along hole depth|ahd|tmd|dmd|survey depth|"
         "hole depth|mdrkb|mdkb|mdrt|mdbrt|mddf|meas d|tape depth|drilled depth|total measured depth|"
         "distance along hole|"
-        "孔深|井深|测深|斜深|深度|测量深度|测点深度|钻孔深度|measured|teufe|messteufe|bohrteufe|profundidad|"
-        "profundidad medida|profondeur|глубина|глубина по стволу"
+        "孔深|井深|测深|斜深|深度|测量深度|测点深度|钻孔深度|measured|teufe|messteufe|bohrteufe|tiefe|messtiefe|"
+        "bohrlochlange|bohrlochtiefe|bohrlochteufe|profundidad|profundidad medida|profundidade|profundidade medida|"
+        "profondeur|profondeur mesuree|profondeur foree|cote foree|profondita|profondita misurata|diepte|"
+        "gemeten diepte|diepte langs boorgat|dybde|malt dybde|dybde md|dyp|malt dyp|глубина|глубина по стволу|"
+        "измеренная глубина|глубина замера|m d|dmea|dpth|station depth|hole length"
     ),
     "inclination": (
         "inc|incl|inclination|devi|dev|deviation|drift|drift angle|zenith|zenith angle|incln|inclin|hole angle|"
-        "井斜|井斜角|顶角|天顶角|neigung|inclinación|inclinacion|inclinaison|зенитный угол|зенит"
+        "井斜|井斜角|顶角|天顶角|neigung|neigungswinkel|inklination|inklinasjon|inkl|inclinacion|inclinacao|inclinaison|"
+        "inclinazione|inclinatie|зенитный угол|зенит|инклинация"
     ),
     "dip": (
         "dip|dip angle|hole dip|pitch|pitch angle|plunge|elevation angle|angle from horizontal|倾角|倾斜角|仰俯角|仰角|"
@@ -157,11 +176,13 @@ _WORDS = {
     ),
     "azimuth": (
         "azi|azim|azimuth|az|azm|azmth|azimut|hazi|direction|hole direction|bearing|方位|方位角|acimut|азимут|"
-        "azimuth angle"
+        "azimuth angle|azimute|asimut|richtung|retning|drift azimuth|drift direction|drift dir|bore azimuth"
     ),
     "tvd": (
         "tvd|vertical depth|true vertical depth|vert depth|tv depth|v depth|vdepth|tvdrkb|tvdkb|tvdrt|tvdbrt|tvdd|垂深|"
-        "垂直深度|vertical|true vertical"
+        "垂直深度|vertical|true vertical|teufe senkrecht|senkrechte teufe|vertikale teufe|vertikalteufe|seigerteufe|"
+        "vertikal dybde|vertikaldybde|profondeur verticale|profundidad vertical|profundidad vertical verdadera|"
+        "profundidade vertical|profondita verticale|verticale diepte|вертикальная глубина|глубина по вертикали"
     ),
     "north": (
         "north|ns|n s|disp ns|n|local north|north offset|offset north|n offset|local n|dy|delta north|north south|"
@@ -192,7 +213,7 @@ _NAMES = {name: what for what, names in _WORDS.items() for name in names.split("
 _DIRECTED = {
     **dict.fromkeys(("真方位", "真方位角", "真北方位角", "地理方位角"), "true"),
     **dict.fromkeys(("磁方位", "磁方位角", "磁北方位角"), "magnetic"),
-    **dict.fromkeys(("坐标方位", "坐标方位角", "网格方位", "网格方位角"), "grid"),
+    **dict.fromkeys(("坐标方位", "坐标方位角", "网格方位", "网格方位角", "дирекционный угол"), "grid"),
 }
 # Other quantities whose names have a word of one of ours in them; nobody expects them to be read.
 _OTHERS = re.compile(
@@ -202,7 +223,7 @@ _OTHERS = re.compile(
 )
 _LENGTHS = ("md", "tvd", "north", "east", "map_north", "map_east")
 _SUBSEA = frozenset(["ss", "tvdss", "mtvdss", "subsea", "sub", "sea", "msl", "mtvd", "lat"])
-_KEYS = re.compile(r"azi|incl|inclin|depth|\btvd|north|east|方位|深|倾")
+_KEYS = re.compile(r"azi|asim|incl|inclin|inkl|depth|\btvd|north|east|方位|深|倾|глубин|азимут|угол")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -343,10 +364,16 @@ def unit_word(text: str) -> str:
     return ""
 
 
+def _north_word(word: str) -> str:
+    """North that one word names; empty where it names none."""
+    stem = next((north for stem, north in _NORTH_STEMS.items() if word.startswith(stem)), "")
+    return _NORTH_WORDS.get(word, stem)
+
+
 def north_of(text: str) -> str:
     """Return the north that some words name, one of NORTHS; "" where they name none."""
     words = _words(text).split()
-    found = {_NORTH_WORDS[w] for w in words if w in _NORTH_WORDS}
+    found = {_north_word(w) for w in words} - {""}
     return found.pop() if len(found) == 1 else ""
 
 
@@ -386,12 +413,18 @@ def factor(column: Column, at: str, given: Given | None = None, otherwise: str =
     return known[unit]
 
 
+def _plain(letter: str) -> str:
+    """A Latin letter without its accents."""
+    base = unicodedata.normalize("NFKD", letter)[:1]
+    return base if base.isascii() and base.isalpha() else letter
+
+
 def _words(text: str) -> str:
-    """Lower case, words parted by one space, signs gone; degrees in words."""
+    """Lower case, words parted by one space, signs and accents of Latin letters gone; degrees in words."""
     text = text.replace("Â°", "°")
     for sign in "°º˚":
         text = text.replace(sign, " deg ")
-    text = unicodedata.normalize("NFKC", text).lower()
+    text = "".join(_plain(c) for c in unicodedata.normalize("NFKC", text).casefold())
     return " ".join("".join(c if c.isalpha() or unicodedata.combining(c) else " " for c in text).split())
 
 
@@ -414,10 +447,10 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
             return _NAMES[joined], list(words[size:]), ""
         if joined in _DIRECTED:
             return "azimuth", list(words[size:]), _DIRECTED[joined]
-    before = next((k for k, word in enumerate(words) if word not in _NORTH_WORDS and word not in _FILLERS), 0)
+    before = next((k for k, word in enumerate(words) if not _north_word(word) and word not in _FILLERS), 0)
     if before == 0:
         return "", list(words), ""
-    north = next((_NORTH_WORDS[word] for word in words[:before] if word in _NORTH_WORDS), "")
+    north = next((_north_word(word) for word in words[:before] if _north_word(word)), "")
     quantity, rest, own = _quantity(words[before:])
     if north and quantity != "azimuth":
         return "", list(words), ""
@@ -427,21 +460,28 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
 def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]:
     """Unit, north, whether from the horizontal, and the words not understood, of the words beside a name."""
     unit, north, horizontal = unit_word(phrase), "", False
-    if unit:
+    if unit and not (angle and unit in LENGTH_UNITS):
         return unit, "", False, []
+    unit = ""
     left: list[str] = []
     words = phrase.split()
     k = 0
     while k < len(words):
         size = next((n for n in (3, 2, 1) if unit_word(" ".join(words[k : k + n])) and k + n <= len(words)), 0)
         word = words[k]
+        if angle and unit and word in _LETTERS:
+            # "°T", "deg M"
+            north, k = _LETTERS[word], k + 1
+            continue
         if size:
             unit, k = unit or unit_word(" ".join(words[k : k + size])), k + size
             continue
         if word in _HORIZONTAL:
             horizontal = True
-        elif angle and word in _NORTH_WORDS | _LETTERS:
-            north = (_NORTH_WORDS | _LETTERS)[word]
+        elif angle and _north_word(word):
+            north = _north_word(word)
+        elif angle and word in _LETTERS and word not in LENGTH_UNITS:
+            north = _LETTERS[word]
         elif word not in _FILLERS and word not in _DATUMS:
             left.append(word)
         k += 1

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -62,6 +63,14 @@ _TOTALS = frozenset(
     ]
 )
 _FEW = 4
+# What programs write beside the row that continues a list to the bit or to the planned end: no survey was taken there.
+_PROJECTION = re.compile(
+    r"^\W*(?:proj|projected|projection|extrap|extrapolated|extrapolation|外推|预测)\W*$"
+    r"|\b(?:proj\.?|projected|projection|extrapolated|extrapolation)\s+(?:survey\s+)?(?:to|at)\s+(?:the\s+)?(?:bit|td|total)\b",
+    re.IGNORECASE,
+)
+_GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGNORECASE)
+_PROJECTED_ROWS = 3  # at most so many rows follow a note that announces a projection
 # A first station so far from its wellhead lies visibly elsewhere when a convergence is left out (3 deg: half a metre), m.
 _OFFSET = 10.0
 # Magic bytes of files that are no lists: recordings.
@@ -185,10 +194,12 @@ class _Reader:
         self.table, self.head, self.given = table, head, given
         self.name = table.name
         self.of = dict(columns.of)
+        self.german = any(_GERMAN.search(name) for name in table.names)
         self.remarks: list[Remark] = list(table.remarks)
         for one in columns.unread:
             self._say(RemarkKind.COLUMN_NOT_READ, f"{self.name}: column {one.name!r} is not understood and not read")
         self.rows = self._kept_rows(table.rows)
+        self._refuse_more_cells()
         self.columns = self._chosen()
 
     def _say(self, kind: RemarkKind, text: str, **values: float) -> None:
@@ -200,6 +211,7 @@ class _Reader:
         depth = needed[0].number
         kept: list[Row] = []
         notes: list[Row] = []
+        announced = marked = 0  # rows kept before a note of a projection; marked rows at the end
         for row in rows:
             cells = [row.cells[one.number] if one.number < len(row.cells) else "" for one in needed]
             numbers = [number_cells.looks_like_number(cell) for cell in cells]
@@ -210,12 +222,35 @@ class _Reader:
             nothing = not any(numbers) and not (number_cells.is_null(cells[0]) and self._has_null(cells))
             nothing = nothing or (worded and not all(numbers[1:]))
             short = bool(kept) and numbers[0] and not any(numbers[1:]) and self._is_sentence(row, kept[-1], depth)
-            (notes if total or nothing or short else kept).append(row)
+            said = [str(cell) for cell in row.cells if not number_cells.looks_like_number(cell)]
+            projected = any(_PROJECTION.search(text) for text in said)
+            if total or nothing or short:
+                notes.append(row)
+                announced = len(kept) if projected else announced
+            else:
+                kept.append(row)
+                marked = marked + 1 if projected else 0
+        below = len(kept) - announced if announced else 0
+        count = max(marked, below if below <= _PROJECTED_ROWS else 0)
+        if 0 < count < len(kept):
+            # Nobody measured there: the list was continued to the bit.
+            notes += kept[len(kept) - count :]
+            del kept[len(kept) - count :]
         if notes:
             quoted = "; ".join(repr(" ".join(str(c) for c in row.cells if str(c))[:60]) for row in notes[:_FEW])
             text = f"{self.name}: {len(notes)} rows that are no stations are left out: {quoted}"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(notes)))
         return kept
+
+    def _refuse_more_cells(self) -> None:
+        """Refuse rows with numbers behind the last named column: they are parted where the names are not."""
+        width = len(self.table.names)
+        for row in self.rows:
+            if any(number_cells.looks_like_number(cell) for cell in row.cells[width:]):
+                raise ListFileError(
+                    f"{row.at}: {len(row.cells)} cells under {width} names: decimal or thousands marks part columns, or"
+                    " a name is missing; write the list with semicolons or tabs between columns, or name each column"
+                )
 
     @staticmethod
     def _has_null(cells: Sequence[number_cells.Cell]) -> bool:
@@ -389,6 +424,12 @@ class _Reader:
         if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
             angle = column.quantity in ANGLES
             otherwise = self._cell_unit(column) or (self.head.angle_unit if angle else self._length_unit())
+        if self.german and (column.unit or otherwise) == "grad" and not self.given.angle_unit:
+            # Grad are degrees in German, and 400 to the circle elsewhere.
+            column = dataclasses.replace(column, unit="deg")
+            text = f"{self.name}: 'Grad' in a list with German names is read as degrees; --angle-unit says otherwise"
+            if all(one.text != text for one in self.remarks):
+                self._say(RemarkKind.UNIT_ASSUMED, text)
         factor = list_columns.factor(column, self.table.at, self.given, otherwise)
         if column.strange and column.unit:
             text = f"{self.name}: {column.strange!r} in the name of column {column.name!r} is not understood"

@@ -20,8 +20,20 @@ _NORTH = re.compile(
     r"(?:(?:north|azimuths?|azi|azm|azim|bearing)[ _]*(?:angles?)?[ _]*(?:north)?[ _]*(?:ref(?:erence)?s?|type|datum)\b"
     r"|reference[ _]+north|north[ _]+type"
     r"|azimuths?[ _]+(?:are|is)?[ _]*(?:given|referenced|relative|measured|from|in)\b"
-    r"|^\W*north\s*(?=[:=,;|\t])|北向|方位基准|方位参考)"
+    r"|^\W*north\s*(?=[:=,;|\t])|北向|方位基准|方位参考|方位角类型|北参考"
+    r"|nord[ -]?(?:refer\w*|richtung|bezug)|r[ée]f\w*\s+(?:du\s+)?nord|norte\s+de\s+ref\w*|referencia\s+(?:de\s+)?norte"
+    r"|направлени[ея]\s+севера|^\W*север\b)"
     r"[^:=,;|\t]{0,40}?(?:[:=,;|\t]|\s)\s*(?P<said>.*)",
+    re.IGNORECASE,
+)
+# A sentence about the azimuths that is no statement of the kind above, and what else may have such words in it.
+_OF_AZIMUTHS = re.compile(
+    r"azi|azm|\baz\b|bearing|(?:referenced|referred|corrected|relative)\s+to\b|方位|азимут|asimut|richtung",
+    re.IGNORECASE,
+)
+_OF_OTHERS = re.compile(
+    r"declin|conver|section|closure|field|model|coordinate|\bdip\b|wellhead|well head|slot|northing|easting|tool ?face|"
+    r"target|[-=]>|磁偏角|收敛",
     re.IGNORECASE,
 )
 _UNIT = re.compile(
@@ -73,7 +85,11 @@ def read_head(lines: Iterable[str]) -> Head:
     """Return what the lines of a head say; where two lines say the same, the last one counts."""
     head = Head()
     x = y = None
+    told: dict[str, str] = {}  # north -> the line that has its word
     for line in lines:
+        for part in (re.sub(r"\([^)]*\)", " ", line), *re.findall(r"\(([^)]*)\)", line)):
+            if _OF_AZIMUTHS.search(part) and not _OF_OTHERS.search(part) and (named := north_of(part)):
+                told[named] = line.strip()
         head = _units(_north(head, line), line)
         if _HORIZONTAL.search(line):
             head = dataclasses.replace(head, horizontal=True)
@@ -83,6 +99,10 @@ def read_head(lines: Iterable[str]) -> Head:
             head = dataclasses.replace(head, hinted_unit=unit_word(hinted["said"]))
     if x is not None and y is not None:
         head = dataclasses.replace(head, wellhead=(y, x))
+    if not (head.north or head.strange_north) and told:
+        # No line says it as a value, but lines about azimuths have the word.
+        north = next(iter(told)) if len(told) == 1 else ""
+        head = dataclasses.replace(head, north=north, strange_north="" if north else " / ".join(told.values()))
     return head
 
 

@@ -134,6 +134,13 @@ def text_of(data: bytes, name: str) -> str:
             return chinese
     except UnicodeDecodeError:
         pass
+    for encoding in ("cp1251", "cp866", "koi8-r"):
+        try:
+            russian = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if re.search("глубин|азимут|зенит", russian, re.IGNORECASE):
+            return russian
     try:
         return data.decode("cp1252")
     except UnicodeDecodeError:
@@ -303,7 +310,7 @@ def _records(lines: Sequence[tuple[int, str]], separator: str, name: str) -> lis
     reader = csv.reader((f"{line}\n" for _, line in lines), delimiter=separator, skipinitialspace=True, strict=True)
     grid, before = [], 0
     for cells in reader:
-        if reader.line_num - before > _STACKED:
+        if reader.line_num - before > _STACKED * max(1, len(cells)):
             raise csv.Error("a quoted cell has too many lines")
         grid.append(Row(f"{name}, line {lines[before][0]}", tuple(" ".join(cell.split()) for cell in cells)))
         before = reader.line_num

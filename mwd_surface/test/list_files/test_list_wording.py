@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One list in the words of many countries and programs: its north, units, projections and marks are read or refused."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.list_file import list_of
+from mwd_surface.list_files.remark import RemarkKind
+from mwd_surface.list_files.table import text_of
+
+MD = np.arange(0.0, 601.0, 30.0)
+INC = np.clip((MD - 90.0) * 0.1, 0.0, 45.0)
+AZI = np.full_like(MD, 118.25)
+LANGUAGES = {
+    "german": "Meßteufe [m];Neigung [Grad];Azimut [Grad];Teufe senkrecht [m]",
+    "german long": "Bohrlochlänge (m);Neigungswinkel (°);Richtung (°);Vertikale Teufe (m)",
+    "french": "Profondeur mesurée (m);Inclinaison (degrés);Azimut (degrés);Profondeur verticale (m)",
+    "norwegian": "Målt dybde (m);Inklinasjon (grader);Asimut (grader);Vertikal dybde (m)",
+    "portuguese": "Profundidade Medida (metros);Inclinação (graus);Azimute (graus);Profundidade vertical (metros)",
+    "italian": "Profondità misurata (m);Inclinazione (gradi);Azimut (gradi);Profondità verticale (m)",
+    "dutch": "Gemeten diepte (m);Inclinatie (graden);Azimut (graden);Verticale diepte (m)",
+    "spanish": "Profundidad medida (m);Inclinación (grados);Azimut (grados);Profundidad vertical (m)",
+    "russian": "Глубина по стволу, м;Зенитный угол, град;Азимут, град;Глубина по вертикали, м",
+    "chinese": "测深(米);井斜角(度);方位角(度);垂深(米)",
+}
+
+
+def rows(separator=";", decimal=",", inc=INC, azi=AZI):
+    lines = (f"{m:.2f}{separator}{i:.2f}{separator}{a:.2f}" for m, i, a in zip(MD, inc, azi, strict=True))
+    return "".join(f"{line.replace('.', decimal)}\n" for line in lines)
+
+
+def read(text, encoding="utf-8"):
+    return list_of(text.encode(encoding), "list.csv")
+
+
+def assert_read(stations):
+    np.testing.assert_allclose(stations.md, MD)
+    np.testing.assert_allclose(np.degrees(stations.inclination), INC, atol=0.006)
+    np.testing.assert_allclose(np.degrees(stations.azimuth), AZI, atol=0.006)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_columns_of_a_list_are_read_in_many_languages(language):
+    first = LANGUAGES[language].rsplit(";", 1)[0]
+    assert_read(read(f"{first}\n{rows()}"))
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_vertical_depth_in_another_language_is_checked_against_the_angles(language):
+    wrong = "".join(f"{line};{10.0 * k:.2f}\n" for k, line in enumerate(rows().splitlines()))
+    with pytest.raises(ListFileError, match="does not fit the angles"):
+        read(f"{LANGUAGES[language]}\n{wrong}")
+
+
+@pytest.mark.parametrize("encoding", ["cp1251", "cp866", "koi8-r", "utf-8", "utf-16"])
+def test_russian_lists_are_read_in_every_usual_encoding(encoding):
+    text = f"{LANGUAGES['russian'].rsplit(';', 1)[0]}\n{rows()}"
+    assert text_of(text.encode(encoding), "list.csv").lstrip("\ufeff") == text
+    assert_read(read(text, encoding))
+
+
+@pytest.mark.parametrize(
+    ("line", "north"),
+    [
+        ("All azimuths are corrected to Grid North", "grid"),
+        ("AZIMUTHS CORRECTED TO TRUE NORTH", "true"),
+        ("Survey referenced to True North", "true"),
+        ("Declination applied: 1.2 deg (Azimuths are Grid)", "grid"),
+        ("Az. reference - Grid", "grid"),
+        ("Azimuth: Magnetic", "magnetic"),
+        ("Grid azimuths", "grid"),
+        ("Nordreferenz: Gitter", "grid"),
+        ("Nordrichtung: geografisch", "true"),
+        ("Nordreferanse: Rutenett", "grid"),
+        ("Référence nord : Nord géographique", "true"),
+        ("Norte de referencia: Cuadrícula", "grid"),
+        ("Направление севера: истинный", "true"),
+        ("北参考: 真北", "true"),
+        ("方位角类型: 网格方位", "grid"),
+    ],
+)
+@pytest.mark.parametrize("mark", ["", "# "])
+def test_a_sentence_about_azimuths_gives_their_north(line, north, mark):
+    assert read(f"{mark}{line}\nMD (m);Inc (°);Azi (°)\n{rows()}").north == north
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Well: True North 7",
+        "Map Zone: Texas North Central 4202",
+        "Magnetic declination: -1.2",
+        "Total Correction: 1.2 (Mag to Grid)",
+        "Vertical Section Azimuth: 120 (Grid North)",
+        "North Sea Magnetic Anomaly",
+    ],
+)
+def test_a_line_about_something_else_gives_no_north(line):
+    assert read(f"{line}\nMD (m);Inc (°);Azi (°)\n{rows()}").north == ""
+
+
+def test_two_sentences_that_differ_are_quoted():
+    text = "Azimuth sensor is a magnetic tool\nAzimuths below are corrected to grid\nMD (m);Inc (°);Azi (°)\n"
+    with pytest.raises(ListFileError, match="magnetic tool.*corrected to grid"):
+        read(text + rows())
+
+
+@pytest.mark.parametrize(("name", "north"), [("Azimuth (°M)", "magnetic"), ("Azi deg T", "true"), ("Azi [°G]", "grid")])
+def test_the_letter_behind_a_degree_sign_is_a_north(name, north):
+    assert read(f"MD (m);Inc (°);{name}\n{rows()}").north == north
+
+
+@given(st.sampled_from(["true", "grid", "magnetic"]), st.sampled_from(["2.0", "3.0"]))
+def test_the_description_of_a_las_curve_gives_the_north(north, version):
+    words = f"Azimuth from {north} north"
+    curves = f"MD.M : Depth\nDEVI.DEG : Deviation\nAZIM.DEG : {words}\n"
+    head = f"~Version\nVERS. {version} :\nWRAP. NO :\n{{}}~Well\nNULL. -999.25 :\n"
+    if version == "3.0":
+        text = head.format("DLM. COMMA :\n") + f"~Inclinometry_Definition\n{curves}"
+        text += f"~Inclinometry_Data | Inclinometry_Definition\n{rows(',', '.')}"
+    else:
+        text = head.format("") + f"~Curve\n{curves}~A\n{rows(' ', '.')}"
+    assert read(text).north == north
+
+
+def test_the_letter_f_of_las_is_a_foot():
+    text = f"~Version\nVERS. 2.0 :\nWRAP. NO :\n~Well\nNULL. -999.25 :\n~Curve\nDEPT.F :\nDEVI.DEG :\nAZIM.DEG :\n~A\n{rows(' ', '.')}"
+    np.testing.assert_allclose(read(text).md, 0.3048 * MD)
+
+
+@pytest.mark.parametrize("word", ["Projection to bit", "PROJECTED", "Projected to TD", "extrapolated to TD"])
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_projection_below_a_list_is_no_station(word, beside):
+    last = f"630;46,00;118,25;{word}\n" if beside else f"{word}\n630;46,00;118,25\n"
+    got = read(f"MD (m);Inc (°);Azi (°);Remark\n{rows()}{last}")
+    assert_read(got)
+    assert any(one.kind == RemarkKind.ROWS_LEFT_OUT and "630" in one.text for one in got.remarks)
+
+
+@given(st.integers(1, 18))
+def test_a_comment_about_a_projection_between_stations_leaves_none_out(k):
+    lines = rows().splitlines()
+    lines[k] += ";was projected to bit before"
+    assert_read(read("MD (m);Inc (°);Azi (°);Remark\n" + "\n".join(lines)))
+
+
+@given(st.sampled_from([0, 1, 2]))
+def test_decimal_commas_that_part_columns_are_refused(digits):
+    lines = (f"{m:.2f},{i:.{digits}f},{a:.2f}".replace(".", ",") for m, i, a in zip(MD, INC, AZI, strict=True))
+    with pytest.raises(ListFileError, match="cells under 3 names"):
+        read("MD (m),Inc (°),Azi (°)\n" + "\n".join(lines))
+
+
+def test_names_in_several_lines_of_a_quoted_cell_are_read():
+    assert_read(
+        read(
+            '"Measured\nDepth\n(m)","Incl-\nination\n(deg)"'.replace("Incl-\nination", "Inc")
+            + f',"Azimuth\nfrom grid\n(deg)"\n{rows(",", ".")}'
+        )
+    )
+
+
+def test_grads_are_gon_where_no_name_is_german():
+    got = read(f"MD (m);Inc (grad);Azi (grad)\n{rows(inc=INC / 0.9, azi=AZI / 0.9)}")
+    assert math.degrees(got.inclination[-1]) == pytest.approx(INC[-1], abs=0.01)
