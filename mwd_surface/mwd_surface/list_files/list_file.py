@@ -71,7 +71,7 @@ _PROJECTION = re.compile(
 )
 _GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGNORECASE)
 _PROJECTED_ROWS = 3  # at most so many rows follow a note that announces a projection
-# A first station so far from its wellhead lies visibly elsewhere when a convergence is left out (3 deg: half a metre), m.
+# A first station so far from its wellhead lies visibly elsewhere without a convergence (3 deg: half a metre), m.
 _OFFSET = 10.0
 # Magic bytes of files that are no lists: recordings.
 _OTHERS = (b"\x89MCAP0", b"SQLite format 3\x00", b"#ROSBAG")
@@ -395,6 +395,11 @@ class _Reader:
         return numbers
 
     def _number(self, cell: number_cells.Cell, mark: str, column: Column, at: str) -> float:
+        if column.quantity in ANGLES:
+            angle = number_cells.angle(str(cell), bearing=column.quantity == "azimuth")
+            if math.isfinite(angle):
+                # In degrees, whatever the column is said to be in.
+                return angle * list_columns.ANGLE_UNITS["deg"] / self._factor(column)
         number, words = number_cells.split(cell) or ("", "")
         try:
             value = number_cells.value(number, mark or number_cells.decimal_mark(number))

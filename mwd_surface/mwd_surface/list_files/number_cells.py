@@ -60,6 +60,13 @@ _SPACES = re.compile("(?<=\\d)['’\u00a0\u202f\u2009 ](?=\\d{3}(?!\\d))")
 _GROUPED = re.compile(r"^[+-]?[1-9]\d{0,2}(?P<mark>[.,])\d{3}$")
 
 
+_QUADRANT = re.compile(r"^(?P<pole>[NS])\s*(?P<angle>\d[^EW]*?)\s*(?:deg)?\s*(?P<side>[EW])$", re.IGNORECASE)
+_SEXAGESIMAL = re.compile(
+    r"""^(?P<sign>[+-]?)(?P<degrees>\d{1,3})\s*[°ºd]\s*(?P<minutes>\d{1,2}(?:\.\d+)?)\s*['′’m]\s*"""
+    r"""(?:(?P<seconds>\d{1,2}(?:[.,]\d+)?)\s*(?:"|″|”|''|s))?$"""
+)
+
+
 def is_null(cell: Cell) -> bool:
     """Return whether a cell is empty or one of the ways to write that there is no value."""
     if isinstance(cell, float):
@@ -147,6 +154,37 @@ def value(number: str, mark: str) -> float:
             raise ValueError(f"{number!r} has a thousands mark that does not part groups of three")
         whole = whole.replace(other, "")
     return float(f"{whole}{'.' if decimal else ''}{rest}".replace("d", "e").replace("D", "e"))
+
+
+def angle(text: str, *, bearing: bool) -> float:
+    """
+    Return an angle written as degrees, minutes and seconds, or as a bearing by quadrant, in deg; nan for any other text.
+
+    bearing: whether "N 45.5 E" and "S45°30'W" are angles, from north clockwise.
+    """
+    found = _QUADRANT.match(text.strip()) if bearing else None
+    if found is None:
+        return _sexagesimal(text)
+    whole = found["angle"].replace(",", ".").strip().rstrip("°")
+    try:
+        within = float(whole)
+    except ValueError:
+        within = _sexagesimal(whole)
+    if not 0.0 <= within <= 90.0:
+        return math.nan
+    east = within if found["side"].upper() == "E" else -within
+    return (east if found["pole"].upper() == "N" else 180.0 - east) % 360.0
+
+
+def _sexagesimal(text: str) -> float:
+    found = _SEXAGESIMAL.match(text.strip())
+    if found is None:
+        return math.nan
+    minutes, seconds = float(found["minutes"]), float((found["seconds"] or "0").replace(",", "."))
+    if minutes >= 60.0 or seconds >= 60.0:
+        return math.nan
+    size = float(found["degrees"]) + minutes / 60.0 + seconds / 3600.0
+    return -size if found["sign"] == "-" else size
 
 
 def texts(columns: Sequence[Sequence[Cell]]) -> list[list[str]]:

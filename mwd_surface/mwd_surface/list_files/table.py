@@ -10,6 +10,7 @@ ruled lines and names that are repeated on every page change nothing.
 from __future__ import annotations
 
 import codecs
+import collections
 import csv
 import dataclasses
 import datetime as dt
@@ -377,12 +378,20 @@ def _spaced(
         Row(f"{name}, line {k}", tuple(t.group() for t in found)) for (k, _), found in zip(lines, tokens, strict=True)
     ]
     numeric = [sum(looks_like_number(cell) for cell in row.cells) for row in grid]
-    data = next((k for k in range(1, len(grid)) if numeric[k] > 2 and numeric[k] >= len(grid[k].cells) - 1), None)
-    if data is None or data > _HEAD:
+    likely = [k for k in range(1, len(grid)) if numeric[k] > 2 and numeric[k] >= len(grid[k].cells) - 1]
+    if not likely or likely[0] > _HEAD:
         return None
-    width = len(grid[data].cells)
-    same = [found for found in tokens[data : data + 30] if len(found) == width]
+    # Rows that lack a cell are shorter than the others.
+    counts = collections.Counter(len(grid[k].cells) for k in likely)
+    width = max((size for size, rows in counts.items() if rows > 1), default=len(grid[likely[0]].cells))
+    full = next(k for k in likely if len(grid[k].cells) == width)
+    same = [found for found in tokens[full : full + 30] if len(found) == width]
     spans = [(min(f[j].start() for f in same), max(f[j].end() for f in same)) for j in range(width)]
+    grid = [_aligned(row, found, spans) for row, found in zip(grid, tokens, strict=True)]
+    # Rows above that lack a cell, such as the azimuth of a vertical hole, are rows all the same.
+    data = full
+    while data > 1 and len(grid[data - 1].cells) == width and numeric[data - 1] >= len(tokens[data - 1]) - 1 > 0:
+        data -= 1
     best: tuple[int, int, list[str]] = (0, 0, [])
     names, parted = [""] * width, [""] * width
     for count in range(1, min(_STACKED + 1, data) + 1):
@@ -407,6 +416,19 @@ def _spaced(
         if is_header(grouped):
             return grid, (data - 1, 1), grouped
     return None
+
+
+def _aligned(row: Row, words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> Row:
+    """A row of numbers with fewer cells than columns, each cell in the column it stands under; others as they are."""
+    if not 1 < len(words) < len(spans) or not all(looks_like_number(word.group()) for word in words):
+        return row
+    under = [[k for k, span in enumerate(spans) if min(span[1], w.end()) > max(span[0], w.start())] for w in words]
+    if any(len(columns) != 1 for columns in under) or len({columns[0] for columns in under}) < len(words):
+        return row
+    cells = [""] * len(spans)
+    for columns, word in zip(under, words, strict=True):
+        cells[columns[0]] = word.group()
+    return Row(row.at, tuple(cells))
 
 
 def _placed_above(words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> list[str]:

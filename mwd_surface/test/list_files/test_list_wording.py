@@ -107,7 +107,7 @@ def test_a_line_about_something_else_gives_no_north(line):
 
 def test_two_sentences_that_differ_are_quoted():
     text = "Azimuth sensor is a magnetic tool\nAzimuths below are corrected to grid\nMD (m);Inc (°);Azi (°)\n"
-    with pytest.raises(ListFileError, match="magnetic tool.*corrected to grid"):
+    with pytest.raises(ListFileError, match=r"magnetic tool.*corrected to grid"):
         read(text + rows())
 
 
@@ -130,7 +130,8 @@ def test_the_description_of_a_las_curve_gives_the_north(north, version):
 
 
 def test_the_letter_f_of_las_is_a_foot():
-    text = f"~Version\nVERS. 2.0 :\nWRAP. NO :\n~Well\nNULL. -999.25 :\n~Curve\nDEPT.F :\nDEVI.DEG :\nAZIM.DEG :\n~A\n{rows(' ', '.')}"
+    head = "~Version\nVERS. 2.0 :\nWRAP. NO :\n~Well\nNULL. -999.25 :\n~Curve\nDEPT.F :\nDEVI.DEG :\nAZIM.DEG :\n~A\n"
+    text = head + rows(" ", ".")
     np.testing.assert_allclose(read(text).md, 0.3048 * MD)
 
 
@@ -169,3 +170,32 @@ def test_names_in_several_lines_of_a_quoted_cell_are_read():
 def test_grads_are_gon_where_no_name_is_german():
     got = read(f"MD (m);Inc (grad);Azi (grad)\n{rows(inc=INC / 0.9, azi=AZI / 0.9)}")
     assert math.degrees(got.inclination[-1]) == pytest.approx(INC[-1], abs=0.01)
+
+
+@given(st.floats(0.0, 359.99), st.sampled_from(["decimal", "minutes"]), st.booleans())
+def test_bearings_by_quadrant_and_sexagesimal_angles_are_the_same_azimuths(azimuth, form, spaced):
+    pole = "N" if azimuth <= 90.0 or azimuth >= 270.0 else "S"
+    side = "E" if azimuth < 180.0 else "W"
+    within = min(azimuth % 180.0, 180.0 - azimuth % 180.0)
+    seconds = round(within * 3600.0)
+    sexagesimal = f"{seconds // 3600}°{seconds // 60 % 60:02d}'{seconds % 60:02d}\""
+    text = f"{within:.4f}" if form == "decimal" else sexagesimal
+    gap = " " if spaced else ""
+    got = read(f"MD (m);Inc (°);Azi\n0;0;0\n30;2°30';{pole}{gap}{text}{gap}{side}\n")
+    assert math.degrees(got.inclination[1]) == pytest.approx(2.5)
+    apart = math.remainder(math.degrees(got.azimuth[1]) - azimuth, 360.0)
+    assert abs(apart) < 3e-4
+
+
+@given(st.integers(1, 6), st.sampled_from(["before", "behind"]))
+def test_a_blank_azimuth_in_a_table_of_spaces_moves_no_other_cell(blank, place):
+    lines = []
+    for k, (m, i, a) in enumerate(zip(MD, INC, AZI, strict=True)):
+        azimuth = "" if k < blank and i == 0.0 else f"{a:.2f}"
+        others = f"{0.25 * k:8.2f}"
+        lines.append(f"{m:8.2f} {i:7.2f} {azimuth:>7} " + (others if place == "behind" else ""))
+    names = "   MD(m) Inc(°)  Azi(°) " + ("   DLS" if place == "behind" else "")
+    got = read("\n".join([names, *lines]))
+    np.testing.assert_allclose(got.md, MD)
+    np.testing.assert_allclose(np.degrees(got.azimuth[min(blank, 4) :]), AZI[min(blank, 4) :], atol=1e-6)
+    assert np.all(np.isnan(got.azimuth[: min(blank, 4)]))
