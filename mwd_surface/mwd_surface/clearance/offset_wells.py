@@ -20,7 +20,7 @@ from mwd_sensors.core.frames import wrap_tau
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, clearance, nearest_first
-from mwd_surface.list_files.list_columns import NORTHS, Given
+from mwd_surface.list_files.list_columns import DIPS, NORTHS, Given, columns_of
 from mwd_surface.list_files.map_coordinates import wellhead_of
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.trajectory.north import North
@@ -76,6 +76,14 @@ class OffsetWell:
         "", "north of the azimuths of a list that does not say it; empty: as the list says", choices=("", *NORTHS)
     )
     length_unit: str = setting("", "unit of the lengths of a list that does not say it: m, ft or ftus")
+    angle_unit: str = setting("", "unit of the angles of a list that does not say it: deg, rad or grad")
+    decimal: str = setting("", "decimal mark where 1,000 may be either", choices=("", "point", "comma"))
+    dip: str = setting("", "where positive angles from the horizontal point", choices=("", *DIPS))
+    columns: str = setting("", "which column of its list is what, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI")
+    wellhead_northing_m: float | None = setting(
+        None, "northing of its wellhead in the map coordinates of its list; with wellhead_easting_m", unit="m"
+    )
+    wellhead_easting_m: float | None = setting(None, "easting of its wellhead; see wellhead_northing_m", unit="m")
     confirm: str = setting("", "what of its list is right, although implausible: dogleg, wellhead or depth")
     shared_to_m: float | None = setting(
         None, "measured depth down to which both wells are the same hole, for a sidetrack", unit="m", low=0.0
@@ -147,11 +155,7 @@ def offset_well(
         Its list or its programme cannot be used.
     """
     try:
-        given = Given(
-            north=offset.north,
-            length_unit=offset.length_unit,
-            confirm=tuple(word.strip() for word in offset.confirm.split(",") if word.strip()),
-        )
+        given = _given(offset)
         plan = read_plan(folder / Path(offset.file).expanduser(), given=given)
         remarks = _remarks(offset, plan)
         plan = interpolated(plan, _SPACING) if offset.planned else plan
@@ -186,6 +190,30 @@ def offset_well(
         reference,
         0.5 * offset.hole_diameter_m,
         remarks=remarks,
+    )
+
+
+def _given(offset: OffsetWell) -> Given:
+    """
+    What the file says of the list of an offset well, as the options of `mwd path` do.
+
+    Raises
+    ------
+    ValueError
+        A word that does not exist, or one coordinate of the wellhead without the other.
+    """
+    place = offset.wellhead_northing_m, offset.wellhead_easting_m
+    if (place[0] is None) != (place[1] is None):
+        raise ValueError("wellhead_northing_m and wellhead_easting_m: give both, or neither")
+    return Given(
+        columns=columns_of(offset.columns),
+        length_unit=offset.length_unit,
+        angle_unit=offset.angle_unit,
+        north=offset.north,
+        decimal=offset.decimal,
+        dip=offset.dip,
+        wellhead=None if place[0] is None or place[1] is None else (place[0], place[1]),
+        confirm=tuple(word.strip() for word in offset.confirm.split(",") if word.strip()),
     )
 
 

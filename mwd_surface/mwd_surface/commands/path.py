@@ -163,14 +163,14 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
     import dataclasses
 
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
-    from mwd_surface.list_files.list_columns import Given
+    from mwd_surface.list_files.list_columns import Given, columns_of
     from mwd_surface.list_files.list_file import read_list
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.surveys.imported_list import reference_in, survey_list
     from mwd_surface.surveys.well import Well
 
     given = Given(
-        columns=_pairs(options["columns"]),
+        columns=columns_of(options["columns"] or ""),
         **{name: str(options[name]).lower() for name in ("length_unit", "angle_unit", "north", "decimal", "dip")},
         wellhead=_wellhead(options["wellhead"]),
         confirm=tuple(options["confirm"] or ()),
@@ -197,19 +197,6 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
         every=options["every"],
     )
     return surveys, (*remarks, *sentences((*surveys.remarks, *surveys.definitive().assumptions)))
-
-
-def _pairs(text: str | None) -> dict[str, str]:
-    if text is None:
-        return {}
-    pairs = {}
-    for part in text.split(","):
-        name, equals, column = part.partition("=")
-        if not equals:
-            raise ValueError(f"--columns {text}: write it as md=NAME,inclination=NAME,azimuth=NAME")
-        name = name.strip()
-        pairs[{"inc": "inclination", "azi": "azimuth"}.get(name, name)] = column
-    return pairs
 
 
 def _wellhead(text: str | None) -> tuple[float, float] | None:

@@ -272,6 +272,25 @@ class Given:
                 raise ValueError(f"{what}: {value!r} is none of {', '.join(known)}")
 
 
+def columns_of(text: str) -> dict[str, str]:
+    """
+    Return quantities and the names of their columns, as written by a user: "md=DEPTH,inc=DEV,azi=HAZI".
+
+    Raises
+    ------
+    ValueError
+        A part without "=".
+    """
+    pairs = {}
+    for part in filter(None, text.split(",")):
+        name, equals, column = part.partition("=")
+        if not equals:
+            raise ValueError(f"columns {text}: write it as md=NAME,inclination=NAME,azimuth=NAME")
+        name = name.strip()
+        pairs[{"inc": "inclination", "azi": "azimuth"}.get(name, name)] = column
+    return pairs
+
+
 @dataclasses.dataclass(frozen=True)
 class Column:
     """
@@ -312,10 +331,11 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
     unread = []
     chosen_names = {column.strip().lower(): q for q, column in given.columns.items() if column.strip()}
     for k, name in enumerate(names):
-        column = column_of(k, name, units[k] if k < len(units) else "")
+        unit = units[k] if k < len(units) else ""
+        column = column_of(k, name, unit)
         chosen = chosen_names.get(name.strip().lower())
         if chosen:
-            column = dataclasses.replace(column, quantity=chosen)
+            column = column if column.quantity == chosen else column_of(k, name, unit, chosen)
         elif column.quantity in given.columns:
             continue
         if column.quantity:
@@ -328,11 +348,19 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
     return Columns(of, tuple(unread))
 
 
-def column_of(number: int, name: str, unit: str = "") -> Column:
-    """Return what a name of a column says; unit: as the file has it apart from the name."""
+def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Column:
+    """
+    Return what a name of a column says.
+
+    unit: as the file has it apart from the name. chosen: the quantity that the caller says it is; its words then need
+    not be understood, but a unit and a north among them count.
+    """
     base, brackets = _parted(name)
     words = base.split()
     quantity, rest, north = _quantity(words)
+    if chosen:
+        quantity, north = chosen, ""
+        rest = [word for word in words if _north_word(word) or (len(word) > 1 and unit_word(word))]
     angle = quantity in ANGLES
     own, turned, horizontal, behind = _qualifiers(" ".join(rest), angle=angle)
     north, strange = turned or north, list(behind)

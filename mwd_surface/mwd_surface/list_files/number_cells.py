@@ -158,7 +158,7 @@ def value(number: str, mark: str) -> float:
 
 def angle(text: str, *, bearing: bool) -> float:
     """
-    Return an angle written as degrees, minutes and seconds, or as a bearing by quadrant, in deg; nan for any other text.
+    Return an angle in deg written as degrees, minutes and seconds or as a bearing by quadrant; nan for other texts.
 
     bearing: whether "N 45.5 E" and "S45°30'W" are angles, from north clockwise.
     """

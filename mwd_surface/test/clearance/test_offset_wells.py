@@ -6,6 +6,7 @@ import math
 import example_surveys as example
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -200,3 +201,30 @@ def test_an_offset_list_may_leave_the_azimuth_of_a_vertical_hole_blank(tmp_path,
         offset_well(OffsetWell("X", name), tmp_path, North.GRID, REFERENCE) for name in ("blank.csv", "filled.csv")
     )
     np.testing.assert_allclose(blank_well.positions, filled.positions, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "options"),
+    [
+        ("d,i,a", "0,0,0\n30,3,79\n", {"columns": "md=d,inc=i,azi=a", "length_unit": "m"}),
+        ("md_m,dip,azi_deg", "0,90,0\n30,87,79\n", {"dip": "down"}),
+        ("md_m,inc,azi", "0,0,0\n30,3.3333333,87.7777778\n", {"angle_unit": "grad"}),
+        ("md_m\tinc\tazi", "0\t0\t0\n30\t3,000\t79,000\n", {"decimal": "comma"}),
+    ],
+)
+def test_what_a_message_asks_for_can_be_said_of_an_offset_well(tmp_path, head, rows, options):
+    (tmp_path / "x.csv").write_text(f"{head}\n{rows}")
+    (tmp_path / "wells.yaml").write_text(yaml.safe_dump({"wells": [{"name": "X", "file": "x.csv", **options}]}))
+    wells = read_offset_wells(tmp_path / "wells.yaml")
+    got = offset_well(wells.wells[0], tmp_path, North.GRID, REFERENCE)
+    np.testing.assert_allclose(np.degrees([got.inclination[-1], got.azimuth[-1]]), [3.0, 79.0], atol=1e-5)
+
+
+def test_the_wellhead_of_an_offset_list_can_be_given(tmp_path):
+    rows = "1000,30,90,950,6478300,431400\n1030,30,90,975.98,6478300,431415\n"
+    (tmp_path / "x.csv").write_text(f"md_m,inc_deg,azi_grid_deg,tvd_m,northing_m,easting_m\n{rows}")
+    with pytest.raises(OffsetWellError, match="wellhead"):
+        offset_well(OffsetWell("X", "x.csv"), tmp_path, North.GRID, REFERENCE)
+    offset = OffsetWell("X", "x.csv", wellhead_northing_m=6478300.0, wellhead_easting_m=431200.0)
+    got = offset_well(offset, tmp_path, North.GRID, REFERENCE)
+    np.testing.assert_allclose(got.positions[0], [0.0, 200.0, 950.0])

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of
 from mwd_surface.list_files.remark import RemarkKind
@@ -199,3 +200,11 @@ def test_a_blank_azimuth_in_a_table_of_spaces_moves_no_other_cell(blank, place):
     np.testing.assert_allclose(got.md, MD)
     np.testing.assert_allclose(np.degrees(got.azimuth[min(blank, 4) :]), AZI[min(blank, 4) :], atol=1e-6)
     assert np.all(np.isnan(got.azimuth[: min(blank, 4)]))
+
+
+@pytest.mark.parametrize(("name", "north"), [("x", ""), ("col7", ""), ("HZ true", "true"), ("Q (grid)", "grid")])
+def test_a_column_that_the_caller_names_need_not_be_understood_but_its_north_counts(name, north):
+    told = Given(columns={"md": "q1 (m)", "inclination": "i", "azimuth": name})
+    got = list_of(f"q1 (m);i;{name}\n{rows()}".encode(), "list.csv", told)
+    assert_read(got)
+    assert got.north == north
