@@ -61,7 +61,7 @@ def test_a_well_that_cannot_be_compared_is_not_clear(folder):
     (folder / "map.yaml").write_text(f"wells:\n  - {FAR}\n  - {map_coordinates}\n")
     done = mwd(folder / "run", "--offsets", folder / "map.yaml", "-o", folder / "out")
     assert done.exit_code == 1
-    assert "A-4 starts 6493 km from the wellhead" in " ".join(done.output.split())
+    assert "offset well A-4: its wellhead lies 6493.2 km away" in " ".join(done.output.split())
 
 
 def test_the_plan_ahead_is_compared_too_and_a_programme_counts(folder):
