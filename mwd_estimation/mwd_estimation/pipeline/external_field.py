@@ -23,6 +23,7 @@ from mwd_sensors.core.frames import wrap_pi
 
 # Larger figures are IAGA-2002's marks for a missing (99999) or never recorded (88888) value.
 _MISSING = 88888.0
+_NULLS, _CIRCLE = (88888.0, 99999.0), 216000.0
 # A gap longer than this is not bridged, s: pulsations and substorm onsets take minutes.
 _LONGEST_GAP = 600.0
 # Below this range an hour is as quiet as any other, T: observatories report tenths of nT.
@@ -105,7 +106,7 @@ class _Section:
     def north_east_down(self, name: str) -> Array:
         """Return the samples as north, east, down, T, shape (n, 3)."""
         raw = np.array(self.rows, dtype=float).reshape(len(self.rows), len(self.letters))
-        raw[raw >= _MISSING] = math.nan
+        raw[np.abs(raw) >= _MISSING] = math.nan
         have = {letter: raw[:, k] for k, letter in enumerate(self.letters)}
         if {"X", "Y", "Z"} <= have.keys():
             return 1e-9 * np.column_stack([have["X"], have["Y"], have["Z"]])
@@ -144,8 +145,10 @@ def _sections(text: str, name: str) -> list[_Section]:
             sections.append(_Section(columns[0][:3] if columns else "", letters, baseline))
             baseline = None
         elif found := re.match(r"\s*#\s*DECBAS\s+([-+]?\d+(?:\.\d*)?)", line):
-            # In tenths of a minute of arc, east.
-            baseline = float(wrap_pi(0.1 * float(found[1]) * _MINUTE))
+            # In tenths of a minute of arc, east: a circle at most. The nulls of the data are nulls here too.
+            tenths = float(found[1])
+            known = abs(tenths) <= _CIRCLE and tenths not in _NULLS
+            baseline = float(wrap_pi(0.1 * tenths * _MINUTE)) if known else None
         elif sections and line[:1].strip():
             try:
                 stamp, values = _sample(line, len(sections[-1].letters))

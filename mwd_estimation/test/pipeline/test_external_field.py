@@ -179,3 +179,24 @@ def test_sigma_of_what_the_well_does_not_share_is_that_of_random_vectors():
 def test_without_declination_the_reference_stays_as_it_is():
     magnetic = Reference(total=5e-5, dip=1.25)
     assert with_external(magnetic, np.full(3, 1e-7), 0.2, "TST") is magnetic
+
+
+@pytest.mark.parametrize("null", [88888.0, 99999.0, -99999.0, 99999.9])
+@pytest.mark.parametrize("letters", ["XYZF", "HDZF"])
+def test_no_null_of_a_component_becomes_a_field(null, letters):
+    lines = iaga2002(np.tile(QUIET_NT, (10, 1)), letters).splitlines(keepends=True)
+    place = next(k for k, line in enumerate(lines) if line.startswith("DATE ")) + 3
+    for column in range(3):
+        words = lines[place + column].split()
+        words[3 + column] = f"{null:.2f}"
+        lines[place + column] = " ".join(words) + "\n"
+    record = read_iaga2002("".join(lines), "tst.min")
+    assert len(record.stamps_ns) == 7
+    assert np.allclose(1e9 * record.field_n, QUIET_NT, atol=5.0)
+
+
+@pytest.mark.parametrize("null", ["88888", "99999", "999999"])
+def test_a_null_baseline_declination_is_not_a_baseline(null):
+    text = iaga2002(np.tile(QUIET_NT, (10, 1)), "HEZF", decbas=3.0).replace("001800", null)
+    with pytest.raises(ValueError, match="baseline declination"):
+        read_iaga2002(text, "tst.min")

@@ -26,7 +26,7 @@ from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import MAGIC, FormatError
 from mwd_surface.bags.mcap.walk import walk_records
 from mwd_surface.bags.ros1_bag import Ros1Bag
-from mwd_surface.bags.topic_info import CDR, REMEDY, ROS1, TopicInfo, cdr_problem, listed, read_as
+from mwd_surface.bags.topic_info import CDR, PACKED, REMEDY, ROS1, TopicInfo, cdr_problem, listed, read_as
 
 __all__ = ["BagError", "BagFiles", "TopicInfo"]
 
@@ -202,6 +202,9 @@ class BagFiles:
         # The first file of a topic tells for all of them: a day in a hundred files opens as fast as one.
         fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}
         problems = {} if self.message_compression else _probed(file, contents, fresh)
+        filled = [k for k in fresh if contents.counts.get(k, 0) and contents.channels[k].encoding.lower() == CDR]
+        if self._all_packed([problems.get(number, "") for number in filled]):
+            problems = {}
         self._probed |= {contents.channels[number].topic for number in fresh if contents.counts.get(number, 0)}
         bad: set[int] = set()
         names: dict[int, str] = {}
@@ -257,12 +260,24 @@ class BagFiles:
         self.notes += self.other.notes
         self.complete = self.complete and self.other.complete
         self.lost_bytes = self.other.lost_bytes if isinstance(self.other, Ros1Bag) else 0
+        problems: dict[str, str] = {}
         for name, about in [] if self.message_compression else list(self.topics.items()):
             messages = self.other.messages([name], None, None) if about.count else iter(())
             first = [bytes(data) for _, _, data in itertools.islice(messages, _PROBED)]
-            problem = cdr_problem(first, about.type_name)
+            if first:
+                problems[name] = cdr_problem(first, about.type_name)
+        if self._all_packed(list(problems.values())):
+            self.notes.append("messages are compressed one by one: read slowly")
+            return
+        for name, problem in problems.items():
             if problem:
                 self.unreadable[name] = dataclasses.replace(self.topics.pop(name), problem=problem)
+
+    def _all_packed(self, problems: list[str]) -> bool:
+        """Note it where the messages of all topics are compressed one by one, which a lost metadata.yaml had said."""
+        packed = bool(problems) and all(problem == PACKED for problem in problems)
+        self.message_compression = self.message_compression or packed
+        return packed
 
     def _scratch_folder(self) -> Path:
         self._scratch = self._scratch or tempfile.TemporaryDirectory(prefix="mwd_bag_")

@@ -125,7 +125,8 @@ class Bag:
         if of_type:
             hint = f"topics of that type: {', '.join(topic.name for topic in of_type)}; name the one you mean"
         else:
-            hint = f"it has {', '.join(f'{topic.name} ({topic.type_name})' for topic in self.topics.values())}"
+            there = [f"{topic.name} ({topic.type_name or 'no type'})" for topic in self.topics.values()]
+            hint = f"it has {', '.join(there)}"
         raise BagError(f"{self.path} has no topic of {type_name} {wanted}".rstrip(), hint)
 
     def blocks(

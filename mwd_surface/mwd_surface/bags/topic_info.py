@@ -16,6 +16,9 @@ from mwd_sensors.core import wire
 CDR, ROS1 = "cdr", "ros1"
 #: What to do about messages of another encoding.
 REMEDY = "record or convert them in ROS 2's own encoding (CDR)"
+#: Problem of messages that a recorder compressed one by one, where no metadata.yaml says so.
+PACKED = "its messages are compressed one by one"
+_ZSTD = b"\x28\xb5\x2f\xfd"
 # Kinds of CDR encapsulation (its first two bytes) that ROS 2 writes: big and little endian.
 _BIG_ENDIAN = b"\x00\x00"
 _CDR_HEADS = (_BIG_ENDIAN, b"\x00\x01")
@@ -76,7 +79,8 @@ def read_as(encoding: str, schema_encoding: str, declared: str) -> tuple[str, st
     """
     known = encoding.lower()
     if known == CDR:
-        return declared, CDR, ""
+        # The first releases of ROS 2 left the "msg" out, as ROS 1 does.
+        return normalize_msgtype(declared) if declared.count("/") == 1 else declared, CDR, ""
     if known == ROS1 and schema_encoding.lower() == "ros1msg" and declared:
         name = normalize_msgtype(declared)
         common = name in ros2_types().fielddefs
@@ -95,6 +99,8 @@ def cdr_problem(messages: list[bytes], type_name: str) -> str:
     """
     if not messages or any(_may_be_cdr(data, type_name) for data in messages):
         return ""
+    if all(data.startswith(_ZSTD) for data in messages):
+        return PACKED
     begin = messages[0][:4].hex(" ") or "nothing"
     return f"its messages are not the CDR of that type, as the recording says they are (they begin with {begin})"
 

@@ -37,7 +37,7 @@ from mwd_surface.processing.bag_input import (
     tool_frame,
 )
 from mwd_surface.processing.imu_queue import ImuQueue
-from mwd_surface.processing.input_stream import InputStream, problems, refuse, repetitions
+from mwd_surface.processing.input_stream import InputStream, left_out, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.overlap import ahead, behind
@@ -120,7 +120,7 @@ class BagEstimate:
         self._start_ns = bag.start_ns + round(given.start_s * 1e9)
         self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
         self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
-        refuse(problems(bag, self.topics, given))
+        refuse(problems(bag, self.topics, given, estimator.place))
         self._stream = InputStream(bag, self.topics, given)
         self._unchecked = {self.topics.imu, self.topics.mag}
         self._use_mag = self.topics.mag is not None
@@ -177,6 +177,7 @@ class BagEstimate:
         with ahead(self._blocks()) as ready:
             for recorded, originals in ready:
                 block = self._stream.take(recorded)
+                refuse(self._stream.problems)
                 samples = self._checked(block)
                 # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
                 self._push_companions(samples, block)
@@ -277,7 +278,7 @@ class BagEstimate:
         summary, pipeline, compensation = self._summary, self._pipeline, self._compensation
         if self._merger is not None:
             summary.warnings += self._merger.remarks
-        summary.warnings += repetitions(self._stream)
+        summary.warnings += left_out(self._stream)
         summary.north = pipeline.north
         summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
         if compensation is not None and compensation.without_temperature:

@@ -352,6 +352,8 @@ def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
 def _imu_of(bag: Bag) -> str:
     """The IMU: as single messages or, where there are none, in bursts; under any name where it is the only one."""
     here = [topic for topic in bag.topics.values() if topic.type_name == wire.IMU.type_name]
+    # A topic without a message is no candidate where another one has some.
+    here = [topic for topic in here if topic.count] or here
     usual = [topic.name for topic in here if topic.name.endswith(IMU)]
     if not usual and any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values()):
         return bag.find_topic(burst.TYPE_NAME, IMU_BURST)

@@ -7,12 +7,14 @@ The samples of a recording as the estimator takes them: each once, on one clock,
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_surface.bags.bag_reader import Bag, Block
@@ -35,6 +37,10 @@ _REMEMBERED = 4096
 _BIN_NS = 10 * wire.NANOSECONDS
 # Clocks further apart cannot be paired, s; the delay of a message is less.
 _APART_S = 1.0
+# Share of the readings that come exactly twice where all do, and readings that show it.
+_TWICE, _LEAST_TWICE = 0.8, 40
+# Messages in a bin that show a clock.
+_FEW = 5
 # Least time since 1970 of a clock that was set (1989), ns.
 CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
 _RAW = "record the driver's raw data (its topic often ends in data_raw), or switch its removal of gravity off"
@@ -63,15 +69,22 @@ class InputStream:
         Topics whose messages carry no time of their own.
     repeated : dict of str to int
         Samples left out so far because the same one had come before, by topic.
+    undated : dict of str to int
+        Samples left out so far because they carry no time, although others of their topic do.
+    problems : list of Problem
+        Why the samples taken so far cannot be used, although the first ones could.
     """
 
     def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
         self._bag, self._topics, self._given = bag, topics, given
         self.without_time = unstamped(bag, topics)
         self.repeated: dict[str, int] = {}
+        self.undated: dict[str, int] = {}
+        self.problems: list[Problem] = []
         self._joiner = Joiner(topics.kind) if topics.accelerometer or _in_turns(topics) else None
-        self._last: dict[str, Samples] = {}
+        self._last: dict[str, tuple[Stamps, Samples]] = {}
         self._newest: dict[str, int] = {}
+        self._echoed = {name for name in _units(topics) if _comes_twice(bag, name)}
         stamped = [name for name in topics.all if name not in self.without_time and name != topics.rig]
         self._empty_mag = topics.mag is not None and _comes_empty(bag, topics.mag)
         self._clocks = _clocks(bag, stamped) if given.stamps == "recording" else {}
@@ -90,7 +103,10 @@ class InputStream:
 
     def take(self, block: Block) -> Block:
         """Return the block as the estimator takes it; samples of the IMU may be those of an earlier block."""
-        out: Block = {name: self._timed(name, *self._once(name, *part)) for name, part in block.items()}
+        if self._given.stamps == "header" and not self.problems:
+            self.problems += _apart(self._topics, block, self.without_time)
+        dated = {name: self._dated(name, *part) for name, part in block.items()}
+        out: Block = {name: self._timed(name, *self._once(name, *part)) for name, part in dated.items() if len(part[0])}
         if self._empty_mag and self._topics.mag in out:
             log_ns, samples = out[self._topics.mag]
             filled = (samples["magnetic_field"] != 0.0).any(axis=1)
@@ -115,22 +131,39 @@ class InputStream:
         samples = in_si(block, self._topics, self._given)
         return {name: (part[0], samples[name]) for name, part in block.items()}
 
+    def _dated(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
+        """Leave out samples without a time among others that have one, as before a driver's clock is set."""
+        if name in self.without_time:
+            return log_ns, samples
+        dated = (samples["stamp_ns"] != 0) | (log_ns < CLOCK_SET_NS)
+        if dated.all():
+            return log_ns, samples
+        self.undated[name] = self.undated.get(name, 0) + int(np.count_nonzero(~dated))
+        return log_ns[dated], samples[dated]
+
     def _once(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """Leave out samples that came before with the same time and numbers, as from a second publisher."""
+        """
+        Leave out samples that came before with the same time and numbers, as from a second publisher.
+
+        Where all samples come twice, as from one that stamps them itself, the numbers alone count.
+        """
         stamps = samples["stamp_ns"]
         newest = self._newest.get(name, -(2**62))
         self._newest[name] = max(newest, int(stamps.max()))
-        before = self._last.get(name, samples[:0])
-        both = one_array([before, samples])
+        before_ns, before = self._last.get(name, (log_ns[:0], samples[:0]))
+        both_ns, both = np.concatenate([before_ns, log_ns]), one_array([before, samples])
         # A copy: the samples are changed in place later.
-        self._last[name] = both[-_REMEMBERED:].copy()
+        self._last[name] = both_ns[-_REMEMBERED:], both[-_REMEMBERED:].copy()
         advance = bool((stamps[1:] > stamps[:-1]).all()) and int(stamps[0]) > newest
-        if advance or name in self.without_time:
+        if name in self._echoed:
+            rows = _numbers(both)
+        elif advance or name in self.without_time:
             return log_ns, samples
-        rows = both.view(np.dtype((np.void, both.dtype.itemsize)))
-        _, first = np.unique(rows, return_index=True)
-        keep = np.zeros(len(both), dtype=np.bool_)
-        keep[first] = True
+        else:
+            rows = both.view(np.dtype((np.void, both.dtype.itemsize)))
+        _, first, which = np.unique(rows, return_index=True, return_inverse=True)
+        # A clock that is set back comes to the same times again, where a coarse sensor may read the same.
+        keep = (first[which] == np.arange(len(both))) | (both_ns - both_ns[first[which]] > _BIN_NS)
         keep = keep[len(before) :]
         if not keep.all():
             self.repeated[name] = self.repeated.get(name, 0) + int(np.count_nonzero(~keep))
@@ -148,8 +181,8 @@ class InputStream:
         return log_ns, samples
 
 
-def problems(bag: Bag, topics: Topics, given: InputSettings) -> list[Problem]:
-    """Return why the samples of a recording cannot be used as they are, by the first of them."""
+def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> list[Problem]:
+    """Return why the samples of a recording cannot be used as they are at a place, by the first of them."""
     found: list[Problem] = []
     accelerometer = topics.accelerometer or topics.imu
     samples = first_samples(bag, accelerometer)
@@ -170,6 +203,9 @@ def problems(bag: Bag, topics: Topics, given: InputSettings) -> list[Problem]:
         found.append(Problem(sentence if option else f"{sentence}; {_RAW}", option))
     if given.stamps == "header":
         found += _clock_problems(bag, topics)
+        if not found and place.model and not place.date and not clock_was_set(bag, topics):
+            sentence = f"the clock of {topics.imu} was never set, and the field of a model needs the day"
+            found.append(Problem(f"{sentence}; the recorder knows it", ("stamps", "recording")))
     return found
 
 
@@ -182,38 +218,58 @@ def refuse(found: list[Problem]) -> None:
     raise OptionNeededError(f"{sentence}; say so with {options}") if options else ValueError(sentence)
 
 
-def repetitions(stream: InputStream) -> list[str]:
-    """Return what was left out because it came twice, in words."""
+def left_out(stream: InputStream) -> list[str]:
+    """Return what was left out because it came twice or without a time, in words."""
     return [
         f"{name}: {count} samples came a second time, as of two publishers, and are left out"
         for name, count in stream.repeated.items()
+    ] + [
+        f"{name}: {count} samples carry no time, although others do, and are left out"
+        for name, count in stream.undated.items()
     ]
 
 
 def _clock_problems(bag: Bag, topics: Topics) -> list[Problem]:
-    """Return whether the clocks of the units are apart."""
-    without = unstamped(bag, topics)
-    units = [topics.imu, topics.mag, topics.precision, topics.accelerometer]
-    names = [name for name in dict.fromkeys(units) if name is not None]
+    """Return whether the clocks of the units are apart at the beginning."""
+    first: Block = {}
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG)}
-    offsets: dict[str, float] = {}
-    for name in names:
-        for block in bag.blocks([name], block_messages=1000, fields=fields):
-            log_ns, samples = block[name]
-            offsets[name] = 0.0 if name in without else 1e-9 * float((log_ns - samples["stamp_ns"]).min())
-            break
-    if topics.imu not in offsets:
-        return []
-    apart = {name: offset - offsets[topics.imu] for name, offset in offsets.items() if name != topics.imu}
-    wrong = {name: seconds for name, seconds in apart.items() if abs(seconds) > _APART_S}
-    return [
-        Problem(
-            f"the clock of {name} is {_duration(abs(seconds))} {'behind' if seconds > 0 else 'ahead of'} that of "
-            f"{topics.imu}: their samples cannot be paired; the times of the recording can",
-            ("stamps", "recording"),
-        )
-        for name, seconds in list(wrong.items())[:1]
-    ]
+    for name in _units(topics):
+        first |= next(bag.blocks([name], block_messages=1000, fields=fields), {})
+    return _apart(topics, first, unstamped(bag, topics))
+
+
+def _units(topics: Topics) -> list[str]:
+    """Return the topics whose samples are paired by time, the IMU first."""
+    units = [topics.imu, topics.mag, topics.precision, topics.accelerometer]
+    return [name for name in dict.fromkeys(units) if name is not None]
+
+
+def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Problem]:
+    """Return whether the clocks of the units are apart in some bin of time of a block."""
+    offsets: dict[str, dict[int, float]] = {}
+    for name in _units(topics):
+        if name not in block:
+            continue
+        log_ns, samples = block[name]
+        offset = np.zeros(len(log_ns)) if name in without else 1e-9 * (log_ns - samples["stamp_ns"])
+        numbers = log_ns // _BIN_NS
+        starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
+        counts = np.diff(starts, append=len(numbers))
+        found = zip(numbers[starts].tolist(), np.minimum.reduceat(offset, starts).tolist(), counts, strict=True)
+        # The least late of a bin shows its clock; a few messages may all be late, or logged at no time.
+        offsets[name] = {number: value for number, value, count in found if count >= min(_FEW, len(numbers))}
+    imu = offsets.pop(topics.imu, {})
+    for name, found_offsets in offsets.items():
+        for number in sorted(imu.keys() & found_offsets.keys()):
+            seconds = found_offsets[number] - imu[number]
+            if abs(seconds) > _APART_S:
+                side = "behind" if seconds > 0 else "ahead of"
+                sentence = (
+                    f"the clock of {name} is {_duration(abs(seconds))} {side} that of {topics.imu}: their samples "
+                    "cannot be paired; the times of the recording can"
+                )
+                return [Problem(sentence, ("stamps", "recording"))]
+    return []
 
 
 def clock_was_set(bag: Bag, topics: Topics) -> bool:
@@ -225,26 +281,115 @@ def clock_was_set(bag: Bag, topics: Topics) -> bool:
 
 def _clocks(bag: Bag, names: list[str]) -> dict[str, tuple[Stamps, NDArray[np.int64]]]:
     """
-    Return the clock of the recorder less that of each topic, ns, at some log times.
+    Return the clock of the recorder less that of each topic, ns, at some log times; in between it changes evenly.
 
-    The message that was on its way the shortest time in each bin shows the clocks, so that bursts do no harm.
+    The message that was on its way the shortest time in each bin shows the clocks, so that bursts do no harm. A clock
+    that is set while it records has one course before and another one after.
     """
     layouts = (wire.IMU, wire.MAG, wire.TEMPERATURE)
-    least: dict[str, dict[int, int]] = {name: {} for name in names}
+    courses: dict[str, list[_Course]] = {name: [] for name in names}
     for block in bag.blocks(names, fields={layout.type_name: () for layout in layouts}) if names else ():
         for name, (log_ns, samples) in block.items():
-            bins = log_ns // _BIN_NS
-            for number in np.unique(bins).tolist():
-                offset = int((log_ns - samples["stamp_ns"])[bins == number].min())
-                least[name][number] = min(least[name].get(number, offset), offset)
-    return {
-        name: (
-            np.array([(number * _BIN_NS) + _BIN_NS // 2 for number in sorted(found)], dtype=np.int64),
-            np.array([found[number] for number in sorted(found)], dtype=np.int64),
-        )
-        for name, found in least.items()
-        if found
-    }
+            _follow(courses[name], log_ns, log_ns - samples["stamp_ns"])
+    return {name: _knots(_without_delays(found)) for name, found in courses.items() if found}
+
+
+@dataclasses.dataclass
+class _Course:
+    """A clock from one setting to the next: log times and offsets, ns, and whether the stamps jumped at its begin."""
+
+    first_ns: int
+    last_ns: int
+    last_offset: int
+    was_set: bool
+    count: int = 0
+    bins: dict[int, int] = dataclasses.field(default_factory=dict)
+
+    @property
+    def least(self) -> int:
+        return min(self.bins.values())
+
+    def take(self, log_ns: Stamps, offset: NDArray[np.int64]) -> None:
+        """Take messages: their log times and offsets, shape (n,), ns."""
+        self.count += len(log_ns)
+        self.last_ns, self.last_offset = int(log_ns[-1]), int(offset[-1])
+        numbers = log_ns // _BIN_NS
+        starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
+        for number, least in zip(numbers[starts].tolist(), np.minimum.reduceat(offset, starts).tolist(), strict=True):
+            self.bins[number] = min(self.bins.get(number, least), least)
+
+
+def _follow(courses: list[_Course], log_ns: Stamps, offset: NDArray[np.int64]) -> None:
+    """Add messages to the course of a clock; one that differs by more than a delay begins another course."""
+    late = np.diff(offset, prepend=courses[-1].last_offset if courses else offset[0])
+    logged = np.diff(log_ns, prepend=courses[-1].last_ns if courses else log_ns[0])
+    jumps = np.flatnonzero(np.abs(late) > _APART_S * 1e9)
+    marks = [*jumps.tolist(), len(offset)]
+    begin = 0
+    if not courses and marks[0] != 0:
+        marks = [0, *marks]
+    for mark in marks:
+        if mark > begin:
+            courses[-1].take(log_ns[begin:mark], offset[begin:mark])
+        if mark < len(offset):
+            # A late message leaves a gap in the log; a clock that is set moves the stamps.
+            moved = abs(int(logged[mark] - late[mark])) > abs(int(logged[mark]))
+            courses.append(_Course(int(log_ns[mark]), int(log_ns[mark]), int(offset[mark]), moved))
+        begin = mark
+
+
+def _without_delays(courses: list[_Course]) -> list[_Course]:
+    """Leave out what only came late or was logged at no time: a few messages, and delays; join courses that agree."""
+    courses = [course for course in courses if course.count >= _FEW] or courses
+    kept: list[_Course] = []
+    for k, course in enumerate(courses):
+        short = course.last_ns - course.first_ns < _BIN_NS and not course.was_set
+        after = courses[k + 1].least if k + 1 < len(courses) else None
+        if kept and short and course.least > kept[-1].least and (after is None or after < course.least):
+            continue
+        if kept and abs(course.least - kept[-1].least) < _APART_S * 1e9:
+            kept[-1].last_ns = course.last_ns
+            for number, least in course.bins.items():
+                kept[-1].bins[number] = min(kept[-1].bins.get(number, least), least)
+            continue
+        kept.append(course)
+    return kept
+
+
+def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
+    """Return log times and offsets, ns, that the courses run through."""
+    at_ns, offsets = [], []
+    for course in courses:
+        numbers = sorted(course.bins)
+        middles = [min(max(n * _BIN_NS + _BIN_NS // 2, course.first_ns), course.last_ns) for n in numbers]
+        at_ns += [course.first_ns, *middles, course.last_ns]
+        offsets += [course.bins[numbers[0]], *(course.bins[n] for n in numbers), course.bins[numbers[-1]]]
+    return np.array(at_ns, dtype=np.int64), np.array(offsets, dtype=np.int64)
+
+
+def _numbers(samples: Samples) -> NDArray[np.void]:
+    """Return the readings of samples without their times, one item each."""
+    names = samples.dtype.names or ()
+    vectors = [name for name in ("angular_velocity", "linear_acceleration", "magnetic_field") if name in names]
+    table = np.ascontiguousarray(np.concatenate([samples[name] for name in vectors], axis=1))
+    rows: NDArray[np.void] = table.view(np.dtype((np.void, table.shape[1] * table.itemsize))).ravel()
+    return rows
+
+
+def _comes_twice(bag: Bag, name: str) -> bool:
+    """
+    Whether every reading of a unit comes twice, whatever its stamp.
+
+    The readings of a coarse sensor repeat now and then; that nearly all come exactly twice, and none more often, is
+    the work of a second publisher, or of an output at twice the sensor's rate.
+    """
+    block: Block = next(bag.blocks([name], block_messages=2000, fields=FIELDS), {})
+    if name not in block:
+        return False
+    rows = _numbers(block[name][1])
+    _, counts = np.unique(rows, return_counts=True)
+    twice = 2 * int(np.count_nonzero(counts == 2))
+    return len(rows) >= _LEAST_TWICE and twice >= _TWICE * len(rows)
 
 
 def _comes_empty(bag: Bag, mag: str) -> bool:

@@ -44,14 +44,15 @@ from mwd_surface.processing.bag_input import (
 from mwd_surface.processing.input_stream import (
     CLOCK_SET_NS,
     InputStream,
-    clock_was_set,
+    Problem,
+    left_out,
     problems,
-    repetitions,
 )
 from mwd_surface.processing.mag_mount import mag_mounts, reference_of
 from mwd_surface.processing.process import estimate
 from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.stream_times import StreamTimes
+from mwd_surface.surveys.recorded_settings import with_a_model
 
 _UNIT_OPTIONS = {"accel_unit": "--accel-unit", "gyro_unit": "--gyro-unit", "mag_unit": "--mag-unit"}
 _PASSES = 6
@@ -124,6 +125,7 @@ class _Reading:
     turn: list[str] = dataclasses.field(default_factory=list)
     turned: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
+    problems: list[Problem] = dataclasses.field(default_factory=list)
 
 
 def inspect(
@@ -155,6 +157,9 @@ def inspect(
     start = given, estimator
     given = _with_units(bag, topics, given)
     reading = _read(bag, topics, given, estimator, progress)
+    changes: dict[str, Any] = {one.option[0]: one.option[1] for one in reading.problems if one.option}
+    if changes:
+        reading = _read(bag, topics, dataclasses.replace(given, **changes), estimator, progress)
     for _ in range(_PASSES):
         found = _corrected(reading)
         if found is None:
@@ -193,25 +198,24 @@ def inspect(
 def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> tuple[Topics, InputSettings, str]:
     """Return the topics and settings that a recording can be read with, and why `mwd process` would refuse it still."""
     topics = find_topics(bag, given)
-    place = estimator.place
-    if place.model and not place.date and not clock_was_set(bag, topics):
-        # The day of the model is known to the recorder alone.
-        given = dataclasses.replace(given, stamps="recording")
     for _ in range(_PASSES):
-        found = problems(bag, topics, given)
+        found = problems(bag, topics, given, estimator.place)
         changes: dict[str, Any] = dict(one.option for one in found if one.option)
         if not changes:
             return topics, given, "; ".join(one.sentence for one in found)
         given = dataclasses.replace(given, **changes)
         topics = find_topics(bag, given)
-    return topics, given, "; ".join(one.sentence for one in problems(bag, topics, given))
+    return topics, given, "; ".join(one.sentence for one in problems(bag, topics, given, estimator.place))
 
 
 def _processed(bag: Bag, reading: _Reading) -> tuple[list[str], list[str], str]:
     """Return verdicts and doubts of the surveys by the code of `mwd process`, and why it refuses the recording."""
     given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
+    day = _day(reading, find_topics(bag, given).imu)
+    settled = settings.changed(reading.estimator, {"place.date": day}) if day else reading.estimator
     try:
-        summary = estimate(bag, reading.estimator, given, lambda _output: None)
+        settled, _ = with_a_model(settled, bag.start_ns)
+        summary = estimate(bag, settled, given, lambda _output: None)
     except (BagError, ValueError) as error:
         return [], [], str(error)
     stations = [survey.station for survey, _ in summary.surveys]
@@ -271,8 +275,9 @@ def _read(
             progress((done - bag.start_ns) / max(bag.end_ns - bag.start_ns, 1))
     reading.remarks = [
         *(f"{name}: no time in the headers; the times of recording are used" for name in sorted(stream.without_time)),
-        *repetitions(stream),
+        *left_out(stream),
     ]
+    reading.problems = stream.problems
     reading.faults = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
     return reading
 
@@ -366,6 +371,14 @@ def _missing(topics: Topics, reading: _Reading, mount: Mount) -> list[tuple[str,
     return missing
 
 
+def _day(reading: _Reading, imu: str) -> str:
+    """Return the day of the field's model: the one given, else that of the first sample; empty for none."""
+    place, first = reading.estimator.place, reading.times[imu].first_ns
+    if not place.model or place.date or first < CLOCK_SET_NS:
+        return place.date if place.model else ""
+    return f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
+
+
 def _command(
     bag: Bag, topics: Topics, reading: _Reading, start: tuple[InputSettings, EstimatorSettings], output: Path
 ) -> str:
@@ -389,10 +402,8 @@ def _command(
     place = reading.estimator.place
     if place.model:
         words += ["--lat", f"{place.lat_deg:g}", "--lon", f"{place.lon_deg:g}"]
-        first = reading.times[topics.imu].first_ns
-        if place.date or first >= CLOCK_SET_NS:
-            day = place.date or f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
-            words += ["--date", day]
+        day = _day(reading, topics.imu)
+        words += ["--date", day] if day else []
     elif place.field == "fixed":
         figures = (place.total_nt, place.dip_deg, place.declination_deg)
         words += ["--field", ",".join(f"{v:g}" for v in figures if v is not None)]

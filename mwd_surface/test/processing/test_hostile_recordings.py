@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings whose clocks, publishers or files go wrong midway: the sound surveys, or the option for them."""
+
+import shutil
+
+import awkward_bags as awkward
+import numpy as np
+import pytest
+import zstandard
+from awkward_bags import IMU, MAG
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import settings as parameters
+from mwd_sensors.core import wire
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.processing.bag_input import InputSettings, OptionNeededError, find_topics
+from mwd_surface.processing.input_stream import InputStream
+from mwd_surface.processing.process import estimate
+
+pytestmark = pytest.mark.slow(1)
+
+PLACE = {"place.field": "model", "place.lat_deg": 58.4, "place.lon_deg": 1.88, "survey.north": "true"}
+SECOND = wire.NANOSECONDS
+
+
+@pytest.fixture(scope="module")
+def sent(tmp_path_factory):
+    """Streams of the IMU and the magnetometer of a sound tool."""
+    return awkward.streams(*awkward.sent(tmp_path_factory.mktemp("sent")))
+
+
+@pytest.fixture(scope="module")
+def expected(sent, tmp_path_factory):
+    """The surveys of the plain recording."""
+    return surveys(awkward.written(tmp_path_factory.mktemp("plain") / "bag", sent))
+
+
+def surveys(path, **wanted):
+    """Stamp, verdict, inclination and azimuth of the surveys of a recording."""
+    with Bag(path) as bag:
+        changed = parameters.changed(EstimatorSettings(), PLACE)
+        summary = estimate(bag, changed, parameters.from_mapping(InputSettings, wanted), lambda _output: None)
+    stations = [(survey.stamp_ns, survey.station) for survey, _ in summary.surveys]
+    return [(at, one.verdict, one.inclination, one.azimuth) for at, one in stations]
+
+
+def read_samples(path, name, **wanted):
+    """Samples of a topic as the estimator takes them."""
+    with Bag(path) as bag:
+        input_settings = parameters.from_mapping(InputSettings, wanted)
+        stream = InputStream(bag, find_topics(bag, input_settings), input_settings)
+        return np.concatenate([block[name][1] for block in stream.blocks() if name in block])
+
+
+def written(folder, streams):
+    """Write streams to a new bag in a folder that examples share."""
+    shutil.rmtree(folder / "bag", ignore_errors=True)
+    return awkward.written(folder / "bag", streams)
+
+
+def set_midway(stream, after_s, by_s):
+    """A stream whose sensor's clock is set by so much while it records."""
+    name, layout, samples, log_ns = stream
+    later = log_ns - log_ns[0] > after_s * SECOND
+    return name, layout, awkward.changed(samples, stamp_ns=samples["stamp_ns"] + later * round(by_s * SECOND)), log_ns
+
+
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("by_s", [30.0, -30.0])
+def test_a_clock_that_is_set_midway_is_refused_with_the_option_that_restores_the_surveys(
+    which, by_s, sent, expected, tmp_path
+):
+    streams = list(sent)
+    streams[which] = set_midway(streams[which], 20.0, by_s)
+    path = awkward.written(tmp_path / "bag", streams)
+    with pytest.raises(OptionNeededError, match="--stamps recording"):
+        surveys(path)
+    assert surveys(path, stamps="recording") == expected
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    which=st.sampled_from([0, 1]),
+    after_s=st.floats(0.5, 39.0),
+    by_s=st.sampled_from([-1.5e9, -40.0, -3.0, 3.0, 40.0, 1.5e9]),
+)
+def test_times_of_the_recording_do_not_depend_on_when_a_clock_was_set(which, after_s, by_s, sent, tmp_path):
+    streams = list(sent)
+    streams[which] = set_midway(streams[which], after_s, by_s)
+    path = written(tmp_path, streams)
+    name, _, samples, _ = sent[which]
+    found = read_samples(path, name, stamps="recording")["stamp_ns"]
+    assert np.isin(found, samples["stamp_ns"]).all()
+    # A coarse sensor may read the same at a time that comes again within seconds: taken for the same sample.
+    assert len(found) >= len(samples) - 3
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(seed=st.integers(0, 2**32 - 1), late_ms=st.floats(0.1, 300.0), jitter_ms=st.floats(0.0, 20.0))
+def test_a_second_publisher_with_stamps_of_its_own_changes_no_sample(seed, late_ms, jitter_ms, sent, tmp_path):
+    imu, mag = sent
+    _, layout, samples, log_ns = imu
+    late = 1e6 * (late_ms + np.random.default_rng(seed).uniform(0.0, jitter_ms, len(samples)))
+    stamps = samples["stamp_ns"] + late.astype(np.int64)
+    both = np.concatenate([samples, awkward.changed(samples, stamp_ns=stamps)])
+    path = written(tmp_path, [(IMU, layout, both, np.concatenate([log_ns, stamps])), mag])
+    found = read_samples(path, IMU)
+    assert np.array_equal(found["stamp_ns"], samples["stamp_ns"])
+    assert np.array_equal(found["angular_velocity"], samples["angular_velocity"])
+
+
+def test_a_coarse_sensor_that_repeats_itself_loses_no_sample(sent, tmp_path):
+    imu, mag = sent
+    samples = awkward.changed(imu[2], angular_velocity=0.0, linear_acceleration=np.round(imu[2]["linear_acceleration"]))
+    path = awkward.written(tmp_path / "bag", [(IMU, imu[1], samples, imu[3]), mag])
+    assert len(read_samples(path, IMU)) == len(samples)
+
+
+def test_samples_before_the_clock_has_a_time_are_left_out(sent, tmp_path):
+    early = [(name, layout, awkward.changed(samples), log_ns) for name, layout, samples, log_ns in sent]
+    for _, _, samples, _ in early:
+        samples["stamp_ns"][:100] = 0
+    path = awkward.written(tmp_path / "bag", early)
+    assert np.array_equal(read_samples(path, IMU)["stamp_ns"], sent[0][2]["stamp_ns"][100:])
+    assert [verdict for _, verdict, _, _ in surveys(path)] == ["accept"] * 2
+
+
+def test_a_clock_that_was_never_set_is_refused_where_the_field_needs_the_day(sent, expected, tmp_path):
+    unset = [
+        (name, layout, awkward.changed(samples, stamp_ns=samples["stamp_ns"] - log_ns[0] + 5 * SECOND), log_ns)
+        for name, layout, samples, log_ns in sent
+    ]
+    path = awkward.written(tmp_path / "bag", unset)
+    with pytest.raises(OptionNeededError, match="--stamps recording"):
+        surveys(path)
+    assert [one[1] for one in surveys(path, stamps="recording")] == [one[1] for one in expected]
+
+
+def test_an_empty_topic_of_the_usual_name_does_not_hide_the_imu(sent, expected, tmp_path):
+    (_, layout, imu, log_ns), (_, field, mag, times) = sent
+    streams = [(IMU, layout, imu[:0], log_ns[:0]), ("/real/imu", layout, imu, log_ns), ("/real/mag", field, mag, times)]
+    assert surveys(awkward.written(tmp_path / "bag", streams)) == expected
+
+
+@pytest.mark.parametrize("storage", ["mcap", "db3"])
+def test_messages_compressed_one_by_one_are_read_without_the_metadata_that_says_so(storage, sent, expected, tmp_path):
+    pack = zstandard.ZstdCompressor().compress
+    if storage == "mcap":
+        path = awkward.encoded_mcap(tmp_path / "x.mcap", sent, "cdr", lambda data, _: pack(data))
+    else:
+        import sqlite3
+
+        path = next(awkward.db3(tmp_path / "bag", sent).glob("*.db3"))
+        with sqlite3.connect(path) as database:
+            database.create_function("pack", 1, pack)
+            database.execute("UPDATE messages SET data = pack(data)")
+    assert surveys(path) == expected
+
+
+def test_a_type_named_as_by_the_first_releases_is_the_same_type(sent, expected, tmp_path):
+    path = awkward.encoded_mcap(tmp_path / "x.mcap", sent, "cdr", lambda data, _: data, ("ros2msg", "sensor_msgs/{}"))
+    with Bag(path) as bag:
+        assert bag.topics[MAG].type_name == wire.MAG.type_name
+    assert surveys(path) == expected
