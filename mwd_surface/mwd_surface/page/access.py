@@ -80,10 +80,15 @@ class Access:
         count, at = self._wrong.get(peer, (0, 0.0))
         return max(0, math.ceil(at + _WAIT_S - self._clock())) if count >= _MOST_WRONG else 0
 
-    def allows(self, peer: str, given: str) -> bool:
-        """Whether a secret is right; a wrong one is counted against its address."""
+    def allows(self, peer: str, given: str, *, forgive: bool = True) -> bool:
+        """
+        Whether a secret is right; a wrong one is counted against its address.
+
+        forgive : whether a right one clears that count.
+        """
         if hmac.compare_digest(_hashed(given), self._hash):
-            self._wrong.pop(peer, None)
+            if forgive:
+                self._wrong.pop(peer, None)
             return True
         self._wrong[peer] = (self._wrong.pop(peer, (0, 0.0))[0] + 1, self._clock())
         if len(self._wrong) > _REMEMBERED:
