@@ -9,6 +9,7 @@ from pathlib import Path
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.pipeline.external_field import ObservatoryRecord, read_iaga2002, with_external
 from mwd_estimation.settings.place import Place
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_file
 from mwd_sensors.core.settings import SettingsError
 
@@ -56,5 +57,5 @@ class Observatory:
         status = path.stat()
         now = (status.st_mtime_ns, status.st_size)
         if now != self._read_at:
-            self._record = read_iaga2002(read_file(path).decode(errors="replace"), path.name)
+            self._record = read_iaga2002(read_file(path, budgets.OBSERVATORY).decode(errors="replace"), path.name)
             self._read_at = now

@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from mwd_sensors.core import settings
+from mwd_sensors.core import budgets, settings
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.units import LPM
@@ -323,7 +323,7 @@ def read(path: Path) -> ToolConfiguration:
         The file cannot be read.
     """
     try:
-        given = load_yaml(read_text(path)) or {}
+        given = load_yaml(read_text(path, budgets.YAML)) or {}
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: no YAML: {error}") from error
     try:

@@ -16,8 +16,12 @@ from pathlib import Path
 import zstandard
 from rosbags.rosbag2 import Reader as RosbagsReader
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.input_files import check_regular
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import MetadataError
+from mwd_surface.bags.db3_check import check_database
 from mwd_surface.bags.mcap.contents import Contents
 from mwd_surface.bags.mcap.reader import McapFile
 from mwd_surface.bags.mcap.records import FormatError
@@ -152,6 +156,9 @@ class BagFiles:
         try:
             about = bag_metadata.read(self.path)
         except MetadataError as error:
+            if any(_suffix(file) == ".db3" for file in there):
+                # rosbags would read the same file again.
+                raise BagError(str(error), "mend metadata.yaml, or make it again with `ros2 bag reindex`") from error
             if there:
                 self.notes.append(f"{error}; used the files that are there")
             return there
@@ -232,8 +239,17 @@ class BagFiles:
         if path.is_file() and path.suffix == ".zstd":
             path = self._unpacked(path)
         try:
+            for file in files if path.is_dir() else [path]:
+                if self.storage == "sqlite3":
+                    check_database(self._unpacked(file))
+                else:
+                    check_regular(file, budgets.ROS1)
             self.rosbags = Ros1Reader(path) if self.storage == "ros1" else RosbagsReader(path)
             self.rosbags.open()
+            if self.storage == "sqlite3" and self.message_compression:
+                # Done with the budget of a message, by whoever decodes it.
+                storage = self.rosbags.storage
+                storage.metadata = storage.metadata._replace(compression_mode=None)
         except Exception as error:
             # rosbags, sqlite and its YAML parser each raise their own kinds.
             raise BagError(f"{self.path} cannot be read: {error}", "was it recorded to the end?") from error
@@ -256,7 +272,6 @@ class BagFiles:
             )
         if self.rosbags.message_count:
             self.start_ns, self.end_ns = self.rosbags.start_time, self.rosbags.end_time - 1
-        self.message_compression = False  # rosbags undoes it itself
         kind = "a recording of ROS 1" if self.storage == "ros1" else f"{files[0].suffix} storage"
         self.notes.append(f"{kind}: read through rosbags, which is slower")
 
@@ -266,10 +281,15 @@ class BagFiles:
         self._scratch = self._scratch or tempfile.TemporaryDirectory(prefix="mwd_bag_")
         target = Path(self._scratch.name) / path.stem
         try:
+            size = check_regular(path, budgets.MCAP)
             with path.open("rb") as packed, target.open("wb") as plain:
-                zstandard.ZstdDecompressor().copy_stream(packed, plain)
+                for piece in zstandard.ZstdDecompressor().read_to_iter(packed):
+                    plain.write(piece)
+                    budgets.MCAP.check_ratio(size, plain.tell())
         except zstandard.ZstdError as error:
             raise FormatError(f"the file does not decompress: {error}") from error
+        except BudgetError as error:
+            raise FormatError(f"the file {error}") from error
         self.notes.append(f"{path.name} was decompressed to a temporary file first")
         return target
 

@@ -8,12 +8,24 @@ types that ROS 2's common packages do not have are left out.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator
+import bz2
+from collections.abc import Callable, Collection, Generator
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import lz4.frame
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader
+from rosbags.rosbag1.reader import decompressors
 from rosbags.typesys import Stores, get_typestore
+
+from mwd_sensors.core import budgets
+
+_BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {
+    "bz2": bz2.BZ2Decompressor,
+    "lz4": lz4.frame.LZ4FrameDecompressor,
+}
 
 
 class Ros1Reader(Reader):
@@ -31,14 +43,29 @@ class Ros1Reader(Reader):
         self._store = get_typestore(Stores.ROS2_JAZZY)
         self.left_out: list[str] = []
         self.is_open = False
+        self._sizes: dict[int, int] = {}
 
     def open(self) -> None:
         """Open the file and read its index."""
         super().open()
         self.is_open = True
+        for place, chunk in self.chunks.items():
+            for name, make in _BOUNDED.items():
+                if chunk.decompressor is decompressors[name]:
+                    bounded = partial(self._unpacked, make, place)
+                    self.chunks[place] = chunk._replace(decompressor=bounded)
         known = [one for one in self.connections if one.msgtype in self._store.fielddefs]
         self.left_out = sorted({one.topic for one in self.connections if one not in known})
         self.connections = known
+
+    def _unpacked(self, make: Callable[[], Any], place: int, data: bytes) -> bytes:
+        """Records of a chunk, within the budget; raises BudgetError."""
+        most = budgets.ROS1.unpacked or 0
+        plain = bytes(make().decompress(data, max_length=most + 1))
+        budgets.ROS1.check("unpacked", len(plain))
+        self._sizes[place] = len(plain)
+        budgets.ROS1.check_ratio(self.path.stat().st_size, sum(self._sizes.values()))
+        return plain
 
     def close(self) -> None:
         """Close the file."""

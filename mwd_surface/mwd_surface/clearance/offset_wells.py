@@ -26,7 +26,6 @@ from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-_LARGEST = 1_000_000
 # Usual distance between surveys, m; and one beyond which the hole between is said to be hardly known.
 _SPACING = 30.0
 _WIDE = 150.0
@@ -93,7 +92,7 @@ def read_offset_wells(path: Path) -> OffsetWells:
         A file that cannot be read, is no YAML table of `wells`, or has unknown keys or two wells of one name.
     """
     try:
-        table = read_yaml(path, _LARGEST)
+        table = read_yaml(path)
     except OSError as error:
         raise OffsetWellError(f"{path}: {error.strerror}") from error
     except settings.SettingsError as error:

@@ -12,12 +12,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 
 _BLOCK = 1000
 _LARGEST = 2**32 - 1  # uint32 on the wire
-_MOST_BYTES = 10_000
 
 
 class LeaseNumbers:
@@ -51,7 +51,7 @@ class LeaseNumbers:
             The file cannot be read or understood; the message says what to do.
         """
         try:
-            reserved = load_json(read_text(self._file, _MOST_BYTES))["reserved_below"]
+            reserved = load_json(read_text(self._file, budgets.JSON))["reserved_below"]
         except FileNotFoundError:
             reserved = 0
         except (OSError, ValueError, TypeError, KeyError) as error:

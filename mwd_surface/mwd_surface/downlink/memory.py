@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import NamedTuple
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.telemetry.tool_commands import ToolSettings, applied
@@ -14,8 +15,6 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.downlink.machine import Machine
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.tool_echo import ToolEcho
-
-_MOST_CHARACTERS = 10_000
 
 
 class Kept(NamedTuple):
@@ -82,7 +81,7 @@ class Memory:
             The file cannot be understood; the message says what to do.
         """
         try:
-            kept = _kept(read_text(self._file, _MOST_CHARACTERS))
+            kept = _kept(read_text(self._file, budgets.JSON))
         except FileNotFoundError:
             return Kept()
         except (OSError, ValueError, TypeError, KeyError) as error:

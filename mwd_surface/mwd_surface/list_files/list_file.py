@@ -10,19 +10,22 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import logging
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.input_files import read_file
+from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.input_files import check_lines, read_file
 from mwd_surface.list_files import list_columns
 from mwd_surface.list_files.list_columns import FIGURES, NEEDED, NORTHS, TEXTS, Given, ListFileError
 
-LARGEST = 20_000_000
 WITSML = "{http://www.witsml.org/schemas/1series}"
 _TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispNs", "east": "dispEw"}
 # Lines above the one that names the columns, as programs for people write them.
@@ -94,7 +97,7 @@ def read_list(path: str | Path, given: Given | None = None) -> StationList:
     """
     path = Path(path)
     try:
-        data = read_file(path, LARGEST)
+        data = read_file(path, budgets.LIST)
     except OSError as error:
         raise ListFileError(f"{path}: {error.strerror}") from error
     start = data.lstrip(b"\xef\xbb\xbf \t\r\n")
@@ -119,7 +122,7 @@ def list_from_table(data: bytes, name: str = "list", given: Given | None = None)
     ListFileError
         With the line at fault.
     """
-    whole = [(k, line) for k, line in enumerate(_text(data).splitlines(), start=1) if line.strip()]
+    whole = [(k, line) for k, line in enumerate(_within_budget(_text(data), name).splitlines(), 1) if line.strip()]
     lines = [(k, line) for k, line in whole if not line.startswith("#")]
     if not lines:
         raise ListFileError(f"{name}: empty")
@@ -158,8 +161,15 @@ def list_from_las(data: bytes, name: str = "list", given: Given | None = None) -
 
     import lasio
 
+    text = _within_budget(_text(data), name)
+    header = re.split(r"(?m)^~A", text, maxsplit=1)[0]
+    # Its log would quote lines of the file on the terminal and in the logs of the nodes.
+    log = logging.getLogger("lasio")
+    log.addHandler(logging.NullHandler())
+    log.propagate = False
     try:
-        file = lasio.read(io.StringIO(_text(data)), ignore_header_errors=True)
+        budgets.LIST.check("columns", header.count("\n"))
+        file = lasio.read(io.StringIO(text), ignore_header_errors=True)
     except Exception as error:  # lasio raises whatever its parsing meets
         raise ListFileError(f"{name}: cannot be read as LAS: {error}") from error
     names = [curve.mnemonic for curve in file.curves]
@@ -229,6 +239,14 @@ def list_from_witsml(data: bytes, name: str = "list", given: Given | None = None
         trajectory.findtext(f"{WITSML}name", "").strip() or name,
         given,
     )
+
+
+def _within_budget(text: str, name: str) -> str:
+    try:
+        check_lines(text, budgets.LIST)
+    except BudgetError as error:
+        raise ListFileError(f"{name}: {error}") from error
+    return text
 
 
 def _rows(

@@ -6,6 +6,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_text
 
 _SEPARATORS = ",;\t|"
@@ -26,7 +27,7 @@ def read_table(path: Path) -> dict[str, list[str]]:
         It cannot be read.
     """
     try:
-        lines = read_text(path).splitlines()
+        lines = read_text(path, budgets.LIST).splitlines()
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is not a text file: byte {error.start} is not UTF-8") from error
     numbered = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]

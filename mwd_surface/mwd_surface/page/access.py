@@ -16,6 +16,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_text
 
 VARIABLE = "MWD_PAGE_TOKEN"
@@ -40,7 +41,7 @@ def read_token(file: str, environment: Mapping[str, str]) -> str:
         try:
             if path.stat().st_mode & stat.S_IROTH:
                 raise ValueError(f"page.token_file: every user of this machine can read {path}; chmod 640 {path}")
-            token = read_text(path, 10_000).partition("\n")[0].strip()
+            token = read_text(path, budgets.SECRET).partition("\n")[0].strip()
         except OSError as error:
             raise ValueError(f"page.token_file: {path}: {error.strerror}") from error
         if not token:

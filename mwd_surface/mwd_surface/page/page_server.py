@@ -24,6 +24,7 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
+from mwd_sensors.core import budgets
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.loopback import is_loopback
 from mwd_surface.page.access import Access
@@ -35,7 +36,6 @@ from mwd_surface.page.request_body import read_body
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_feed import Client, Seen, StateFeed, dumps
 
-_MAX_BODY = 16 * 1024
 _HEADERS = {
     "Content-Security-Policy": (
         "default-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -203,7 +203,7 @@ class PageServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        application = web.Application(middlewares=[self._guard], client_max_size=_MAX_BODY)
+        application = web.Application(middlewares=[self._guard], client_max_size=budgets.PAGE.size)
         files = await asyncio.to_thread(page_files, self._page)
         for name, (body, kind) in files.items():
             application.router.add_get("/" + name, sender(body, kind))

@@ -10,6 +10,8 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import read_file
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.list_files.list_file import is_list, read_list
 from mwd_surface.surveys.imported_list import survey_list
@@ -49,7 +51,7 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
         There is nothing at the path, or the recording has no survey list.
     """
     if path.is_file() and path.suffix == ".json":
-        return decoded(path.read_bytes()), ()
+        return decoded(read_file(path, budgets.JSON)), ()
     if is_list(path):
         return survey_list(read_list(path))
     folders = _folders(path) if path.is_dir() else []
@@ -127,7 +129,7 @@ def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
         if not (folder / name).is_file():
             continue
         try:
-            surveys = decoded((folder / name).read_bytes())
+            surveys = decoded(read_file(folder / name, budgets.JSON))
         except ValueError as error:
             why.append(f"{folder / name} is not whole ({error})")
             continue

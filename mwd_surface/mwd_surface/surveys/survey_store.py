@@ -18,7 +18,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from mwd_sensors.core.input_files import load_json
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import load_json, read_file
 from mwd_sensors.core.output_files import sync_folder
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.surveys.list_rules import ListRules
@@ -115,7 +116,7 @@ class SurveyStore:
             if not path.exists():
                 continue
             try:
-                stored = decoded(path.read_bytes(), rules)
+                stored = decoded(read_file(path, budgets.JSON), rules)
             except (ValueError, OSError) as error:
                 damaged = True
                 kept = self._put_aside(path)
@@ -138,7 +139,7 @@ class SurveyStore:
             os.link(self.current, second)
         except OSError:
             # File systems without hard links (FAT, some network shares).
-            second.write_bytes(self.current.read_bytes())
+            second.write_bytes(read_file(self.current, budgets.JSON))
         second.replace(self.previous)
 
     def _put_aside(self, path: Path) -> Path:
