@@ -77,8 +77,9 @@ def endless_view(path: Path) -> None:
     with sqlite3.connect(path) as database:
         database.executescript(
             "CREATE TABLE schema(schema_version INTEGER, ros_distro TEXT); INSERT INTO schema VALUES (4, 'jazzy');"
-            "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles TEXT,"
-            " type_description_hash TEXT); INSERT INTO topics VALUES (1, '/a', 'std_msgs/msg/String', 'cdr', '', '');"
+            "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles"
+            " TEXT, type_description_hash TEXT);"
+            "INSERT INTO topics VALUES (1, '/a', 'std_msgs/msg/String', 'cdr', '', '');"
             "CREATE VIEW messages AS WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n)"
             " SELECT id, 1 AS topic_id, id AS timestamp, zeroblob(1000000) AS data FROM n;"
         )

@@ -10,11 +10,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import bombs
 import pytest
-from project import ROOT
 
+import bombs
 from mwd_sensors.core import budgets
+from project import ROOT
 
 MEMORY = 3 * 10**9
 """Address space of a command, bytes: libraries and compiled code take half of it, a bomb more than the rest."""
@@ -28,7 +28,7 @@ def mwd(*words: object) -> str:
 
     done = subprocess.run(
         [sys.executable, "-m", "mwd_surface.cli", *map(str, words)],
-        preexec_fn=limit,  # noqa: PLW1509  (the limit must hold for the command alone)
+        preexec_fn=limit,
         capture_output=True,
         text=True,
         check=False,

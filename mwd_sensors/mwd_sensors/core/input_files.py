@@ -155,6 +155,22 @@ def read_yaml(path: Path) -> Any:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
 
 
+def without_contents(path: Path | str, error: BaseException) -> str:
+    """
+    Say that a file cannot be used, without a word that stands in it.
+
+    The text goes to alarms, logs, recordings and a page that needs no login: the file may be a secret that somebody
+    named as a plan.
+    """
+    if isinstance(error, OSError) or isinstance(error.__cause__, OSError):
+        cause = error if isinstance(error, OSError) else error.__cause__
+        return f"{path}: {getattr(cause, 'strerror', '') or 'cannot be read'}"
+    line = re.search(r"\bline (\d{1,9})\b", str(error))
+    return (
+        f"{path}{f', line {line[1]}' if line else ''}: is not what it should be; `mwd path` or `mwd clearance` says why"
+    )
+
+
 def load_json(
     text: str | bytes, budget: Budget = budgets.JSON, parse_constant: Callable[[str], Any] | None = None
 ) -> Any:

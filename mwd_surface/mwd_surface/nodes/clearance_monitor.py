@@ -6,6 +6,7 @@ from __future__ import annotations
 import concurrent.futures
 import time
 
+from mwd_sensors.core.input_files import without_contents
 from mwd_surface.clearance.clearance import Level
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
 from mwd_surface.live.alarms import Severity
@@ -89,7 +90,11 @@ class ClearanceMonitor:
 def _compare(surveys: SurveyList, plan: Plan | None, bit_depth: float | None) -> WellClearance | str | None:
     """Compare, or say in a sentence why not; None where there are no offset wells."""
     try:
-        offsets = offset_wells_of(surveys)
+        try:
+            offsets = offset_wells_of(surveys)
+        except (ValueError, OSError) as error:
+            # The alarm is on a page that needs no login.
+            return without_contents(surveys.well.offset_wells, error)
         return None if offsets is None else well_clearance(surveys, offsets, plan, bit_depth)
     except (CovarianceUnavailableError, ValueError) as error:
         return str(error)

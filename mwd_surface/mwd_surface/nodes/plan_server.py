@@ -6,13 +6,14 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from mwd_sensors.core.input_files import without_contents
 from mwd_surface.list_files.list_columns import ListFileError
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.nodes.settings import PlanSettings
 from mwd_surface.ros.alarm_log import AlarmLog
 from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
-from mwd_surface.trajectory.plan_file import read_plan
+from mwd_surface.trajectory.plan_file import check_north, read_plan
 from mwd_surface.trajectory.well_path import Definitive
 
 
@@ -34,10 +35,19 @@ class PlanServer:
     @staticmethod
     def read(settings: PlanSettings, north: str) -> Plan | ListFileError | None:
         """Read the plan from its file, in any thread: the plan, why it cannot be used, or None where none is named."""
+        if not settings.file:
+            return None
+        path = Path(settings.file).expanduser()
         try:
-            return read_plan(Path(settings.file).expanduser(), north) if settings.file else None
+            plan = read_plan(path)
+        except ListFileError as error:
+            # The alarm is on a page that needs no login.
+            return ListFileError(without_contents(path, error))
+        try:
+            check_north(plan, path, north)
         except ListFileError as error:
             return error
+        return plan
 
     def use(self, found: Plan | ListFileError | None) -> None:
         """Use what `read` has found; a file that cannot be used raises an alarm, and there is no plan."""

@@ -8,6 +8,7 @@ from typing import Any
 
 from mwd_msgs import msg, srv
 
+from mwd_sensors.core.settings import printable
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import LATCHED
 from mwd_sensors.ros.time_stamps import stamp
@@ -36,11 +37,13 @@ class AlarmLog:
 
     def log_event(self, source: str, text: str, severity: Severity = Severity.INFO) -> None:
         """Log an event that is no alarm."""
+        text = printable(text)
         self.book.note(source, text, self.now_ns(), severity)
         self._node.get_logger().info(f"{source}: {text}")
 
     def raise_alarm(self, alarm_id: str, severity: Severity, text: str, remedy: str = "") -> None:
         """Raise an alarm, or raise it again."""
+        text = printable(text)
         self.book.raise_alarm(alarm_id, severity, text, remedy, self.now_ns())
         self._node.get_logger().error(f"{text}; {remedy}" if remedy else text)
 

@@ -25,9 +25,21 @@ def read_plan(path: str | Path, north: str = "") -> Plan:
         rule.
     """
     plan = plan_from_list(read_list(path))
+    check_north(plan, path, north)
+    return plan
+
+
+def check_north(plan: Plan, path: str | Path, north: str) -> None:
+    """
+    Refuse a plan whose azimuths are from another north than those of the well.
+
+    Raises
+    ------
+    ListFileError
+        It names both norths.
+    """
     if north and plan.north not in ("", north):
         raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
-    return plan
 
 
 def plan_from_list(stations: StationList) -> Plan:
