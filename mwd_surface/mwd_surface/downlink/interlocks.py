@@ -50,6 +50,18 @@ class Readings(NamedTuple):
     no_control: str = ""
 
 
+# m^3/s, rad/s and Pa that no rig reaches.
+_MOST = {"flow": 1.0, "rotary_speed": 100.0, "pressure": 1e9}
+
+
+def possible(readings: Readings) -> Readings:
+    """Return the readings without those that no rig can have: they are not known."""
+    values = {name: getattr(readings, name) for name in _MOST}
+    return readings._replace(
+        **{name: value if value is not None and abs(value) < _MOST[name] else None for name, value in values.items()}
+    )
+
+
 class StallWatch:
     """Tells a stall of the motor: a pressure that rises over what it usually is at the flow."""
 

@@ -17,7 +17,7 @@ from mwd_sensors.telemetry import tool_commands
 from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION, Frame, Programme, programme
 from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.downlink.interlocks import Readings, StallWatch, blocked, medium_value, words
+from mwd_surface.downlink.interlocks import Readings, StallWatch, blocked, medium_value, possible, words
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.tool_echo import ToolEcho
 from mwd_surface.downlink.watch import DeviationWatch
@@ -233,6 +233,7 @@ class Machine:
 
         people_s : time by which permission lapses, s, where `now` is that of a rig simulated faster than time.
         """
+        readings = possible(readings)
         people_s = now if people_s is None else people_s
         self._waited += 0.0 if self._people_s is None else people_s - self._people_s
         self._people_s = people_s

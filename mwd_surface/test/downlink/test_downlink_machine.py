@@ -399,3 +399,13 @@ def test_after_a_lost_memory_the_echo_in_force_confirms_nothing(heard_before):
         assert machine.state == DownlinkState.SENT
         machine.on_echo(machine.request.frame.echo, rig.now)
         assert machine.state == DownlinkState.CONFIRMED
+
+
+@pytest.mark.parametrize("name", ["flow", "rotary_speed", "pressure"])
+@pytest.mark.parametrize("value", [1e200, -1e308, math.inf, math.nan, 5e-324])
+def test_a_reading_that_no_rig_has_is_not_known_and_raises_nothing(name, value):
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    rig.play(2.0 + rig.machine.downlink.symbol_s)
+    assert rig.machine.state == DownlinkState.RUNNING
+    rig.play(3.0, **{name: value})
+    assert rig.machine.set_point is None or math.isfinite(rig.machine.set_point)
