@@ -128,8 +128,8 @@ def main() -> None:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     use_one_thread()
     os.umask(os.umask(0o077) | 0o027)
-    sys.stdout = PrintableStream(sys.stdout)  # type: ignore[assignment]
-    sys.stderr = PrintableStream(sys.stderr)  # type: ignore[assignment]
+    sys.stdout = PrintableStream(sys.stdout)
+    sys.stderr = PrintableStream(sys.stderr)
     try:
         app(prog_name="mwd")
     except BrokenPipeError:

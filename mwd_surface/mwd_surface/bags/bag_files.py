@@ -246,7 +246,7 @@ class BagFiles:
                     check_regular(file, budgets.ROS1)
             self.rosbags = Ros1Reader(path) if self.storage == "ros1" else RosbagsReader(path)
             self.rosbags.open()
-            if self.storage == "sqlite3" and self.message_compression:
+            if isinstance(self.rosbags, RosbagsReader) and self.message_compression:
                 # Done with the budget of a message, by whoever decodes it.
                 storage = self.rosbags.storage
                 storage.metadata = storage.metadata._replace(compression_mode=None)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mwd_sensors.core.units import LPM, RPM
 from mwd_sensors.telemetry.downlink import ROTATION, Downlink, amplitude
@@ -56,10 +56,11 @@ _MOST = {"flow": 1.0, "rotary_speed": 100.0, "pressure": 1e9}
 
 def possible(readings: Readings) -> Readings:
     """Return the readings without those that no rig can have: they are not known."""
-    values = {name: getattr(readings, name) for name in _MOST}
-    return readings._replace(
-        **{name: value if value is not None and abs(value) < _MOST[name] else None for name, value in values.items()}
-    )
+    known: dict[str, Any] = {name: getattr(readings, name) for name in _MOST}
+    for name, value in known.items():
+        if value is not None and not abs(value) < _MOST[name]:
+            known[name] = None
+    return readings._replace(**known)
 
 
 class StallWatch:
