@@ -96,7 +96,7 @@ def test_a_pressure_file_of_rows_far_apart_is_refused(tmp_path):
 @pytest.mark.parametrize("name", bombs.LISTS)
 def test_lists_that_take_minutes_to_parse_end_in_a_sentence(name, tmp_path):
     bombs.LISTS[name](tmp_path / name)
-    mwd("path", tmp_path / name)
+    mwd("path", tmp_path / name, "-o", tmp_path / "out")
 
 
 COMMANDS: dict[str, tuple[str, ...]] = {
@@ -104,8 +104,8 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "inspect": ("inspect", "{}.mcap"),
     "process": ("process", "{}.mcap", "-o", "out"),
     "recover": ("recover", "{}.mcap"),
-    "path": ("path", "{}.csv"),
-    "survey": ("survey", "{}.csv"),
+    "path": ("path", "{}.csv", "-o", "out"),
+    "survey": ("survey", "{}.csv", "-o", "out"),
     "export": ("export", "{}.json", "-f", "csv"),
     "decode": ("decode", "{}.csv", "--tool", "tool.yaml", "-o", "out"),
     "decode a WAV": ("decode", "{}.wav", "--tool", "tool.yaml", "-o", "out"),
