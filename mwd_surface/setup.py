@@ -25,6 +25,7 @@ setup(
         (f"share/{NAME}/config", [*glob("config/*"), "mwd_surface/runs/fastdds.xml"]),
     ],
     install_requires=[
+        "cryptography",
         "numpy",
         "scipy",
         "PyYAML",
@@ -37,13 +38,14 @@ setup(
         "welleng",
         "matplotlib",
         "lasio",
+        "openpyxl",
         "lxml",
         "jinja2",
         "fpdf2",
         "pyarrow",
     ],
     extras_require={
-        "opcua": ["asyncua", "cryptography"],
+        "opcua": ["asyncua"],
         "modbus": ["pymodbus>=3.13,<4"],
         "serial": ["pyserial"],
         "cluster": ["distributed"],

@@ -30,9 +30,9 @@ from mwd_surface.bags.bag_metadata import read as read_metadata
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.clearance.offset_wells import OffsetWellError, read_offset_wells
-from mwd_surface.list_files.list_columns import ListFileError
-from mwd_surface.list_files.list_file import list_from_las, list_from_table, list_from_witsml
-from mwd_surface.list_files.station_file import read_table
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.list_file import list_of
+from mwd_surface.list_files.table import read_table
 from mwd_surface.processing import run_config
 from mwd_surface.receiver import pressure_files
 from mwd_surface.rig.wits.format import Decoder
@@ -204,7 +204,7 @@ def test_a_file_of_pressure(suffix, tmp_path):
 
 @pytest.mark.parametrize(
     ("reader", "sample"),
-    [(list_from_table, TABLE), (list_from_las, LAS), (list_from_witsml, WITSML)],
+    [(list_of, TABLE), (list_of, LAS), (list_of, WITSML)],
     ids=["csv", "las", "witsml"],
 )
 @pytest.mark.filterwarnings("ignore")

@@ -13,7 +13,7 @@ from mwd_sensors.core import wire
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode, SetPoint
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Request
+from mwd_surface.control.status import Request, Sender
 from mwd_surface.live.inputs import Clock, InputState, InputTable, Role
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.rig.survey import accepted_surveys
@@ -120,9 +120,10 @@ ADVICE = Advice(
 def control(now):
     """A controller that rotates the string and pumps."""
     authority = ControlAuthority(ControlSettings(enabled=True, grant="automatic"), first=70_000)
-    lease = authority.request(Request("modbus 5", priority=9), now).lease
-    authority.command(SetPoint(Mode.PUMP, lease, 1, flow_rate=0.03), now)
-    authority.command(SetPoint(Mode.ROTATE, lease, 2, rotary_speed=2.0), now)
+    sender = Sender("Modbus", "connection 1")
+    lease = authority.request(Request(sender, "modbus 5", priority=9), now).lease
+    authority.command(SetPoint(Mode.PUMP, lease, 1, flow_rate=0.03), now, sender)
+    authority.command(SetPoint(Mode.ROTATE, lease, 2, rotary_speed=2.0), now, sender)
     sent = authority.update(now + 1.9)
     authority.on_acknowledge(lease, sent[0].sequence, True, "")
     return authority.status(now)

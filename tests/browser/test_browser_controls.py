@@ -10,7 +10,7 @@ from browser_page import TOKEN, By, click, rig_on, sign_in, tab, text, wait
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode, SetPoint
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Achieved, Judgement, Request
+from mwd_surface.control.status import Achieved, Judgement, Request, Sender
 from mwd_surface.live.alarms import Severity
 from mwd_surface.trajectory.advice import Advice, AdviceMode
 
@@ -136,7 +136,8 @@ def test_the_worst_alarm_stands_above_all_with_text_remedy_and_age_and_opens_the
 
 def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(browser):
     authority = ControlAuthority(ControlSettings(enabled=True))
-    lease = authority.request(Request("toolface hold", "holds the toolface"), 0.0).lease
+    sender = Sender("test", "toolface hold")
+    lease = authority.request(Request(sender, "toolface hold", "holds the toolface"), 0.0).lease
     with rig_on(browser) as rig:
         rig.state.on_control(authority.status(0.0), time.monotonic())
         rig.push()
@@ -150,7 +151,7 @@ def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(brow
         decision = {"decision": int(Judgement.GRANT), "operator_name": "A. Berg", "number": lease}
         assert rig.calls == [("judge_control", decision)]
         authority.judge(Judgement.GRANT, "A. Berg", 0.0, number=lease)
-        authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=math.pi), 0.0)
+        authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=math.pi), 0.0, sender)
         authority.on_rig(Achieved(speed=math.pi, torque=8000.0), 0.0)
         authority.update(1.9)
         rig.state.on_control(authority.status(1.9), time.monotonic())

@@ -19,16 +19,34 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 # Somebody who sends without a lease of his own, to the authority and past it.
 INTRUDER = """
 import sys, time, rclpy
-from mwd_msgs.msg import RigCommand
+from mwd_msgs.msg import ControlState, RigCommand, SealedCommand
+from mwd_surface.ros.controller import Controller
 rclpy.init()
 node = rclpy.create_node("intruder", namespace=sys.argv[1])
-outs = [node.create_publisher(RigCommand, topic, 10) for topic in ("control/command", "rig/command")]
-while outs[0].get_subscription_count() < 1 or outs[1].get_subscription_count() < 2:  # the rig, and the recorder
-    time.sleep(0.05)
+past = node.create_publisher(RigCommand, "rig/command", 10)
+unsigned = node.create_publisher(SealedCommand, "control/command", 10)
+me, heard, seen = Controller(node, "first"), [], []
+node.create_subscription(SealedCommand, "control/command", heard.append, 10)
+node.create_subscription(ControlState, "control/state", seen.append, 10)
+while not me.ready or past.get_subscription_count() < 2 or not heard or not seen or not seen[-1].lease:
+    rclpy.spin_once(node, timeout_sec=0.05)
+lease, replayed = seen[-1].lease, heard[-1]
+for priority in (0, 255):  # under the owner's name
+    asked = me.ask(priority=priority)
+    rclpy.spin_until_future_complete(node, asked)
+    print("asked:", asked.result().permission, asked.result().message, flush=True)
+me.lease = lease
 for k in range(1, 11):
-    for out in outs:
-        out.publish(RigCommand(mode=RigCommand.ROTATE, rotary_speed=9.0, valid_for=5.0, lease=1, sequence=k))
+    command = dict(mode=RigCommand.ROTATE, rotary_speed=9.0, valid_for=5.0)
+    past.publish(RigCommand(lease=1, sequence=k, **command))
+    unsigned.publish(SealedCommand(command=RigCommand(lease=lease, sequence=100 + k, **command)))
+    unsigned.publish(replayed)
+    me.send(RigCommand(lease=lease, sequence=200 + k, **command))
     time.sleep(0.1)
+me.lease = lease
+released = me.release()
+rclpy.spin_until_future_complete(node, released)
+print("released:", released.result().success, released.result().message, flush=True)
 """
 
 
@@ -64,9 +82,9 @@ def contested(tmp_path_factory):
         first = run("first", program("first", f"not __import__('os').path.exists({str(enough)!r})"))
         until(lambda: "first has control" in graph.log(surface), 60, "the first has control")
         second = run("second", program("second"))
+        until(lambda: "first has control" in second.read_text(), 60, "the second is refused")
         intruder = run("intruder", INTRUDER)
         until(lambda: graph.running["intruder"].poll() is not None, 60, "the intruder is done")
-        until(lambda: "first has control" in second.read_text(), 60, "the second is refused")
         enough.touch()
         until(lambda: "second has control" in graph.log(surface), 60, "the second has its turn")
         until(lambda: "driller's" in second.read_text(), 60, "the second is done")
@@ -96,10 +114,23 @@ def test_a_second_controller_waits_its_turn_and_neither_overwrites_the_other(con
     assert "acknowledged 1" in contested["second"]
 
 
-def test_nobody_without_a_lease_is_obeyed(contested):
-    assert contested["intruder"] == ""
-    assert "control/command not taken: lease 1 is not in force" in contested["log"]
+def test_nobody_but_the_owner_is_obeyed_whatever_he_has_read(contested):
+    said = contested["intruder"].splitlines()
+    assert [line[:8] for line in said] == ["asked: 0", "asked: 0", "released"]
+    assert all("first is another's name" in line for line in said[:2])
+    assert "first's, who alone can give it back" in said[2]
+    assert "control/command not taken: seal: " in contested["log"]
     assert "rig/command not obeyed: lease: 1 is over" in contested["rig"]
+    from mwd_msgs.msg import RigCommand
+    from rclpy.serialization import deserialize_message
+
+    from mwd_surface.bags.bag_reader import Bag
+
+    with Bag(contested["bag"]) as bag:
+        sent = [deserialize_message(message[3], RigCommand) for message in bag.messages(["/w1/rig/command"])]
+    obeyed = [command.rotary_speed for command in sent if command.lease > 1]
+    assert len(obeyed) > 10
+    assert max(obeyed) < 6.5  # the driller had 60 r/min, the first asks for 30, the intruder for 86
 
 
 def test_a_killed_controller_ends_in_the_declared_reaction(contested):

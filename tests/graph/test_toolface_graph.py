@@ -71,6 +71,7 @@ def steered(tmp_path_factory):
         settings = {"folder": folder / "data", "page__port": 0, "record__name": "run"}
         settings |= {"rig__wits0_server__enabled": True, "rig__wits0_server__port": 0}
         settings |= {"control__enabled": True, "control__grant": "automatic", "control__heartbeat_s": 5.0}
+        settings["control__left_turn_deg"] = 30.0
         surface = graph.start("surface", "w1", **settings)
         estimator = graph.start("estimator", "w1", **{k.replace(".", "__"): v for k, v in PLACE.items()})
         for name in (surface, estimator):

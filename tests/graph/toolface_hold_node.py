@@ -16,13 +16,13 @@ from typing import Any
 
 import rclpy
 from mwd_msgs.msg import ControlState, RigCommand, Toolface
-from mwd_msgs.srv import ReleaseControl, RequestControl
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from toolface_hold import HoldSettings, Reading, ToolfaceHold
 
 from mwd_sensors.ros import qos
+from mwd_surface.ros.controller import Controller
 
 PERIOD = 0.1  # s
 REPORT_EVERY = 1.0  # s of the measurement
@@ -40,12 +40,10 @@ class ToolfaceHoldNode(Node):
         self._wanted = wanted
         self._printed = ""
         self._last_report = -math.inf
-        self._name = self.declare_parameter("controller", "toolface_hold").value
+        name = self.declare_parameter("controller", "toolface_hold").value
         self._priority = self.declare_parameter("priority", 10).value
-        self._lease, self._asked_at, self._command = 0, -math.inf, RigCommand()
-        self._ask = self.create_client(RequestControl, "request_control")
-        self._give_back = self.create_client(ReleaseControl, "release_control")
-        self._out = self.create_publisher(RigCommand, "control/command", qos.STATE)
+        self._asked_at = -math.inf
+        self._rig = Controller(self, name)
         self.create_subscription(ControlState, "control/state", self._on_control, qos.STATE)
         watch = SubscriptionEventCallbacks(deadline=self._on_deadline, liveliness=self._on_liveliness)
         self.create_subscription(Toolface, "toolface", self._on_toolface, qos.DEADLINE_STATE, event_callbacks=watch)
@@ -86,32 +84,32 @@ class ToolfaceHoldNode(Node):
 
     def _request(self) -> None:
         now = time.monotonic()
-        if self._lease or now - self._asked_at < ASK_EVERY or not self._ask.service_is_ready():
+        if self._rig.lease or now - self._asked_at < ASK_EVERY or not self._rig.ready:
             return
         self._asked_at = now
-        request = RequestControl.Request(controller=self._name, role="toolface hold", priority=self._priority)
-        self._ask.call_async(request).add_done_callback(self._on_answer)
+        # The string is wound to the left too where it has turned too far.
+        asked = self._rig.ask(role="toolface hold", priority=self._priority, left_turn_limit=math.radians(30.0))
+        asked.add_done_callback(self._on_answer)
 
     def _on_answer(self, asked: Any) -> None:
         answer = asked.result()
         if not answer.success:
             self._print_control(f"no control: {answer.message}")
             return
-        self._lease, self._command = answer.lease, RigCommand(lease=answer.lease)
+        self._rig.lease, self._rig.sequence = answer.lease, 0
         self._print_control("has control")
 
     def _on_control(self, state: ControlState) -> None:
-        if self._lease and state.lease > self._lease:
-            self._lease = 0
+        if self._rig.lease and state.lease > self._rig.lease:
+            self._rig.lease = 0
             self._print_control(f"lost control to {state.owner}")
-        elif self._lease and state.lease == 0 and time.monotonic() - self._asked_at > ASK_EVERY:
-            self._lease = 0
+        elif self._rig.lease and state.lease == 0 and time.monotonic() - self._asked_at > ASK_EVERY:
+            self._rig.lease = 0
             self._print_control(f"lost control: {state.reason}")
 
     def _release(self) -> None:
-        if self._lease:
-            self._give_back.call_async(ReleaseControl.Request(lease=self._lease, reason=self._controller.why))
-            self._lease = 0
+        if self._rig.lease:
+            self._rig.release(self._controller.why)
 
     def _print_control(self, words: str) -> None:
         print(f"{time.monotonic():.3f} {words}", flush=True)
@@ -123,16 +121,16 @@ class ToolfaceHoldNode(Node):
             self._release()
             return
         self._request()
-        if not self._lease:
+        if not self._rig.lease:
             return
-        if command is not None:
-            self._command.mode, self._command.turn = command.mode, command.turn
-            self._command.valid_for, self._command.sequence = command.valid_for, self._command.sequence + 1
-            self._command.header.stamp.sec = int(self._reading.stamp)
-            self._command.header.stamp.nanosec = int(self._reading.stamp % 1.0 * 1e9)
-            self._command.header.frame_id = "rig_floor"
-        # Where nothing is new, the same again is the heartbeat.
-        self._out.publish(self._command)
+        if command is None:
+            self._rig.heartbeat()
+            return
+        wanted = RigCommand(mode=command.mode, turn=command.turn, valid_for=command.valid_for)
+        wanted.header.stamp.sec = int(self._reading.stamp)
+        wanted.header.stamp.nanosec = int(self._reading.stamp % 1.0 * 1e9)
+        wanted.header.frame_id = "rig_floor"
+        self._rig.command(wanted)
 
 
 def main() -> None:

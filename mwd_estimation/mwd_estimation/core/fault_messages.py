@@ -159,6 +159,8 @@ def _gravity(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 def _sign(fault: SensorFault, _: str) -> tuple[str, str]:
     remedy = "reverse its signs in the driver: at rest the accelerometer reads up, the magnetometer along the field"
+    if 2 in fault.sensors:
+        remedy += "; or correct the reference, where its dip or latitude was given with the wrong sign"
     if fault.code == FaultCode.POINTS_UP or fault.sensors == (1,):
         remedy = "set tool.mount.accelerometer to down (mwd process: --accelerometer down)"
     if fault.code == FaultCode.POINTS_UP:

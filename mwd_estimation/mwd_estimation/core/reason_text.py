@@ -75,7 +75,7 @@ WORDS: dict[Code, str] = {
     Code.FIELD_NOT_EARTH: "total field {value:.0f nT} is not the Earth's",
     Code.FIELD_IN_OTHER_UNIT: "total field {value:.4g T} is not the Earth's: a reading in {names[0]}?",
     Code.DIP_SIGN: "dip {value:.1f deg} has the opposite sign of the reference: accelerometers or magnetometers "
-    "are connected with a flipped sign",
+    "are connected with a flipped sign, or the dip or latitude of the reference was given with the wrong sign",
     Code.NO_ACCELEROMETER: "no accelerometer reading: nothing can be computed",
     Code.NO_MAGNETOMETER: "no magnetometer reading",
     Code.NO_NUMBER: "no number in {names_listed}",
@@ -117,6 +117,8 @@ WORDS: dict[Code, str] = {
     "check the magnetometer and the reference field",
     Code.FIELD_OF_ANOTHER_PLACE: "the field is that of another place, off the reference alike at the stations of the "
     "run: check latitude, longitude and date of the place, or the reference given",
+    Code.REFERENCE_SLIP: "the reference is probably given wrong: the readings ({values[0]:.0f nT}, dip "
+    "{values[1]:.1f deg}) fit {names[0]}; correct it and process again",
     Code.SENSOR_DEFECT: "a sensor is probably out of calibration ({value:.0f %}: wrong scale of a magnetometer, or "
     "accelerometers turned in their mount): check the tool at surface, change it",
     Code.MOUNT_MAY_BE_TURNED: "inclination may be off by {value:.1f deg} (1 sigma): the dip fits accelerometers turned "

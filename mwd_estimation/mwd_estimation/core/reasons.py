@@ -56,6 +56,7 @@ class ReasonCode(StrEnum):
     EXTERNAL_FIELD = "external_field"
     FIELD_UNEXPLAINED = "field_unexplained"
     FIELD_OF_ANOTHER_PLACE = "field_of_another_place"
+    REFERENCE_SLIP = "reference_slip"
     SENSOR_DEFECT = "sensor_defect"
     MOUNT_MAY_BE_TURNED = "mount_may_be_turned"
     READINGS_REPEATED = "readings_repeated"

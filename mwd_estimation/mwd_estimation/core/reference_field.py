@@ -10,7 +10,7 @@ correction is only as good as the field it uses.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -51,6 +51,15 @@ class ExternalField:
 
 
 @dataclass(frozen=True)
+class Slip:
+    """Field that was meant where the place or the field was given with a usual slip, such as a wrong sign."""
+
+    words: str  #: what was meant, and what was given
+    total: float  #: T
+    dip: float  #: rad
+
+
+@dataclass(frozen=True)
 class Reference:
     """Local field, gravity and north; what is not known is None."""
 
@@ -73,6 +82,8 @@ class Reference:
     sigma_gravity: float = SIGMA_GRAVITY
     #: What strength, dip and declination contain of an observatory's disturbance; None where none was added.
     external: ExternalField | None = None
+    #: Fields that readings may fit instead where the reference was given with a slip.
+    slips: tuple[Slip, ...] = field(default=(), compare=False, repr=False)
     #: IAGA code of the observatory whose record was asked, whether or not it covers the time; empty: none
     observatory: str = ""
 

@@ -13,12 +13,13 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import math
-from collections.abc import Sequence
+import re
 
 import numpy as np
 
 from mwd_estimation.core.reference_field import ExternalField, Reference
 from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.frames import wrap_pi
 
 # Larger figures are IAGA-2002's marks for a missing (99999) or never recorded (88888) value.
 _MISSING = 88888.0
@@ -27,7 +28,7 @@ _LONGEST_GAP = 600.0
 # Below this range an hour is as quiet as any other, T: observatories report tenths of nT.
 _RESOLUTION = 1e-9
 _HOUR_NS = 3_600_000_000_000
-# Names of components and the minutes of arc that declination and inclination are recorded in.
+# Declination, inclination and (in tenths) DECBAS are recorded in minutes of arc.
 _MINUTE = math.radians(1.0 / 60.0)
 
 
@@ -57,7 +58,10 @@ class ObservatoryRecord:
 
 def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     """
-    Read a record in IAGA-2002 format with the components X, Y, Z or H, D, Z, or D, I, F, in any order.
+    Read a record in IAGA-2002 format: X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F, with other components beside them.
+
+    Files of several days may stand one after the other, each with its own header. The baseline declination (DECBAS) of
+    a header is added to the angles that variometers report from it.
 
     Parameters
     ----------
@@ -69,35 +73,89 @@ def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     Raises
     ------
     ValueError
-        No IAGA-2002 header of columns, other components, a line that cannot be read or less than two complete samples.
+        No IAGA-2002 header of columns, other components, H and E without a baseline declination, several observatories,
+        a line that cannot be read, or less than two complete samples.
     """
-    lines = text.splitlines()
-    head = next((k for k, line in enumerate(lines) if line.startswith("DATE ")), None)
-    if head is None:
-        raise ValueError(f"{name}: no IAGA-2002 file: no line with the columns DATE TIME DOY and the components")
-    columns = lines[head].replace("|", " ").split()[3:]
-    station = columns[0][:3] if columns else ""
-    letters = [column[3:4].upper() for column in columns]
-    stamps, rows = [], []
-    for number, line in enumerate(lines[head + 1 :], head + 2):
-        if not line.strip():
-            continue
-        try:
-            stamp, values = _sample(line, len(letters))
-        except ValueError as error:
-            raise ValueError(f"{name}, line {number}: not a line of IAGA-2002 data: {line[:40]!r}") from error
-        stamps.append(stamp)
-        rows.append(values)
-    raw = np.array(rows, dtype=float).reshape(len(rows), len(letters))
-    raw[raw >= _MISSING] = math.nan
-    field_n = _north_east_down({letter: raw[:, k] for k, letter in enumerate(letters)}, name)
+    sections = _sections(text, name)
+    stations = list(dict.fromkeys(section.station for section in sections))
+    if len(stations) > 1:
+        raise ValueError(
+            f"{name}: records of several observatories ({', '.join(stations)}); give a file of one of them"
+        )
+    stamps_ns = np.array([stamp for section in sections for stamp in section.stamps_ns], dtype=np.int64)
+    field_n = np.concatenate([section.north_east_down(name) for section in sections])
     whole = np.isfinite(field_n).all(axis=1)
-    stamps_ns, field_n = np.array(stamps, dtype=np.int64)[whole], field_n[whole]
-    stamps_ns, first = np.unique(stamps_ns, return_index=True)
+    stamps_ns, first = np.unique(stamps_ns[whole], return_index=True)
+    field_n = field_n[whole][first]
     if len(stamps_ns) < 2:
         raise ValueError(f"{name}: {len(stamps_ns)} complete samples of all components, at least 2 are needed")
-    field_n = field_n[first]
-    return ObservatoryRecord(station, stamps_ns, field_n, quiet_level(stamps_ns, field_n))
+    return ObservatoryRecord(stations[0], stamps_ns, field_n, quiet_level(stamps_ns, field_n))
+
+
+@dataclasses.dataclass
+class _Section:
+    """A header and the data below it: the station, the letters of the components, the baseline declination, rad."""
+
+    station: str
+    letters: list[str]
+    baseline: float | None
+    stamps_ns: list[int] = dataclasses.field(default_factory=list)
+    rows: list[list[float]] = dataclasses.field(default_factory=list)
+
+    def north_east_down(self, name: str) -> Array:
+        """Return the samples as north, east, down, T, shape (n, 3)."""
+        raw = np.array(self.rows, dtype=float).reshape(len(self.rows), len(self.letters))
+        raw[raw >= _MISSING] = math.nan
+        have = {letter: raw[:, k] for k, letter in enumerate(self.letters)}
+        if {"X", "Y", "Z"} <= have.keys():
+            return 1e-9 * np.column_stack([have["X"], have["Y"], have["Z"]])
+        if {"H", "D", "Z"} <= have.keys():
+            horizontal, down, declination = have["H"], have["Z"], have["D"] * _MINUTE
+        elif {"H", "E", "Z"} <= have.keys():
+            if self.baseline is None:
+                raise ValueError(
+                    f"{name}: components {', '.join(self.letters)} need the baseline declination, and no header has a "
+                    "line # DECBAS; ask the observatory for X, Y, Z"
+                )
+            horizontal, down = np.hypot(have["H"], have["E"]), have["Z"]
+            declination = np.arctan2(have["E"], have["H"]) + self.baseline
+        elif {"D", "I", "F"} <= have.keys():
+            dip, declination = have["I"] * _MINUTE, have["D"] * _MINUTE
+            horizontal, down = have["F"] * np.cos(dip), have["F"] * np.sin(dip)
+        else:
+            letters = ", ".join(sorted(have))
+            raise ValueError(f"{name}: components {letters} are not X, Y, Z nor H, D, Z nor H, E, Z nor D, I, F")
+        if "D" in have and self.baseline is not None and not np.isnan(declination).all():
+            # Some report the declination, others what a variometer turned by from its baseline: whichever is nearer.
+            middle = float(np.nanmedian(declination))
+            if abs(wrap_pi(middle)) < abs(wrap_pi(middle - self.baseline)):
+                declination = declination + self.baseline
+        return 1e-9 * np.column_stack([horizontal * np.cos(declination), horizontal * np.sin(declination), down])
+
+
+def _sections(text: str, name: str) -> list[_Section]:
+    """Split a file at its headers, and read the data below each."""
+    sections: list[_Section] = []
+    baseline: float | None = None
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("DATE "):
+            columns = line.replace("|", " ").split()[3:]
+            letters = [column[3:4].upper() for column in columns]
+            sections.append(_Section(columns[0][:3] if columns else "", letters, baseline))
+            baseline = None
+        elif found := re.match(r"\s*#\s*DECBAS\s+([-+]?\d+(?:\.\d*)?)", line):
+            # In tenths of a minute of arc, east.
+            baseline = float(wrap_pi(0.1 * float(found[1]) * _MINUTE))
+        elif sections and line[:1].strip():
+            try:
+                stamp, values = _sample(line, len(sections[-1].letters))
+            except ValueError as error:
+                raise ValueError(f"{name}, line {number}: not a line of IAGA-2002 data: {line[:40]!r}") from error
+            sections[-1].stamps_ns.append(stamp)
+            sections[-1].rows.append(values)
+    if not sections:
+        raise ValueError(f"{name}: no IAGA-2002 file: no line with the columns DATE TIME DOY and the components")
+    return sections
 
 
 def quiet_level(stamps_ns: Stamps, field_n: Array) -> Array:
@@ -185,19 +243,3 @@ def _sample(line: str, components: int) -> tuple[int, list[float]]:
     moment = datetime.datetime.fromisoformat(f"{day}T{clock}").replace(tzinfo=datetime.UTC)
     whole = int(moment.replace(microsecond=0).timestamp())
     return whole * 1_000_000_000 + moment.microsecond * 1000, [float(value) for value in values]
-
-
-def _north_east_down(by_letter: dict[str, Array], name: str) -> Array:
-    """Components in nT and minutes of arc as north, east, down in T, shape (n, 3)."""
-    have: Sequence[str] = sorted(by_letter)
-    if {"X", "Y", "Z"} <= set(have):
-        return 1e-9 * np.column_stack([by_letter["X"], by_letter["Y"], by_letter["Z"]])
-    if {"H", "D", "Z"} <= set(have):
-        horizontal, down = by_letter["H"], by_letter["Z"]
-    elif {"D", "I", "F"} <= set(have):
-        dip = by_letter["I"] * _MINUTE
-        horizontal, down = by_letter["F"] * np.cos(dip), by_letter["F"] * np.sin(dip)
-    else:
-        raise ValueError(f"{name}: components {', '.join(have)} are not X, Y, Z nor H, D, Z nor D, I, F")
-    declination = by_letter["D"] * _MINUTE
-    return 1e-9 * np.column_stack([horizontal * np.cos(declination), horizontal * np.sin(declination), down])

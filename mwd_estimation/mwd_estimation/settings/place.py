@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime
 import math
+from typing import Any
 
-from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.reference_field import Reference, Slip
 from mwd_estimation.survey.posterior.field_model import DECLINATION_DEGNT, DIP_DEG, TOTAL_NT
 from mwd_sensors.core import earth
 from mwd_sensors.core.settings import SettingsError, setting
@@ -16,6 +18,8 @@ from mwd_sensors.core.settings import SettingsError, setting
 _IFR2 = "IFR2"
 # The geomagnetic model of a word of `place.field`.
 _MODELS = {"model": "wmm2025", "igrf": "igrf"}
+# Beyond these, which `Reference` has too, no figure is a field of the Earth, nT.
+_WEAKEST_NT, _STRONGEST_NT = 5e3, 2e5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +131,14 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
     if place.field == "none":
         return None
     if place.field == "fixed":
-        return _fixed(place)
+        found = _fixed(place)
+        return dataclasses.replace(found, slips=_slips_of_figures(place))
+    found = _of_model(place, first_ns)
+    return dataclasses.replace(found, slips=_slips_of_place(place, first_ns))
+
+
+def _of_model(place: Place, first_ns: int) -> Reference:
+    """Return the reference of a geomagnetic model."""
     if place.date:
         try:
             day = datetime.date.fromisoformat(place.date)
@@ -150,6 +161,47 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
     )
 
 
+def _slips_of_figures(place: Place) -> tuple[Slip, ...]:
+    """Return the fields that may have been meant by figures of a field."""
+    meant = {
+        f"a dip of {-place.dip_deg:g} deg instead of {place.dip_deg:g} deg": -place.dip_deg,
+        f"a dip of {90.0 - place.dip_deg:g} deg: {place.dip_deg:g} deg is its angle from the vertical": 90.0
+        - place.dip_deg,
+    }
+    total = place.total_nt * 1e-9
+    return tuple(Slip(words, total, math.radians(dip)) for words, dip in meant.items() if abs(dip) <= 90.0)
+
+
+def _slips_of_place(place: Place, first_ns: int) -> tuple[Slip, ...]:
+    """Return the fields that may have been meant by a position and a day."""
+    lat, lon = place.lat_deg or 0.0, place.lon_deg or 0.0
+    places: dict[str, dict[str, Any]] = {
+        f"latitude {-lat:g} instead of {lat:g}": {"lat_deg": -lat},
+        f"longitude {-lon:g} instead of {lon:g}": {"lon_deg": -lon},
+        f"latitude {-lat:g} and longitude {-lon:g}, both with the other sign": {"lat_deg": -lat, "lon_deg": -lon},
+        f"latitude {lon:g} and longitude {lat:g}, which were exchanged": {"lat_deg": lon, "lon_deg": lat},
+    }
+    meant = {words: dataclasses.replace(place, **given) for words, given in places.items()}
+    day = f"{datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
+    if place.date and day[:4] != place.date[:4] and first_ns > 0:
+        for model in _MODELS:
+            words = f"the day of the samples, {day}, instead of {place.date}"
+            meant.setdefault(words, dataclasses.replace(place, date=day, field=model))
+            with contextlib.suppress(ValueError):
+                _of_model(meant[words], first_ns)
+                break
+            del meant[words]
+    slips = []
+    for words, other in meant.items():
+        if abs(other.lat_deg or 0.0) > 90.0 or (other.lat_deg, other.lon_deg, other.date) == (lat, lon, place.date):
+            continue
+        # Of no map grid: the field is all that counts, and the grid may not reach there.
+        with contextlib.suppress(ValueError):
+            found = _of_model(dataclasses.replace(other, grid="none"), first_ns)
+            slips.append(Slip(words, found.total or 0.0, found.dip or 0.0))
+    return tuple(slips)
+
+
 def _convergence(place: Place, lat: float, lon: float) -> float | None:
     if place.grid == "none":
         return None
@@ -163,6 +215,13 @@ def _fixed(place: Place) -> Reference:
     """The reference of a field that is given in figures."""
     if not place.total_nt > 0.0:
         raise SettingsError("place.total_nt: a fixed field needs its strength, with place.dip_deg and declination_deg")
+    if not _WEAKEST_NT < place.total_nt < _STRONGEST_NT:
+        units = {"G": 1e5, "mG": 1e2, "uT": 1e3, "A/m": 1256.637}
+        meant = [(unit, place.total_nt * size) for unit, size in units.items()]
+        fits = [f"; {place.total_nt:g} {unit} are {nt:.0f} nT" for unit, nt in meant if 2e4 < nt < 7e4]
+        raise SettingsError(
+            f"place.total_nt: {place.total_nt:g} nT is no field of the Earth (20000 to 70000 nT){''.join(fits[:1])}"
+        )
     reference = Reference(
         total=place.total_nt * 1e-9,
         dip=math.radians(place.dip_deg),

@@ -18,7 +18,7 @@ from mwd_estimation.core import magnetic_geometry
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.reference_field import Reference, Slip
 from mwd_estimation.core.verdicts import ACCEPT, DOUBTFUL, REJECT, worse
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.arrays import Array
@@ -26,6 +26,8 @@ from mwd_sensors.core.constants import GRAVITY_FARTHEST, STANDARD_GRAVITY
 
 # Chi-square of three degrees of freedom exceeded by chance once in 100 and once in 1000.
 _CHI3_DOUBTFUL, _CHI3_REJECT = 11.34, 16.27
+# Chi-square that a slip in the reference must explain: odds of 3e5, against one reference in a thousand with a slip.
+_SLIP = 25.0
 # Beyond these many sigma of the tool code a station is doubtful, rejected; beyond so many fixed limits rejected.
 TOOLCODE_DOUBTFUL, TOOLCODE_REJECT = 2.0, 3.0
 _REJECT = 1.5
@@ -172,6 +174,27 @@ def field_faults(b_total: float, dip: float, reference: Reference | None) -> lis
     ):
         found.append(Reason(Code.DIP_SIGN, dip))
     return found
+
+
+def reference_slip(f_h: Array, b_h: Array, reference: Reference, covariance: Array) -> Slip | None:
+    """
+    Return the slip in the reference that the readings show: they do not fit it, and fit what was meant.
+
+    f_h, b_h, shape (3,), m/s^2 and T; covariance, shape (3, 3), of the totals against the reference. No correction
+    is taken off the field: with a wrong reference it would be wrong too.
+    """
+    if reference.total is None or reference.dip is None or not reference.slips:
+        return None
+    measured = np.array([float(np.linalg.norm(b_h)), float(magnetic_geometry.dip(f_h, b_h))])
+    weight = np.linalg.inv(covariance[1:, 1:])
+
+    def misfit(total: float, dip: float) -> float:
+        apart = measured - np.array([total, dip])
+        return float(apart @ weight @ apart)
+
+    best = min(reference.slips, key=lambda slip: misfit(slip.total, slip.dip))
+    fit = misfit(best.total, best.dip)
+    return best if fit < _CHI3_DOUBTFUL and misfit(reference.total, reference.dip) > fit + _SLIP else None
 
 
 @dataclass(frozen=True)

@@ -161,6 +161,7 @@ def _of_azimuth(
         b_earth = readings.b_h - np.array([station.interference if station.corrected else 0.0, 0.0, 0.0])
         total = float(np.linalg.norm(b_earth))
         azimuth.add(REJECT, *totals.field_faults(total, station.dip, station.reference))
+        azimuth.add(DOUBTFUL, *_of_slip(station, readings))
     if not readings.has_field and (finding is None or finding.by_gyro == 0.0):
         what = Code.NO_HORIZONTAL_FIELD if np.isfinite(readings.b_t).all() else Code.NO_MAGNETOMETER
         azimuth.add(REJECT, Reason(Code.INCLINATION_ONLY, causes=(Reason(what),)))
@@ -173,6 +174,18 @@ def _of_azimuth(
             azimuth.add(DOUBTFUL, Reason(Code.READINGS_REPEATED, float(finding.repeats)))
         _judge_posterior(azimuth, station, finding, settings)
     return azimuth
+
+
+def _of_slip(station: Station, readings: Readings) -> list[Reason]:
+    """What the readings show of a reference that was given with a slip."""
+    reference, covariance = station.reference, station.deviations.covariance
+    if reference is None or not np.isfinite(covariance).all():
+        return []
+    slip = totals.reference_slip(readings.f_h, readings.b_h, reference, covariance)
+    if slip is None:
+        return []
+    total = float(np.linalg.norm(readings.b_h))
+    return [Reason(Code.REFERENCE_SLIP, values=(total, station.dip), names=(slip.words,))]
 
 
 def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, settings: StationSettings) -> None:
@@ -251,8 +264,12 @@ def _finished(
     upright = station.sigma_toolface > _HIGH_SIDE
     quantities = Verdicts(level.verdict, azimuth.verdict, NOT_DETERMINED if upright else level.verdict)
     verdict = level.verdict if azimuth.verdict == NOT_DETERMINED else worse(level.verdict, azimuth.verdict)
-    first = Code.FIELD_OF_ANOTHER_PLACE
-    made = sorted([*level.reasons, *azimuth.reasons], key=lambda pair: (pair[1].code != first, pair[0] != REJECT))
+    causes = (Code.REFERENCE_SLIP, Code.FIELD_OF_ANOTHER_PLACE)
+    order = {code: place for place, code in enumerate(causes)}
+    made = sorted(
+        [*level.reasons, *azimuth.reasons],
+        key=lambda pair: (order.get(pair[1].code, len(causes)), pair[0] != REJECT),
+    )
     reasons = list(dict.fromkeys(reason for _, reason in made))
     remarks: list[Reason] = []
     sag = station.inclination - readings.inclination

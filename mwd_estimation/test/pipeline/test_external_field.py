@@ -20,8 +20,12 @@ DAY_NS = int(DAY.timestamp()) * 10**9
 MINUTE_NS = 60 * 10**9
 
 
-def iaga2002(field_nt, letters="XYZF", step_s=60, station="TST"):
-    """Text of a file: field_nt, shape (n, 3): north, east, down; nan: missing."""
+def iaga2002(field_nt, letters="XYZF", step_s=60, station="TST", decbas=None, relative=False, day=DAY):
+    """
+    Text of a file: field_nt, shape (n, 3): north, east, down; nan: missing.
+
+    decbas: baseline declination, deg, of its header, from which E and, if relative, D are reported.
+    """
     north, east, down = np.asarray(field_nt, dtype=float).T
     minutes = 60.0 * np.degrees(1.0)
     horizontal = np.hypot(north, east)
@@ -34,14 +38,21 @@ def iaga2002(field_nt, letters="XYZF", step_s=60, station="TST"):
         "I": minutes * np.arctan2(down, horizontal),
         "F": np.hypot(horizontal, down),
     }
+    if decbas is not None:
+        turned = np.arctan2(east, north) - np.radians(decbas)
+        columns["E"] = horizontal * np.sin(turned)
+        if "E" in letters:
+            columns["H"] = horizontal * np.cos(turned)
+        columns["D"] = minutes * turned if relative else columns["D"]
     lines = [
         " Format                 IAGA-2002                                    |",
         f" IAGA CODE              {station}                                          |",
         f" Reported               {letters}                                         |",
+        *([f" # DECBAS               {600.0 * (decbas % 360.0):06.0f} (tenths of a minute east) |"] if decbas else []),
         "DATE       TIME         DOY     " + "".join(f"{station}{letter}      " for letter in letters) + "|",
     ]
     for k in range(len(north)):
-        at = DAY + datetime.timedelta(seconds=k * step_s)
+        at = day + datetime.timedelta(seconds=k * step_s)
         values = "".join(
             f"{99999.0 if np.isnan(columns[letter][k]) else columns[letter][k]:10.2f}" for letter in letters
         )
@@ -65,6 +76,38 @@ def test_every_usual_set_of_components_gives_the_same_field(letters):
     assert record.station == "TST"
     # The format has two decimals: a hundredth of a minute of arc is 0.15 nT of this field.
     assert record.disturbance(DAY_NS + 700 * MINUTE_NS) * 1e9 == pytest.approx(_day(10.0)[700] - QUIET_NT, abs=0.6)
+
+
+@pytest.mark.parametrize("base", [1.7, 9.2, -14.5, 179.5])
+@pytest.mark.parametrize(("letters", "relative"), [("HEZF", False), ("HDZF", True), ("HDZF", False), ("XYZF", False)])
+def test_a_baseline_declination_gives_the_same_field_in_every_form(letters, relative, base):
+    turn = np.radians(base + 0.3) - np.arctan2(QUIET_NT[1], QUIET_NT[0])
+    mat = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    field = _day(10.0) @ mat.T
+    record = read_iaga2002(iaga2002(field, letters, decbas=base, relative=relative), "file")
+    assert record.field_n * 1e9 == pytest.approx(field, abs=2.5)
+
+
+def test_h_and_e_without_a_baseline_are_refused_and_not_taken_for_north_and_east():
+    text = "\n".join(line for line in iaga2002(_day(), "HEZF", decbas=3.0).splitlines() if "DECBAS" not in line)
+    with pytest.raises(ValueError, match="baseline declination"):
+        read_iaga2002(text, "file")
+
+
+@pytest.mark.parametrize("forms", [("XYZF", "XYZF", "XYZF"), ("XYZF", "HEZF", "HDZF"), ("DIF", "XYZF", "HDZF")])
+def test_files_of_several_days_joined_are_one_record_whatever_their_forms_and_order(forms):
+    days = [DAY + datetime.timedelta(days=k) for k in range(3)]
+    parts = [iaga2002(_day(), form, decbas=1.5, relative=True, day=day) for form, day in zip(forms, days, strict=True)]
+    record, shuffled = (read_iaga2002("".join(order), "file") for order in (parts, parts[::-1]))
+    assert len(record.stamps_ns) == 3 * 1440
+    assert record.field_n * 1e9 == pytest.approx(np.tile(_day(), (3, 1)), abs=0.6)
+    assert np.array_equal(record.field_n, shuffled.field_n)
+    assert np.array_equal(record.stamps_ns, shuffled.stamps_ns)
+
+
+def test_a_file_joined_of_two_observatories_is_refused_by_their_names():
+    with pytest.raises(ValueError, match="TST, LER"):
+        read_iaga2002(iaga2002(_day()) + iaga2002(_day(), station="LER"), "file")
 
 
 @pytest.mark.parametrize("storm_from", [None, 4.0, 12.0, 20.0])

@@ -97,6 +97,13 @@ YAML = Budget(
 )
 JSON = Budget("JSON: survey lists, slide sheets, memories of the nodes", 50 * MB, nesting=100)
 LIST = Budget("station lists and tables: CSV, text, LAS, WITSML", 20 * MB, records=200_000, columns=500)
+SPREADSHEET = Budget(
+    "spreadsheets (.xlsx): all that is packed; records are cells, also empty ones",
+    20 * MB,
+    unpacked=100 * MB,
+    records=5_000_000,
+    columns=500,
+)
 PRESSURE = Budget(
     "pressure of a CSV or WAV, pump strokes", 2000 * MB, records=50_000_000, columns=500, seconds=30 * DAY_S
 )
@@ -117,6 +124,7 @@ BUDGETS = (
     YAML,
     JSON,
     LIST,
+    SPREADSHEET,
     PRESSURE,
     SERIAL,
     OBSERVATORY,

@@ -12,12 +12,17 @@ of positive terms for the half angle, which keeps all its digits from 0 to 180 d
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
+# A direction whose sine of inclination is smaller is vertical, down or up, and has no azimuth.
+VERTICAL = 1e-9
 # Closer to 180 deg than this (rad) the plane of the arc, and so the path, is not determined by the two directions.
 REVERSAL = 1e-6
 
@@ -27,6 +32,40 @@ def tangent(inclination: ArrayLike, azimuth: ArrayLike) -> Array:
     inc, azi = np.broadcast_arrays(np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float))
     s_i = np.sin(inc)
     return np.stack([s_i * np.cos(azi), s_i * np.sin(azi), np.cos(inc)], axis=-1)
+
+
+def directions(inclination: ArrayLike, azimuth: ArrayLike, known_from: float = VERTICAL) -> npt.NDArray[np.complex128]:
+    """
+    Return the azimuth that each station of a hole really has, with how much of it is known.
+
+    A vertical station has no azimuth: the number that a list prints there carries no meaning. Such a station takes the
+    azimuth of the hole next to it, first that of the hole below, then that of the hole above, because the arcs to them
+    leave the vertical in these directions. Between the vertical and `known_from` the station's own azimuth counts with
+    the square of its share of the horizontal, so that the result is continuous in inclination and azimuth.
+
+    Parameters
+    ----------
+    inclination, azimuth : array_like, shape (n,)
+        rad.
+    known_from : float
+        Angle from the vertical from which the station's own azimuth counts in full, rad.
+
+    Returns
+    -------
+    ndarray of complex, shape (n,)
+        Its argument is the azimuth, its magnitude from 0 to 1 says how much of it is known; 0 where no station of the
+        hole has an azimuth.
+    """
+    inc, azi = np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float)
+    weight = np.minimum((np.sin(inc) / math.sin(known_from)) ** 2, 1.0)
+    weight = np.where(np.sin(inc) < VERTICAL, 0.0, weight)
+    own = weight * np.exp(1j * azi)
+    below, above = own.copy(), np.append(0.0, own)
+    for k in np.flatnonzero(weight[:-1] < 1.0)[::-1]:
+        below[k] += (1.0 - weight[k]) * below[k + 1]
+    for k in np.flatnonzero(weight < 1.0):
+        above[k + 1] += (1.0 - weight[k]) * above[k]
+    return np.asarray(below + np.where(weight < 1.0, np.maximum(1.0 - np.abs(below), 0.0), 0.0) * above[:-1])
 
 
 def dogleg(inclination_1: ArrayLike, azimuth_1: ArrayLike, inclination_2: ArrayLike, azimuth_2: ArrayLike) -> Array:
@@ -99,8 +138,8 @@ def interpolate(
     Returns
     -------
     inclination, azimuth : ndarray, shape (...)
-        rad; at a station exactly as given there, with azimuth brought to [0, 2 pi). Between two vertical stations the
-        azimuth of the upper one is kept.
+        rad; at a station exactly as given there, with azimuth brought to [0, 2 pi). Where the hole is vertical, the
+        azimuth is that of the hole next to it (`directions`).
     position : ndarray, shape (..., 3)
         North, east, down, m.
 
@@ -182,7 +221,7 @@ def turn_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: fl
     The short way round. An interval that starts or ends vertical, where azimuth has no meaning, has turn 0.
     """
     depth, inc, azi = checked_stations(md, inclination, azimuth)
-    vertical = np.sin(inc) < 1e-9
+    vertical = np.sin(inc) < VERTICAL
     turn = np.where(vertical[:-1] | vertical[1:], 0.0, wrap_pi(np.diff(azi)))
     return _rate(depth, turn, per)
 
@@ -214,6 +253,9 @@ def checked_stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) 
     """
     Check the three columns and return them as float arrays of shape (n,), n >= 1.
 
+    The azimuth of a vertical station is replaced by that of the hole next to it (`directions`): no result of this
+    module depends on the number that a list prints there.
+
     Raises
     ------
     ValueError
@@ -237,7 +279,8 @@ def checked_stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) 
     if bad.size:
         k = int(bad[0])
         raise ValueError(f"md: must increase, got {depth[k + 1]} m at station {k + 1} after {depth[k]} m")
-    return depth, inc, azi
+    vertical = np.sin(inc) < VERTICAL
+    return depth, inc, np.where(vertical, wrap_tau(np.angle(directions(inc, azi))), azi) if vertical.any() else azi
 
 
 def _rate(depth: Array, change: Array, per: float) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import enum
 import functools
 import math
 import types
@@ -233,6 +234,8 @@ def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
         return {str(k): checked(v, item, rule, f"{where}.{k}") for k, v in value.items()}
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         return value if isinstance(value, kind) else from_mapping(kind, value, where)
+    if isinstance(kind, type) and issubclass(kind, enum.Enum):
+        return _checked_word(value, kind, rule, where)
     return _checked_scalar(value, kind, rule, where)
 
 
@@ -263,6 +266,15 @@ def _checked_sequence(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if len(items) != len(args):
         raise SettingsError(f"{where}: expected {len(args)} values, got {len(items)}: {value!r}")
     return tuple(checked(v, a, rule, f"{where}[{k}]") for k, (v, a) in enumerate(zip(items, args, strict=True)))
+
+
+def _checked_word(value: Any, kind: type[enum.Enum], rule: Rule, where: str) -> enum.Enum:
+    """Member of an enumeration by its value."""
+    try:
+        return kind(value)
+    except ValueError:
+        known = ", ".join(str(one.value) for one in kind)
+        raise SettingsError(f"{where}: {value!r} is not one of {known}; {rule.text()}") from None
 
 
 def printable(text: str) -> str:
@@ -322,7 +334,7 @@ def _plain(value: Any) -> Any:
         return [_plain(v) for v in value]
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
-    return value
+    return value.value if isinstance(value, enum.Enum) else value
 
 
 def _bound(value: float | None) -> str:

@@ -9,6 +9,7 @@ in a callback is logged and counted instead of ending the process.
 
 from __future__ import annotations
 
+import contextlib
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -87,7 +88,8 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._parameter_set = SettingsParameters(
             self, default, self._settings_changed, self.changeable_at_runtime, self.check_settings
         )
-        self._destructors: list[Callable[[], Any]] = []
+        self._entities: list[tuple[Any, Callable[[], Any]]] = []
+        self._retired: list[contextlib.ExitStack] = []
         self._buffers: list[MessageBuffer] = []
         self.active = self._configured = False
         self._failures = CallbackFailures()
@@ -165,7 +167,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         )
         publisher.on_refusal = partial(self._not_sent, topic)
         self.add_managed_entity(publisher)
-        self._destructors.append(lambda: self.destroy_lifecycle_publisher(publisher))
+        self._entities.append((publisher, lambda: self.destroy_lifecycle_publisher(publisher)))
         return publisher
 
     def add_subscription(
@@ -176,7 +178,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         subscription = self.create_subscription(
             msg_type, topic, partial(self._call, topic, callback), qos, raw=raw, event_callbacks=events
         )
-        self._destructors.append(lambda: self.destroy_subscription(subscription))
+        self._entities.append((subscription, lambda: self.destroy_subscription(subscription)))
 
     def add_buffered_subscription(self, msg_type: Any, topic: str, qos: QoSProfile) -> MessageBuffer:
         """Create a subscription without callback: serialised messages wait in the middleware until they are taken."""
@@ -192,7 +194,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             self._buffers.remove(buffer)
             self.destroy_subscription(subscription)
 
-        self._destructors.append(destroy)
+        self._entities.append((subscription, destroy))
         return buffer
 
     def add_service(self, srv_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
@@ -213,7 +215,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
         service = self.create_service(srv_type, name, respond)
         allow_deferred_responses(service)
-        self._destructors.append(lambda: self.destroy_service(service))
+        self._entities.append((service, lambda: self.destroy_service(service)))
 
     def add_action_server(
         self,
@@ -236,19 +238,19 @@ class GraphNode(LifecycleNode, Generic[T]):
         server = DeferredActionServer(
             self, action_type, name, lambda goal: call(start_goal, goal), lambda goal: call(cancel_goal, goal)
         )
-        self._destructors.append(server.destroy)
+        self._entities.append((server, server.destroy))
 
     def add_client(self, srv_type: Any, name: str) -> Any:
         """Create a client of another node's service."""
         client = self.create_client(srv_type, name)
-        self._destructors.append(lambda: self.destroy_client(client))
+        self._entities.append((client, lambda: self.destroy_client(client)))
         return client
 
     def add_timer(self, period: float, callback: Callable[[], None]) -> None:
         """Create a timer of `period` seconds on the steady clock, which no time source sets; it runs while active."""
         protected = partial(self._call, callback.__name__, callback)
         timer = self.create_timer(period, protected, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._destructors.append(lambda: self.destroy_timer(timer))
+        self._entities.append((timer, lambda: self.destroy_timer(timer)))
 
     def _call(self, name: str, callback: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
         """
@@ -372,9 +374,37 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._destroy_entities()
 
     def _destroy_entities(self) -> None:
-        for destroy in reversed(self._destructors):
+        """
+        Destroy what `configure` created; the middleware's side of it goes once the executor has no event of it left.
+
+        The events executor keeps borrowed references in its queue: an event that waits there for an entity that is gone
+        ends the process (rclpy 7.1).
+        """
+        held = contextlib.ExitStack()
+        for entity, destroy in reversed(self._entities):
+            for handle in (getattr(entity, "handle", entity), *getattr(entity, "event_handlers", ())):
+                held.enter_context(handle)
+            held.callback(lambda _entity: None, entity)
             destroy()
-        self._destructors.clear()
+        self._entities.clear()
+        self._retired.append(held)
+        executor = self.executor
+        if executor is None:
+            self._let_go(held)
+        else:
+            # The first task runs when the executor has heard that they are gone, the second after all of their events.
+            executor.create_task(lambda: executor.create_task(self._let_go, held))
+
+    def _let_go(self, held: contextlib.ExitStack) -> None:
+        if held in self._retired:
+            self._retired.remove(held)
+            held.close()
+
+    def destroy_node(self) -> None:
+        """Destroy the node, which no executor serves any more."""
+        for held in list(self._retired):
+            self._let_go(held)
+        super().destroy_node()
 
     def _publish_diagnostics(self) -> None:
         state = self._state_machine.current_state[1]

@@ -107,14 +107,45 @@ def test_stations_give_themselves_back_to_the_last_bit(volve_f4):
     positions = mc.path(md, inc, azi)
     inc_at, azi_at, position = mc.interpolate(md, inc, azi, positions, md)
     assert np.array_equal(inc_at, inc)
-    assert np.array_equal(azi_at, azi)
+    assert np.array_equal(azi_at[inc > 0.0], azi[inc > 0.0])
     assert np.array_equal(position, positions)
 
 
-def test_a_vertical_interval_keeps_the_azimuth_of_its_upper_station_and_a_kick_off_takes_that_of_the_curve():
-    md, inc, azi = [0.0, 100.0, 130.0], [0.0, 0.0, 0.1], [1.0, 2.0, 3.0]
-    _, azi_at, _ = mc.interpolate(md, inc, azi, mc.path(md, inc, azi), [50.0, 101.0])
-    np.testing.assert_allclose(azi_at, [1.0, 3.0], atol=1e-12)
+def test_a_vertical_interval_has_the_azimuth_in_which_the_hole_leaves_the_vertical():
+    md, inc, azi = [0.0, 100.0, 130.0, 160.0], [0.0, 0.0, 0.1, 0.0], [1.0, 2.0, 3.0, 5.0]
+    _, azi_at, _ = mc.interpolate(md, inc, azi, mc.path(md, inc, azi), [0.0, 50.0, 101.0, 159.0, 160.0])
+    np.testing.assert_allclose(azi_at, 3.0, atol=1e-12)
+
+
+@given(printed=st.lists(azimuths, min_size=6, max_size=6), upward=st.booleans())
+def test_the_azimuth_that_a_list_prints_at_vertical_stations_changes_nothing(printed, upward):
+    """Path, dogleg, build and turn rate, points between and their azimuths are the same to the last bit."""
+    md = np.arange(6) * 30.0
+    inc = np.array([0.0, 0.0, 0.2, 0.3, 0.0, 0.0]) if not upward else np.pi - np.array([0.0, 0.0, 0.2, 0.3, 0.0, 0.0])
+    fixed = np.array([0.0, 0.0, 2.0, 2.5, 0.0, 0.0])
+    at = np.linspace(0.0, 150.0, 31)
+    results = []
+    for azi in (fixed, np.where(np.sin(inc) < 1e-9, printed, fixed)):
+        positions = mc.path(md, inc, azi)
+        rates = [f(md, inc, azi) for f in (mc.dogleg_severity, mc.build_rate, mc.turn_rate)]
+        results.append([positions, *rates, *mc.interpolate(md, inc, azi, positions, at)])
+    for one, other in zip(*results, strict=True):
+        assert np.array_equal(one, other)
+
+
+@given(i=st.floats(0.0, 0.01), a=azimuths, turn=azimuths)
+def test_what_is_known_of_an_azimuth_is_continuous_and_turns_with_the_map(i, a, turn):
+    known_from = 0.005
+    inc = np.array([0.0, i, 0.0, 0.2, 0.0])
+    azi = np.array([3.0, a, 1.0, 2.0, 0.5])
+    found = mc.directions(inc, azi, known_from)
+    assert np.all(np.abs(found) <= 1.0 + 1e-12)
+    # A vertical station next to the curve has its azimuth, whatever it prints itself.
+    np.testing.assert_allclose(found[2:], np.exp(2.0j), atol=1e-12)
+    near = mc.directions(np.where(inc == i, i + 1e-9, inc), azi, known_from)
+    np.testing.assert_allclose(near, found, atol=1e-5)
+    np.testing.assert_allclose(mc.directions(inc, azi + turn, known_from), found * np.exp(1j * turn), atol=1e-9)
+    assert not mc.directions(np.zeros(3), [a, 1.0, turn]).any()
 
 
 def test_position_between_stations_is_the_integral_of_the_tangent():

@@ -9,23 +9,36 @@ decompressed first.
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import os
 import re
 import tempfile
 from pathlib import Path
 
+import numpy as np
 import zstandard
-from rosbags.rosbag2 import Reader as RosbagsReader
 
 from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
-from mwd_sensors.core.input_files import check_regular
+from mwd_sensors.core.input_files import check_regular, open_regular
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import MetadataError
-from mwd_surface.bags.db3_check import check_database
+from mwd_surface.bags.database_files import DatabaseFiles
+from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.contents import Contents
 from mwd_surface.bags.mcap.reader import McapFile
-from mwd_surface.bags.mcap.records import FormatError
-from mwd_surface.bags.ros1_bag import Ros1Reader
+from mwd_surface.bags.mcap.records import MAGIC, FormatError
+from mwd_surface.bags.mcap.walk import walk_records
+from mwd_surface.bags.ros1_bag import Ros1Bag
+from mwd_surface.bags.topic_info import CDR, REMEDY, ROS1, TopicInfo, cdr_problem, listed, read_as
+
+__all__ = ["BagError", "BagFiles", "TopicInfo"]
+
+# How a file of each storage begins, and the endings of files that are looked for in a folder.
+_BEGINNINGS = {MAGIC: "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ros1"}
+_STORAGES = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ros1"}
+# Messages of a channel that must all be of another encoding than declared, and spans looked through for them.
+_PROBED, _PROBED_SPANS = 3, 8
 
 
 class BagError(Exception):
@@ -35,36 +48,6 @@ class BagError(Exception):
         super().__init__(f"{sentence}; {hint}" if hint else sentence)
         self.sentence = sentence
         self.hint = hint
-
-
-@dataclasses.dataclass(frozen=True)
-class TopicInfo:
-    """
-    One topic of a bag.
-
-    Attributes
-    ----------
-    name, type_name : str
-    count : int
-        Messages, as the bag's index says.
-    schema_encoding, schema : str
-        Definition of the type inside the bag; empty where it carries none.
-    type_hash : str
-        RIHS01, empty where unknown.
-    qos : str
-        Offered profiles as YAML, empty where unknown.
-    serialization : str
-        ``cdr`` for ROS 2.
-    """
-
-    name: str
-    type_name: str
-    count: int
-    schema_encoding: str = ""
-    schema: str = ""
-    type_hash: str = ""
-    qos: str = ""
-    serialization: str = "cdr"
 
 
 class BagFiles:
@@ -77,7 +60,7 @@ class BagFiles:
 
     Attributes
     ----------
-    topics, start_ns, end_ns, notes, files, size_bytes, storage, custom, complete
+    topics, unreadable, start_ns, end_ns, notes, files, size_bytes, storage, custom, complete, lost_bytes
         As `bag_reader.Bag` has them.
     message_compression : bool
         Each message of it is compressed by itself.
@@ -85,8 +68,10 @@ class BagFiles:
         The files themselves, of MCAP storage.
     names : list of dict of int to str
         Of each of them: channel number to topic.
-    rosbags : Reader or None
-        What reads any other storage.
+    ros1 : list of dict of int to str
+        Of each of them: channel number to the type of channels in the encoding of ROS 1.
+    other : DatabaseFiles, Ros1Bag or None
+        Reader of any other storage.
 
     Raises
     ------
@@ -97,9 +82,11 @@ class BagFiles:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.topics: dict[str, TopicInfo] = {}
+        self.unreadable: dict[str, TopicInfo] = {}
         self.start_ns = self.end_ns = 0
         self.notes: list[str] = []
         self.complete = True
+        self.lost_bytes = 0
         self.custom: dict[str, str] = {}
         self.files: list[Path] = []
         self.size_bytes = 0
@@ -107,7 +94,9 @@ class BagFiles:
         self.message_compression = False
         self.mcap: list[tuple[McapFile, Contents]] = []
         self.names: list[dict[int, str]] = []
-        self.rosbags: RosbagsReader | Ros1Reader | None = None
+        self.ros1: list[dict[int, str]] = []
+        self._probed: set[str] = set()
+        self.other: DatabaseFiles | Ros1Bag | None = None
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
         try:
             self._open()
@@ -120,8 +109,8 @@ class BagFiles:
         for file, _ in self.mcap:
             file.close()
         self.mcap = []
-        if self.rosbags is not None and self.rosbags.is_open:
-            self.rosbags.close()
+        if self.other is not None:
+            self.other.close()
         if self._scratch is not None:
             self._scratch.cleanup()
             self._scratch = None
@@ -129,36 +118,35 @@ class BagFiles:
     def _open(self) -> None:
         if not self.path.exists():
             raise BagError(f"there is nothing at {self.path}", "check the path; a bag is a folder or an .mcap file")
-        files = self._directory() if self.path.is_dir() else [self.path]
+        files = self._directory()
         if not files:
             raise BagError(f"{self.path} holds no recording", "a bag has .mcap or .db3 files and a metadata.yaml")
         self.files, self.size_bytes = files, sum(file.stat().st_size for file in files)
-        suffixes = {_suffix(file) for file in files}
-        self.storage = "sqlite3" if suffixes == {".db3"} else "mcap"
-        if suffixes == {".mcap"}:
-            self._open_mcap(files)
-        elif suffixes == {".db3"}:
-            self._open_rosbags(files)
-        elif suffixes == {".bag"}:
-            self.storage = "ros1"
-            self._open_rosbags(files)
-        else:
+        storages = {storage_of(file) for file in files}
+        if len(storages) != 1 or "" in storages:
             raise BagError(f"{self.path} is not a bag", "expected a folder with metadata.yaml, an .mcap, .db3 or .bag")
-        if not any(topic.count for topic in self.topics.values()):
-            reason = "; ".join(self.notes)
-            raise BagError(f"{self.path} holds no message" + (f" ({reason})" if reason else ""), "record it again")
+        self.storage = storages.pop()
+        if self.storage == "mcap":
+            self._open_mcap(files)
+        else:
+            self._open_other(files)
+        unread = [topic for topic in self.unreadable.values() if topic.count]
+        if any(topic.count for topic in self.topics.values()):
+            self.notes += [f"not read: {listed(unread)}"] if unread else []
+            return
+        if unread:
+            raise BagError(f"{self.path} has no message that can be read here: {listed(unread)}", REMEDY)
+        reason = "; ".join(self.notes)
+        raise BagError(f"{self.path} holds no message" + (f" ({reason})" if reason else ""), "record it again")
 
     def _directory(self) -> list[Path]:
-        there = sorted(
-            (file for file in self.path.iterdir() if _suffix(file) in (".mcap", ".db3") and file.is_file()),
-            key=lambda file: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)],
-        )
+        """Return the files to read: those that metadata.yaml names, and others that are there."""
+        there = files_of(self.path)
+        if self.path.is_file():
+            return there
         try:
             about = bag_metadata.read(self.path)
         except MetadataError as error:
-            if any(_suffix(file) == ".db3" for file in there):
-                # rosbags would read the same file again.
-                raise BagError(str(error), "mend metadata.yaml, or make it again with `ros2 bag reindex`") from error
             if there:
                 self.notes.append(f"{error}; used the files that are there")
             return there
@@ -194,8 +182,16 @@ class BagFiles:
         if problems:
             self.notes += [f"{problem}; skipped" for problem in problems]
             self.complete = False
-        for _, contents in self.mcap:
-            self.names.append(self._join_topics(contents))
+        bad = [self._join_topics(file, contents) for file, contents in self.mcap]
+        for name in self.topics.keys() & self.unreadable.keys():
+            # One topic in two encodings: the messages that can be read are the topic.
+            left = self.unreadable.pop(name)
+            self.notes.append(f"{left.count} messages of {name} are left out: {left.problem}")
+        for names, numbers in zip(self.names, bad, strict=True):
+            for number in [number for number in numbers if names.get(number) in self.topics]:
+                del names[number]
+        if any(self.ros1):
+            self.notes.append("messages in the encoding of ROS 1: converted as they are read, which is slower")
         spans = [span for _, contents in self.mcap for span in contents.spans]
         if spans:
             self.start_ns = min(span.start_ns for span in spans)
@@ -205,81 +201,83 @@ class BagFiles:
         if self.message_compression:
             self.notes.append("messages are compressed one by one: read slowly")
 
-    def _join_topics(self, contents: Contents) -> dict[int, str]:
-        names = {}
+    def _join_topics(self, file: McapFile, contents: Contents) -> set[int]:
+        """Add the channels of a file to the topics; return the numbers of those that cannot be read."""
+        # The first file of a topic tells for all of them: a day in a hundred files opens as fast as one.
+        fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}
+        problems = {} if self.message_compression else _probed(file, contents, fresh)
+        self._probed |= {contents.channels[number].topic for number in fresh if contents.counts.get(number, 0)}
+        bad: set[int] = set()
+        names: dict[int, str] = {}
+        ros1: dict[int, str] = {}
         for number, channel in contents.channels.items():
             schema = contents.schemas.get(channel.schema_id)
-            type_name = schema.name if schema else ""
-            known = self.topics.get(channel.topic)
-            if known is not None and known.type_name != type_name:
+            kind, declared = (schema.encoding, schema.name) if schema else ("", "")
+            type_name, encoding, problem = read_as(channel.encoding, kind, declared)
+            former = self.unreadable.get(channel.topic)
+            problem = problem or problems.get(number, former.problem if former and number not in fresh else "")
+            there = self.unreadable if problem else self.topics
+            known = there.get(channel.topic)
+            if known is not None and (known.type_name, known.problem) != (type_name, problem):
                 self.notes.append(
                     f"{channel.topic} has messages of {known.type_name} and of {type_name}; the latter are left out"
                 )
                 continue
-            count = contents.counts.get(number, 0) + (known.count if known else 0)
-            self.topics[channel.topic] = TopicInfo(
+            from_ros1 = encoding == ROS1 and not problem
+            there[channel.topic] = TopicInfo(
                 channel.topic,
                 type_name,
-                count,
-                schema.encoding if schema else "",
-                schema.data.decode(errors="replace") if schema else "",
+                contents.counts.get(number, 0) + (known.count if known else 0),
+                kind if not from_ros1 else "",
+                schema.data.decode(errors="replace") if schema and not from_ros1 else "",
                 channel.metadata.get("topic_type_hash", ""),
                 channel.metadata.get("offered_qos_profiles", ""),
-                channel.encoding,
+                CDR if from_ros1 else encoding,
+                problem,
             )
             names[number] = channel.topic
+            if problem:
+                bad.add(number)
+            if from_ros1:
+                ros1[number] = type_name
+        self.names.append(names)
+        self.ros1.append(ros1)
         orphans = sum(count for number, count in contents.counts.items() if number not in contents.channels)
         if orphans:
             self.notes.append(f"{orphans} messages belong to no topic, for its declaration is lost; left out")
             self.complete = False
-        return names
+        return bad
 
-    def _open_rosbags(self, files: list[Path]) -> None:
-        path = self.path
-        if path.is_file() and path.suffix == ".zstd":
-            path = self._unpacked(path)
+    def _open_other(self, files: list[Path]) -> None:
         try:
-            for file in files if path.is_dir() else [path]:
-                if self.storage == "sqlite3":
-                    check_database(self._unpacked(file))
-                else:
-                    check_regular(file, budgets.ROS1)
-            self.rosbags = Ros1Reader(path) if self.storage == "ros1" else RosbagsReader(path)
-            self.rosbags.open()
-            if isinstance(self.rosbags, RosbagsReader) and self.message_compression:
-                # Done with the budget of a message, by whoever decodes it.
-                storage = self.rosbags.storage
-                storage.metadata = storage.metadata._replace(compression_mode=None)
+            plain = [self._unpacked(file) for file in files]
+            for file in plain:
+                check_regular(file, budgets.ROS1 if self.storage == "ros1" else budgets.DATABASE)
+            self.other = Ros1Bag(plain[0]) if self.storage == "ros1" else DatabaseFiles(plain, self._scratch_folder)
         except Exception as error:
             # rosbags, sqlite and its YAML parser each raise their own kinds.
-            raise BagError(f"{self.path} cannot be read: {error}", "was it recorded to the end?") from error
-        left_out = self.rosbags.left_out if isinstance(self.rosbags, Ros1Reader) else []
-        if left_out:
-            self.notes.append(f"not read, of types that are no common ones: {', '.join(left_out)}")
-        for name, info in self.rosbags.topics.items():
-            if name in left_out:
-                continue
-            connection = info.connections[0]
-            self.topics[name] = TopicInfo(
-                name,
-                connection.msgtype,
-                info.msgcount,
-                info.msgdef.format.name.lower(),
-                info.msgdef.data,
-                connection.digest,
-                "",
-                getattr(connection.ext, "serialization_format", "cdr"),
-            )
-        if self.rosbags.message_count:
-            self.start_ns, self.end_ns = self.rosbags.start_time, self.rosbags.end_time - 1
-        kind = "a recording of ROS 1" if self.storage == "ros1" else f"{files[0].suffix} storage"
-        self.notes.append(f"{kind}: read through rosbags, which is slower")
+            hint = "`mwd recover` may save parts of it" if self.storage == "sqlite3" else "was it recorded to the end?"
+            raise BagError(f"{self.path} cannot be read: {error}", hint) from error
+        self.topics, self.unreadable = self.other.topics, self.other.unreadable
+        self.start_ns, self.end_ns = self.other.start_ns, self.other.end_ns
+        self.notes += self.other.notes
+        self.complete = self.complete and self.other.complete
+        self.lost_bytes = self.other.lost_bytes if isinstance(self.other, Ros1Bag) else 0
+        for name, about in [] if self.message_compression else list(self.topics.items()):
+            messages = self.other.messages([name], None, None) if about.count else iter(())
+            first = [bytes(data) for _, _, data in itertools.islice(messages, _PROBED)]
+            problem = cdr_problem(first, about.type_name)
+            if problem:
+                self.unreadable[name] = dataclasses.replace(self.topics.pop(name), problem=problem)
+
+    def _scratch_folder(self) -> Path:
+        self._scratch = self._scratch or tempfile.TemporaryDirectory(prefix="mwd_bag_")
+        return Path(self._scratch.name)
 
     def _unpacked(self, path: Path) -> Path:
         if path.suffix != ".zstd":
             return path
-        self._scratch = self._scratch or tempfile.TemporaryDirectory(prefix="mwd_bag_")
-        target = Path(self._scratch.name) / path.stem
+        target = self._scratch_folder() / path.stem
         try:
             size = check_regular(path, budgets.MCAP)
             with path.open("rb") as packed, target.open("wb") as plain:
@@ -296,3 +294,58 @@ class BagFiles:
 
 def _suffix(path: Path) -> str:
     return Path(path.stem).suffix if path.suffix == ".zstd" else path.suffix
+
+
+def files_of(path: Path) -> list[Path]:
+    """Return the files of a recording: the file itself, or those of a folder, in the order of their numbers."""
+    if not path.is_dir():
+        return [path]
+    return sorted(
+        (file for file in path.iterdir() if _suffix(file) in _STORAGES and file.is_file()),
+        key=lambda file: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)],
+    )
+
+
+def storage_of(path: Path) -> str:
+    """Return the storage of a file by its first bytes, else by its ending; empty where it is none."""
+    if path.suffix != ".zstd":
+        try:
+            with os.fdopen(open_regular(path), "rb") as file:
+                begin = file.read(16)
+        except OSError:
+            begin = b""
+        for beginning, storage in _BEGINNINGS.items():
+            if begin.startswith(beginning):
+                return storage
+    return _STORAGES.get(_suffix(path), "")
+
+
+def _probed(file: McapFile, contents: Contents, numbers: set[int]) -> dict[int, str]:
+    """Return why messages of channels declared as CDR are not, by channel, from the first messages of each."""
+    waiting = {
+        number
+        for number in numbers
+        if contents.channels[number].encoding.lower() == CDR and contents.counts.get(number, 0)
+    }
+    problems: dict[int, str] = {}
+    decompress = Decompressor()
+    spans = sorted(contents.spans, key=lambda span: span.offset)
+    spans = [span for span in spans if span.channels is None or not waiting.isdisjoint(span.channels)]
+    for span in spans[:_PROBED_SPANS]:
+        if not waiting:
+            break
+        if span.channels is not None and waiting.isdisjoint(span.channels):
+            continue
+        try:
+            plain = file.plain(span, decompress)
+        except FormatError:
+            continue
+        walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
+        for number in waiting & set(np.unique(walk.channel).tolist()):
+            rows = np.flatnonzero(walk.channel == number)[:_PROBED].tolist()
+            found = [plain[walk.offset[k] : walk.offset[k] + walk.size[k]] for k in rows]
+            schema = contents.schemas.get(contents.channels[number].schema_id)
+            if problem := cdr_problem(found, schema.name if schema else ""):
+                problems[number] = problem
+            waiting.discard(number)
+    return problems

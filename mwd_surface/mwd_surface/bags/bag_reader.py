@@ -23,6 +23,7 @@ from mwd_surface.bags.mcap.records import Attachment, FormatError, Opcode
 from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, blocks_of, part_of
 from mwd_surface.bags.part_stream import PartStream
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
+from mwd_surface.bags.topic_info import REMEDY, listed
 
 # Types that users of a bag need, importable from here.
 __all__ = ["Bag", "BagError", "Block", "Message", "Originals", "TopicInfo"]
@@ -32,7 +33,7 @@ Message = tuple[int, str, str, bytes]
 
 class Bag:
     """
-    A recording opened for reading: a rosbag2 directory, or a bare ``.mcap`` or ``.db3`` file.
+    A recording opened for reading: a rosbag2 directory, a bare ``.mcap`` or ``.db3`` file, or a ``.bag`` of ROS 1.
 
     Parameters
     ----------
@@ -41,6 +42,9 @@ class Bag:
     Attributes
     ----------
     topics : dict of str to TopicInfo
+        Those whose messages can be read.
+    unreadable : dict of str to TopicInfo
+        Those whose messages are in an encoding that cannot be read here; each says why.
     start_ns, end_ns : int
         Log time of the first and of the last message; both 0 when there is none.
     notes : list of str
@@ -50,11 +54,13 @@ class Bag:
     size_bytes : int
         Of these files.
     storage : str
-        ``mcap`` or ``sqlite3``.
+        ``mcap``, ``sqlite3`` or ``ros1``.
     custom : dict of str
         ``custom_data`` of metadata.yaml.
     complete : bool
         False for a recording that was cut off or is damaged, as far as known.
+    lost_bytes : int
+        Bytes of a ROS 1 recording behind the place where its reading ended.
 
     Raises
     ------
@@ -65,12 +71,13 @@ class Bag:
     def __init__(self, path: Path | str) -> None:
         self._opened = opened = BagFiles(Path(path))
         self.path, self.topics, self.notes, self.custom = opened.path, opened.topics, opened.notes, opened.custom
+        self.unreadable = opened.unreadable
         self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
         self.files, self.size_bytes, self.storage = opened.files, opened.size_bytes, opened.storage
-        self.complete = opened.complete
+        self.complete, self.lost_bytes = opened.complete, opened.lost_bytes
         self._noted: set[str] = set()
         self._decoder = SampleDecoder(self.topics, opened.message_compression, self._note_once)
-        self._stream = PartStream(opened, self.topics, self._note_damage)
+        self._stream = PartStream(opened, self.carried, self._note_damage)
 
     @property
     def message_count(self) -> int:
@@ -81,6 +88,15 @@ class Bag:
     def duration_s(self) -> float:
         """Time between the first and the last message, s."""
         return (self.end_ns - self.start_ns) * 1e-9
+
+    @property
+    def carried(self) -> dict[str, TopicInfo]:
+        """Topics that a copy of the bag has: those of an MCAP file that cannot be read are copied as they are."""
+        return self.topics | self.unreadable if self.storage == "mcap" else self.topics
+
+    def unread(self, *type_names: str) -> str:
+        """Return the topics of some types whose messages cannot be read, and why, in words; empty for none."""
+        return listed([one for one in self.unreadable.values() if one.count and one.type_name in type_names])
 
     def find_topic(self, type_name: str, suffix: str = "") -> str:
         """
@@ -104,6 +120,8 @@ class Bag:
                 "name the one you mean",
             )
         wanted = f"that ends in {tail!r}" if tail else ""
+        if unread := self.unread(type_name):
+            raise BagError(f"{self.path} has no topic of {type_name} that can be read: {unread}", REMEDY)
         if of_type:
             hint = f"topics of that type: {', '.join(topic.name for topic in of_type)}; name the one you mean"
         else:
@@ -158,10 +176,10 @@ class Bag:
                     pieces.setdefault(name, []).append((log_ns, samples))
                 count += len(one)
             if count >= block_messages:
-                yield from blocks_of(pieces, block_messages)
+                yield from filter(None, blocks_of(pieces, block_messages))
                 pieces, count = {}, 0
         if count:
-            yield from blocks_of(pieces, block_messages)
+            yield from filter(None, blocks_of(pieces, block_messages))
 
     def blocks_and_originals(
         self,
@@ -180,7 +198,7 @@ class Bag:
         pieces: dict[str, list[tuple[Stamps, Any]]] = {}
         originals: list[Originals] = []
         count = 0
-        for group in self._stream.groups(list(self.topics), start_ns, end_ns, lambda part: part):
+        for group in self._stream.groups(list(self.carried), start_ns, end_ns, lambda part: part):
             for part in group:
                 for name, log_ns, samples in self._decoder.samples(part, self._part_names(part), fields or {}, wanted):
                     pieces.setdefault(name, []).append((log_ns, samples))
@@ -239,6 +257,8 @@ class Bag:
         if topics is None:
             return list(self.topics)
         for name in topics:
+            if name in self.unreadable:
+                raise BagError(f"{self.path}: {self.unreadable[name].described()}", REMEDY)
             if name not in self.topics:
                 raise BagError(f"{self.path} has no topic {name}", f"it has {', '.join(self.topics)}")
         return list(topics)
@@ -262,10 +282,10 @@ class Bag:
                 if unpacked is None:
                     continue
                 data = unpacked
-            yield log_ns[row], name, self.topics[name].type_name, data
+            yield log_ns[row], name, self.carried[name].type_name, data
 
     def _part_names(self, part: Part) -> Mapping[int, str]:
-        return self._opened.names[part.file] if self._opened.rosbags is None else dict(enumerate(self.topics))
+        return self._opened.names[part.file] if self._opened.other is None else dict(enumerate(self.carried))
 
     def _originals(self, part: Part) -> Originals:
         if self._opened.message_compression:
@@ -276,12 +296,11 @@ class Bag:
                     rows.append((int(log_ns), int(channel), data))
             plain = part_of(rows)
             part = dataclasses.replace(plain, rank=part.rank, file=part.file)
-        places = {name: place for place, name in enumerate(self.topics)}
+        places = {name: place for place, name in enumerate(self.carried)}
         table = np.zeros(65536, dtype=np.int64)
         for channel, name in self._part_names(part).items():
             table[channel] = places[name]
-        framed = self._opened.rosbags is None and not self._opened.message_compression
-        return Originals(part.data, part.log_ns, part.offset, part.size, table[part.channel], framed)
+        return Originals(part.data, part.log_ns, part.offset, part.size, table[part.channel], part.framed)
 
     def _extra(self, kind: str, opcode: int) -> Iterator[bytes]:
         for file, contents in self._opened.mcap:

@@ -97,7 +97,7 @@ class MergedBag:
                         about.qos,
                         about.serialization,
                     )
-                    for about in bag.topics.values()
+                    for about in bag.carried.values()
                 ],
                 dtype=np.uint16,
             )
@@ -109,7 +109,7 @@ class MergedBag:
         except BaseException:
             self._writer.abandon()
             raise
-        self._taken = set(bag.topics)
+        self._taken = set(bag.carried)
         self._written: dict[int, int] = {}
         self._originals: list[_Source] = []
         self._new: list[_Source] = []

@@ -29,7 +29,7 @@ class Originals:
     log_ns, offset, size : ndarray of int64, shape (n,)
         Log time, and where each payload begins and how long it is.
     topic : ndarray of int64, shape (n,)
-        Place of each message's topic in `Bag.topics`.
+        Place of each message's topic in `Bag.carried`.
     framed : bool
         Each payload follows the head of its MCAP record in `data`.
     """
@@ -57,6 +57,8 @@ class Part:
         Bytes they are part of.
     log_ns, offset, size, channel : ndarray, shape (n,)
         Of each message: log time, ns; where its payload begins and how long it is; its channel's number in the file.
+    framed : bool
+        Each payload follows the head of its MCAP record in `data`.
     """
 
     rank: tuple[int, int]
@@ -66,6 +68,7 @@ class Part:
     offset: NDArray[np.int64]
     size: NDArray[np.int64]
     channel: NDArray[np.uint16]
+    framed: bool = False
 
     def __len__(self) -> int:
         return len(self.log_ns)
@@ -85,6 +88,7 @@ class Part:
             self.offset[where],
             self.size[where],
             self.channel[where],
+            self.framed,
         )
 
 

@@ -8,13 +8,13 @@ Chunks of MCAP files are decompressed and decoded ahead in a thread; other stora
 from __future__ import annotations
 
 import concurrent.futures
+import dataclasses
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.rosbag2 import Reader as RosbagsReader
 
 from mwd_surface.bags.bag_files import BagFiles, TopicInfo
 from mwd_surface.bags.mcap.compression import Decompressor
@@ -22,7 +22,7 @@ from mwd_surface.bags.mcap.contents import Span
 from mwd_surface.bags.mcap.records import FormatError
 from mwd_surface.bags.mcap.walk import walk_records
 from mwd_surface.bags.message_parts import NEVER, Decoded, Part, part_of
-from mwd_surface.bags.ros1_bag import Ros1Reader
+from mwd_surface.bags.topic_info import ros2_types
 
 M = TypeVar("M", Part, Decoded)
 
@@ -50,8 +50,8 @@ class PartStream:
         Everything in one group is logged no later than everything in the next.
         """
         start, end = start_ns or 0, NEVER if end_ns is None else end_ns
-        if self._opened.rosbags is not None:
-            for part in self._rosbags_parts(self._opened.rosbags, topics, start, end):
+        if self._opened.other is not None:
+            for part in self._other_parts(topics, start, end):
                 yield [made(part)]
             return
         chosen: list[tuple[int, Span]] = []
@@ -129,7 +129,7 @@ class PartStream:
             raise FormatError(f"a chunk's records end at byte {walk.end} of {len(data)}")
         if walk.impossible:
             self._on_damage(f"{walk.impossible} messages were left out: their time cannot be")
-        part = Part((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel)
+        part = Part((number, span.offset), number, data, walk.log_ns, walk.offset, walk.size, walk.channel, True)
         chosen = wanted[walk.channel]
         if start > 0 or end < NEVER:
             chosen &= (walk.log_ns >= start) & (walk.log_ns < end)
@@ -137,17 +137,38 @@ class PartStream:
             part = part.at(chosen)
         if len(part.log_ns) and (part.log_ns[1:] < part.log_ns[:-1]).any():
             part = part.at(np.argsort(part.log_ns, kind="stable"))
-        return part
+        return self._from_ros1(part, number) if self._opened.ros1[number] else part
 
-    def _rosbags_parts(
-        self, reader: RosbagsReader | Ros1Reader, topics: list[str], start: int, end: int
-    ) -> Iterator[Part]:
-        numbers = {name: number for number, name in enumerate(self._topics)}
-        connections = [one for one in reader.connections if one.topic in topics]
+    def _from_ros1(self, part: Part, number: int) -> Part:
+        """Return a part whose messages in the encoding of ROS 1 are brought to that of ROS 2."""
+        types = self._opened.ros1[number]
         rows: list[tuple[int, int, bytes]] = []
+        failed: dict[str, tuple[int, Exception]] = {}
+        for log_ns, at, size, channel in zip(
+            part.log_ns.tolist(), part.offset.tolist(), part.size.tolist(), part.channel.tolist(), strict=True
+        ):
+            data = part.data[at : at + size].tobytes()
+            if channel in types:
+                try:
+                    data = bytes(ros2_types().ros1_to_cdr(data, types[channel]))
+                except Exception as error:  # noqa: BLE001  (bytes that lie can fail in any way inside a decoder)
+                    name = self._opened.names[number][channel]
+                    failed[name] = failed.get(name, (0, error))[0] + 1, error
+                    continue
+            rows.append((log_ns, channel, data))
+        for name, (count, reason) in failed.items():
+            self._on_damage(f"{count} messages of {name} are not in the encoding of ROS 1 and are left out: {reason}")
+        return dataclasses.replace(part_of(rows), rank=part.rank, file=part.file)
+
+    def _other_parts(self, topics: list[str], start: int, end: int) -> Iterator[Part]:
+        """Yield parts of a bag of another storage than MCAP."""
+        numbers = {name: number for number, name in enumerate(self._topics)}
+        rows: list[tuple[int, int, bytes]] = []
+        if self._opened.other is None:
+            return
         try:
-            for connection, log_ns, data in reader.messages(connections, start or None, end if end < NEVER else None):
-                rows.append((_checked_time(log_ns), numbers[connection.topic], bytes(data)))
+            for name, log_ns, data in self._opened.other.messages(topics, start or None, end if end < NEVER else None):
+                rows.append((_checked_time(log_ns), numbers[name], bytes(data)))
                 if len(rows) >= 4096:
                     yield part_of(rows)
                     rows = []

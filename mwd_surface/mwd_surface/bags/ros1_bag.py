@@ -3,78 +3,226 @@
 A ROS 1 recording (``.bag``) read as if ROS 2 had written it: the messages of common types are brought to its encoding.
 
 The conversion is that of `rosbags` (CDR from the ROS 1 serialisation, without the header's sequence number). Topics of
-types that ROS 2's common packages do not have are left out.
+types that ROS 2's common packages do not have are left out. A recording without its index, because the recorder died or
+the file was cut, is read through once for the messages that are there.
 """
 
 from __future__ import annotations
 
 import bz2
-from collections.abc import Callable, Collection, Generator
+import struct
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from functools import partial
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import lz4.frame
-from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader
-from rosbags.rosbag1.reader import decompressors
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag1 import Reader, ReaderError
+from rosbags.rosbag1.reader import Chunk, ChunkInfo, Header, IndexData, RecordType, decompressors, read_bytes
 
 from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
+from mwd_surface.bags.topic_info import TopicInfo, ros2_types
 
+_MAGIC = b"#ROSBAG V2.0\n"
 _BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {
     "bz2": bz2.BZ2Decompressor,
     "lz4": lz4.frame.LZ4FrameDecompressor,
 }
 
 
-class Ros1Reader(Reader):
+class Ros1Bag:
     """
-    As `rosbags.rosbag2.Reader` gives them: connections and messages of the types that ROS 2 knows.
+    A ROS 1 recording.
 
     Attributes
     ----------
-    left_out : list of str
-        Topics of other types.
+    topics, unreadable : dict of str to TopicInfo
+        Topics of types that ROS 2 knows, and the others.
+    start_ns, end_ns : int
+        Time of the first and of the last message; 0 where there is none.
+    notes : list of str
+        What was unusual.
+    complete : bool
+        The recording has its index.
+    lost_bytes : int
+        Bytes behind the place where the reading of a file without index ended.
+
+    Raises
+    ------
+    ReaderError, OSError
+        It is no ROS 1 recording, or cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._store = get_typestore(Stores.ROS2_JAZZY)
-        self.left_out: list[str] = []
-        self.is_open = False
-        self._sizes: dict[int, int] = {}
+        self._reader = _AnyReader(path)
+        self._reader.open()
+        self.complete, self.lost_bytes = not self._reader.cut, self._reader.lost_bytes
+        self.notes = ["a recording of ROS 1: read through rosbags, which is slower"]
+        if not self.complete:
+            self.notes.append(f"{path.name} has no index, for it was not closed: {self._reader.cut}")
+        self.topics: dict[str, TopicInfo] = {}
+        self.unreadable: dict[str, TopicInfo] = {}
+        for name, info in self._reader.topics.items():
+            type_name = info.connections[0].msgtype
+            known = type_name in ros2_types().fielddefs
+            problem = "" if known else "its ROS 1 type is not one of ROS 2's common packages"
+            (self.topics if known else self.unreadable)[name] = TopicInfo(
+                name, type_name, info.msgcount, problem=problem
+            )
+        filled = [info for info in self._reader.chunk_infos if info.connection_counts]
+        self.start_ns = min((info.start_time for info in filled), default=0)
+        self.end_ns = max((info.end_time - 1 for info in filled), default=0)
 
-    def open(self) -> None:
-        """Open the file and read its index."""
-        super().open()
-        self.is_open = True
-        for place, chunk in self.chunks.items():
-            for name, make in _BOUNDED.items():
-                if chunk.decompressor is decompressors[name]:
-                    bounded = partial(self._unpacked, make, place)
-                    self.chunks[place] = chunk._replace(decompressor=bounded)
-        known = [one for one in self.connections if one.msgtype in self._store.fielddefs]
-        self.left_out = sorted({one.topic for one in self.connections if one not in known})
-        self.connections = known
-
-    def _unpacked(self, make: Callable[[], Any], place: int, data: bytes) -> bytes:
-        """Records of a chunk, within the budget; raises BudgetError."""
-        most = budgets.ROS1.unpacked or 0
-        plain = bytes(make().decompress(data, max_length=most + 1))
-        budgets.ROS1.check("unpacked", len(plain))
-        self._sizes[place] = len(plain)
-        budgets.ROS1.check_ratio(self.path.stat().st_size, sum(self._sizes.values()))
-        return plain
+    def messages(self, topics: list[str], start: int | None, stop: int | None) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, log time, ns, and the bytes of each message as ROS 2 encodes it."""
+        wanted = [one for one in self._reader.connections if one.topic in topics]
+        for connection, log_ns, data in self._reader.messages(wanted, start, stop) if wanted else ():
+            yield connection.topic, log_ns, bytes(ros2_types().ros1_to_cdr(data, connection.msgtype))
 
     def close(self) -> None:
         """Close the file."""
-        self.is_open = False
-        super().close()
+        if self._reader.bio is not None:
+            self._reader.close()
 
-    def messages(
-        self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
-    ) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """Connection, log time, ns, and the bytes of each message as ROS 2 encodes it."""
-        for connection, log_ns, data in super().messages(connections, start, stop):
-            yield connection, log_ns, bytes(self._store.ros1_to_cdr(data, connection.msgtype))
+
+class _AnyReader(Reader):
+    """
+    Reader of a recording with or without its index.
+
+    Attributes
+    ----------
+    cut : str
+        Where the reading of a file without index ended, in words; empty where the index is there.
+    """
+
+    cut = ""
+    lost_bytes = 0
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._sizes: dict[int, int] = {}
+
+    def open(self) -> None:
+        """Open the file, and make an index of the messages that are there where the file has none."""
+        try:
+            super().open()
+        except (ReaderError, struct.error, AssertionError, UnicodeDecodeError, ValueError):
+            with self.path.open("rb") as file:
+                if file.read(len(_MAGIC)) != _MAGIC:
+                    raise
+            self.connections, self.chunk_infos, self.chunks, self.indexes = [], [], {}, {}
+            self.bio = self.path.open("rb")
+            self._index_by_reading()
+
+    def read_chunk(self) -> Chunk:
+        """Read the head of a chunk; its records are unpacked within the budget."""
+        position = self.bio.tell() if self.bio is not None else 0
+        chunk = super().read_chunk()
+        compression = next(name for name, one in decompressors.items() if one is chunk.decompressor)
+        return chunk._replace(decompressor=self._bounded(position, compression))
+
+    def _bounded(self, position: int, compression: str) -> Callable[[bytes], bytes]:
+        """Return the function that unpacks the chunk at a position."""
+        if compression not in _BOUNDED:
+            return decompressors[compression]
+        return partial(self._unpacked, _BOUNDED[compression], position)
+
+    def _unpacked(self, make: Callable[[], Any], position: int, data: bytes) -> bytes:
+        """Records of a chunk; raises BudgetError, or ReaderError where it does not decompress."""
+        most = budgets.ROS1.unpacked or 0
+        unpacker = make()
+        try:
+            plain = bytes(unpacker.decompress(data, max_length=most + 1))
+        except Exception as error:
+            # bz2 and lz4 raise their own kinds.
+            raise ReaderError(f"a chunk does not decompress: {error}") from error
+        budgets.ROS1.check("unpacked", len(plain))
+        if not unpacker.eof:
+            raise ReaderError("a chunk does not decompress: it is not complete")
+        self._sizes[position] = len(plain)
+        budgets.ROS1.check_ratio(self.path.stat().st_size, sum(self._sizes.values()))
+        return plain
+
+    def _index_by_reading(self) -> None:
+        """Read the file chunk by chunk, as far as it goes."""
+        file: BinaryIO = self.bio  # type: ignore[assignment]
+        size = self.path.stat().st_size
+        file.seek(len(_MAGIC))
+        indexes: dict[int, list[IndexData]] = defaultdict(list)
+        position = file.tell()
+        self.cut = f"read to its end, byte {size}"
+        while position < size:
+            try:
+                header = Header.read(file)
+                length = struct.unpack("<L", read_bytes(file, 4))[0]
+                if header.get_uint8("op") == RecordType.CHUNK:
+                    self._index_chunk(position, header, length, indexes)
+                else:
+                    file.seek(min(length, size - file.tell()), 1)
+            except (ReaderError, struct.error, UnicodeDecodeError) as error:
+                self.cut = f"read to byte {position} of {size} ({error.args[0]})"
+                self.lost_bytes = size - position
+                break
+            position = file.tell()
+        self.indexes = {one.id: sorted(indexes[one.id]) for one in self.connections}
+        self.connections = [one._replace(msgcount=len(self.indexes[one.id])) for one in self.connections]
+
+    def _index_chunk(self, position: int, header: Header, length: int, indexes: dict[int, list[IndexData]]) -> None:
+        """Index the messages of a chunk; of one that was cut those before the cut, where it is not compressed."""
+        file: BinaryIO = self.bio  # type: ignore[assignment]
+        begin = file.tell()
+        compression = header.get_string("compression")
+        data = file.read(length)
+        whole = len(data) == length
+        if compression not in decompressors:
+            raise ReaderError(f"the compression {compression!r} is not known")
+        if not whole and compression != "none":
+            raise ReaderError("the file ends inside a compressed chunk")
+        unpack = self._bounded(position, compression)
+        try:
+            plain = BytesIO(unpack(data))
+        except BudgetError as error:
+            raise ReaderError(f"a chunk {error}") from error
+        times: dict[int, list[int]] = defaultdict(list)
+        end = 0
+        try:
+            while end < len(plain.getbuffer()):
+                self._index_record(plain, position, times, indexes)
+                end = plain.tell()
+        except (ReaderError, struct.error):
+            if whole:
+                raise
+        spans = [time for mine in times.values() for time in mine]
+        counts = {number: len(mine) for number, mine in times.items()}
+        if spans:
+            self.chunk_infos.append(ChunkInfo(position, min(spans), max(spans) + 1, counts))
+            self.chunks[position] = Chunk(length if whole else len(data), begin, unpack)
+        if not whole:
+            raise ReaderError("the file ends inside a chunk")
+
+    def _index_record(
+        self, plain: BytesIO, position: int, times: dict[int, list[int]], indexes: dict[int, list[IndexData]]
+    ) -> None:
+        """Index one record of a chunk."""
+        offset = plain.tell()
+        header = Header.read(plain)
+        kind = header.get_uint8("op")
+        if kind == RecordType.CONNECTION:
+            plain.seek(offset)
+            file, self.bio = self.bio, plain
+            try:
+                connection = self.read_connection()
+            finally:
+                self.bio = file
+            if all(one.id != connection.id for one in self.connections):
+                self.connections.append(connection)
+            return
+        length = struct.unpack("<L", read_bytes(plain, 4))[0]
+        read_bytes(plain, length)
+        if kind == RecordType.MSGDATA:
+            number, time = header.get_uint32("conn"), header.get_time("time")
+            indexes[number].append(IndexData(time, position, offset))
+            times[number].append(time)

@@ -6,6 +6,9 @@ Separation factor (S. J. Sawaryn and others, "Well-Collision-Avoidance Separatio
 2019, SPE 187073): the distance between the centres less both radii and a surface margin, over k times the
 pedal-curve radius of both wells' covariances, with the uncertainty of the projection ahead. The geometry is that of
 `welleng`, which reproduces the ISCWSA's standard set of well paths. The errors of two wells count as independent.
+
+The library looks from points of one well for the nearest point of the other one. Both wells are taken in turn, so that
+the least factor does not depend on which of them is called the offset well.
 """
 
 from __future__ import annotations
@@ -15,16 +18,25 @@ import enum
 import math
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
+from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 # Spacing of the points at which two wells are compared; between them the library looks for the least factor, m.
 _STEP = 30.0
+# Distance of a point next to each end of a well, m: the library looks for a minimum on both sides of a point only.
+_AT_END = 0.02
+# Shortest length over which a dogleg is judged, m: angles of stations closer together differ by their noise.
+_DOGLEG_LENGTH = 10.0
+# Variance added to every position, m^2: across its first station a hole is known exactly, and a variance that rounding
+# makes negative has no square root. Ten micrometres squared.
+_ROUNDING = 1e-10
 # Nearer than this two wells at the same measured depth are one hole, m.
 _SAME_HOLE = 0.05
 
@@ -56,12 +68,48 @@ class ClearanceRule:
     stop_factor: float = setting(
         1.0, "Separation factor below which drilling must stop; the rule allows no less than 1", low=1.0, high=20.0
     )
+    farthest_km: float = setting(
+        10.0,
+        "Distance between two wells, or of the first station from its wellhead, above which positions are taken as "
+        "wrong; raise it to confirm that the wells really lie so far apart",
+        unit="km",
+        low=1.0,
+        high=1e5,
+    )
+    largest_dogleg_deg_30m: float = setting(
+        30.0,
+        "Dogleg severity above which a list is taken as wrong; raise it to confirm a hole that really turns so sharply",
+        unit="deg/30 m",
+        low=5.0,
+        high=540.0,
+    )
 
     def level(self, factor: float) -> Level:
-        """Level of a separation factor."""
-        if factor < self.stop_factor:
+        """Level of a separation factor; one that is not a number is never clear."""
+        if not factor >= self.stop_factor:
             return Level.STOP
         return Level.WARNING if factor < self.warning_factor else Level.CLEAR
+
+
+@dataclasses.dataclass(frozen=True)
+class NotCompared:
+    """
+    Part of a well that a clearance does not cover.
+
+    well: its name. from_md, to_md: measured depths, m. reason: why. shared: the user said that both wells are the same
+    hole there, so that nothing is missing.
+    """
+
+    well: str
+    from_md: float
+    to_md: float
+    reason: str
+    shared: bool = False
+
+    def remark(self) -> Remark:
+        """Return which part was not compared and why."""
+        text = f"{self.well} was not compared from {self.from_md:.0f} to {self.to_md:.0f} m: {self.reason}"
+        return Remark(RemarkKind.NOT_COMPARED, text, {"from_md": self.from_md, "to_md": self.to_md})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,7 +122,8 @@ class Clearance:
     name : str
         Of the other well.
     md : ndarray, shape (n,)
-        Measured depth along the first well, m: its stations, points between, and where the factor is least.
+        Measured depth along the first well, m: its stations, points between, and where the factor is least. It does not
+        decrease; a depth may come twice with two points of the other well.
     offset_md : ndarray, shape (n,)
         Of the nearest point of the other well, m.
     distance, allowed : ndarray, shape (n,)
@@ -86,6 +135,8 @@ class Clearance:
     bearing : ndarray, shape (n,)
         The same direction from the north of the wells: toolface + azimuth, rad, as travelling cylinders are drawn.
     rule : ClearanceRule
+    not_compared : tuple of NotCompared
+        Parts of both wells that lie above the compared paths.
     """
 
     name: str
@@ -97,6 +148,7 @@ class Clearance:
     toolface: Array
     bearing: Array
     rule: ClearanceRule
+    not_compared: tuple[NotCompared, ...] = ()
 
     @property
     def least(self) -> int:
@@ -153,35 +205,96 @@ def clearance(
     Raises
     ------
     ValueError
-        Axes of two norths, wells in the same place without shared_to, or what `UncertainWell.covariance` refuses.
+        Axes of two norths, wells in the same place without shared_to, what `check_plausible` refuses, wells farther
+        apart than the rule takes as possible, or what `UncertainWell.covariance` refuses.
     """
     if reference.north != offset.north:
         raise ValueError(
             f"{offset.name}: azimuths from {offset.north.name.lower()} north, those of the well from "
             f"{reference.north.name.lower()} north"
         )
+    for well in (reference, offset):
+        check_plausible(well, rule)
+    missing = _above(reference, shared_to) + _above(offset, shared_to)
     if shared_to is None:
         _check_apart(reference, offset)
     else:
         reference, offset = reference.below(shared_to), offset.below(shared_to)
     first, second = _library_survey(reference), _library_survey(offset)
+    ahead, back = _compared(first, second, rule), _compared(second, first, rule)
+    nearest = float(np.min(ahead.distance_cc))
+    if nearest > 1000.0 * rule.farthest_km:
+        raise ValueError(
+            f"{offset.name} lies {nearest / 1000.0:.0f} km from {reference.name}: the place of its wellhead or the "
+            f"coordinates of its list are wrong. Correct them, leave the well out, or confirm it by rule.farthest_km"
+        )
+    # The points that decide, seen from the other well: they may lie between those seen from this one.
+    kept = sorted({int(np.argmin(back.sf)), int(np.argmin(back.distance_cc)), *_minima(back.sf)})
+    rows = [_rows(ahead, ahead.ref, ahead.off), _rows(back, back.off, back.ref)[kept]]
+    table = np.concatenate(rows)
+    md, offset_md, distance, allowed, factor, toolface, bearing = table[np.argsort(table[:, 0], kind="stable")].T
+    return Clearance(offset.name, md, offset_md, distance, allowed, factor, toolface, bearing, rule, missing)
+
+
+def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
+    """
+    Refuse a well whose list is probably read wrongly.
+
+    Raises
+    ------
+    ValueError
+        Its first station lies farther from the origin of the map than `farthest_km`, or it turns more sharply above its
+        last survey than `largest_dogleg_deg_30m`; the message says where and how to confirm it.
+    """
+    away = math.hypot(*well.positions[0, :2])
+    if away > 1000.0 * rule.farthest_km:
+        raise ValueError(
+            f"{well.name} starts {away / 1000.0:.0f} km from the wellhead: its coordinates are probably those of a "
+            "map. Subtract the wellhead, or confirm the distance by rule.farthest_km"
+        )
+    angle = mc.dogleg(well.inclination[:-1], well.azimuth[:-1], well.inclination[1:], well.azimuth[1:])
+    severity = np.degrees(angle) / np.maximum(np.diff(well.md), _DOGLEG_LENGTH) * 30.0
+    # From the bit to the plan ahead no hole is drilled: the path may have a corner there.
+    severity = severity[well.md[1:] <= well.surveyed]
+    k = int(np.argmax(severity)) if severity.size else 0
+    if severity.size and severity[k] > rule.largest_dogleg_deg_30m:
+        raise ValueError(
+            f"{well.name} turns {math.degrees(angle[k]):.0f} deg between {well.md[k]:.0f} and {well.md[k + 1]:.0f} m "
+            f"({severity[k]:.0f} deg/30 m): a station is probably wrong. Correct its list, or confirm the dogleg by "
+            "rule.largest_dogleg_deg_30m"
+        )
+
+
+def _above(well: UncertainWell, shared_to: float | None) -> tuple[NotCompared, ...]:
+    """Part of a well above the path that is compared."""
+    if shared_to is not None:
+        return (NotCompared(well.name, 0.0, shared_to, "both wells are the same hole there", shared=True),)
+    first = float(well.md[0])
+    return (NotCompared(well.name, 0.0, first, "its list starts there"),) if first > 0.0 else ()
+
+
+def _compared(first: Any, second: Any, rule: ClearanceRule) -> Any:
     from welleng.clearance import IscwsaClearance
 
     with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
         warnings.simplefilter("ignore")
-        found = IscwsaClearance(first, second, k=rule.k, sigma_pa=rule.projection_sigma_m, Sm=rule.surface_margin_m)
-    toolface = np.asarray(found.toolface_bearing, dtype=float)
-    return Clearance(
-        offset.name,
-        np.asarray(found.ref.md, dtype=float),
-        np.asarray(found.off.md, dtype=float),
-        np.asarray(found.distance_cc, dtype=float),
-        np.asarray(found.masd, dtype=float),
-        np.asarray(found.sf, dtype=float),
-        toolface,
-        (toolface + np.asarray(found.ref.azi_grid_rad, dtype=float)) % math.tau,
-        rule,
-    )
+        return IscwsaClearance(first, second, k=rule.k, sigma_pa=rule.projection_sigma_m, Sm=rule.surface_margin_m)
+
+
+def _minima(factor: Array) -> list[int]:
+    """Indices of the factors that are smaller than both neighbours."""
+    return [int(k) + 1 for k in np.flatnonzero((factor[1:-1] < factor[:-2]) & (factor[1:-1] < factor[2:]))]
+
+
+def _rows(found: Any, here: Any, there: Any) -> Array:
+    """Columns of `Clearance` from md to bearing, shape (n, 7); here, there: the points of the first and second well."""
+    inc, azi = np.asarray(here.inc_rad, dtype=float), np.asarray(here.azi_grid_rad, dtype=float)
+    to_other = np.column_stack([there.n, there.e, there.tvd]) - np.column_stack([here.n, here.e, here.tvd])
+    high = np.column_stack([np.cos(inc) * np.cos(azi), np.cos(inc) * np.sin(azi), -np.sin(inc)])
+    right = np.column_stack([-np.sin(azi), np.cos(azi), np.zeros(azi.size)])
+    toolface = np.arctan2(np.sum(to_other * right, axis=1), np.sum(to_other * high, axis=1)) % math.tau
+    columns = (here.md, there.md, found.distance_cc, found.masd, found.sf, toolface, (toolface + azi) % math.tau)
+    return np.column_stack([np.asarray(column, dtype=float) for column in columns])
 
 
 def nearest_first(found: Sequence[Clearance]) -> list[Clearance]:
@@ -204,12 +317,13 @@ def _check_apart(reference: UncertainWell, offset: UncertainWell) -> None:
         )
 
 
-def _library_survey(well: UncertainWell) -> object:
+def _library_survey(well: UncertainWell) -> Any:
     """Well as the library has it, with points at most `_STEP` apart; covariances between stations are linear."""
     from welleng.survey import Survey, SurveyHeader
 
     covariance = well.covariance()
-    md = np.unique(np.concatenate([well.md, np.arange(well.md[0], well.md[-1], _STEP)]))
+    ends = np.array([well.md[0] + _AT_END, well.md[-1] - _AT_END])
+    md = np.unique(np.concatenate([well.md, np.arange(well.md[0], well.md[-1], _STEP), ends]))
     # Points closer than a centimetre to a station would only repeat it.
     md = md[np.concatenate([[True], np.diff(md) > 0.01])]
     inc, azi, positions = mc.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)
@@ -233,7 +347,7 @@ def _library_survey(well: UncertainWell) -> object:
         n=positions[:, 0],
         e=positions[:, 1],
         tvd=positions[:, 2],
-        cov_nev=covariance[k] * (1.0 - part) + covariance[k + 1] * part,
+        cov_nev=covariance[k] * (1.0 - part) + covariance[k + 1] * part + _ROUNDING * np.eye(3),
         radius=well.radius,
         header=header,
         start_nev=positions[0],

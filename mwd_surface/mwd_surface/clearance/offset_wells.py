@@ -19,8 +19,11 @@ from mwd_sensors.core.frames import wrap_tau
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, clearance, nearest_first
+from mwd_surface.list_files.list_columns import NORTHS, Given
+from mwd_surface.list_files.map_coordinates import wellhead_of
+from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.trajectory.north import North
-from mwd_surface.trajectory.plan import interpolated
+from mwd_surface.trajectory.plan import Plan, interpolated
 from mwd_surface.trajectory.plan_file import read_plan
 from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
@@ -29,6 +32,10 @@ from mwd_surface.uncertainty.uncertain_well import UncertainWell
 # Usual distance between surveys, m; and one beyond which the hole between is said to be hardly known.
 _SPACING = 30.0
 _WIDE = 150.0
+# Wells whose heads lie farther apart are no neighbours: one of their positions is wrong, m.
+_FAR = 20_000.0
+# Two statements of the place of a wellhead that differ by more are not of one place, m.
+_ASTRAY = 5.0
 
 
 class OffsetWellError(ValueError):
@@ -45,8 +52,12 @@ class OffsetWell:
 
     name: str
     file: str
-    north_m: float = setting(0.0, "wellhead of the offset well north of this wellhead", unit="m")
-    east_m: float = setting(0.0, "wellhead of the offset well east of this wellhead", unit="m")
+    north_m: float | None = setting(
+        None,
+        "wellhead of the offset well north of this wellhead; left out: by the map coordinates of both lists, or 0",
+        unit="m",
+    )
+    east_m: float | None = setting(None, "wellhead of the offset well east of this wellhead; as north_m", unit="m")
     tvd_m: float = setting(0.0, "depth datum of the offset well below that of this one", unit="m")
     hole_diameter_m: float = setting(
         0.31, "diameter of its hole, or of the casing where there is one", unit="m", low=0.0, high=5.0
@@ -59,6 +70,11 @@ class OffsetWell:
     planned: bool = setting(
         False, "the file is a plan: its errors are those of surveys every 30 m, not of the stations of the plan"
     )
+    north: str = setting(
+        "", "north of the azimuths of a list that does not say it; empty: as the list says", choices=("", *NORTHS)
+    )
+    length_unit: str = setting("", "unit of the lengths of a list that does not say it: m, ft or ftus")
+    confirm: str = setting("", "what of its list is right, although implausible: dogleg, wellhead or depth")
     shared_to_m: float | None = setting(
         None, "measured depth down to which both wells are the same hole, for a sidetrack", unit="m", low=0.0
     )
@@ -110,11 +126,18 @@ def read_offset_wells(path: Path) -> OffsetWells:
     return offsets
 
 
-def offset_well(offset: OffsetWell, folder: Path, north: North, reference: ErrorReference) -> UncertainWell:
+def offset_well(
+    offset: OffsetWell,
+    folder: Path,
+    north: North,
+    reference: ErrorReference,
+    wellhead: tuple[float, float] | None = None,
+) -> UncertainWell:
     """
-    Return an offset well in the axes of the well that is drilled.
+    Return an offset well in the axes of the well that is drilled; its remarks are those about its list.
 
-    north: of those axes. reference: the local field, which is that of the well.
+    north: of those axes. reference: the local field, which is that of the well. wellhead: northing and easting of the
+    well that is drilled, m, where its list has them.
 
     Raises
     ------
@@ -122,7 +145,13 @@ def offset_well(offset: OffsetWell, folder: Path, north: North, reference: Error
         Its list or its programme cannot be used.
     """
     try:
-        plan = read_plan(folder / Path(offset.file).expanduser())
+        given = Given(
+            north=offset.north,
+            length_unit=offset.length_unit,
+            confirm=tuple(word.strip() for word in offset.confirm.split(",") if word.strip()),
+        )
+        plan = read_plan(folder / Path(offset.file).expanduser(), given=given)
+        remarks = _remarks(offset, plan)
         plan = interpolated(plan, _SPACING) if offset.planned else plan
         programme = (
             read_programme(folder / Path(offset.programme).expanduser())
@@ -134,8 +163,13 @@ def offset_well(offset: OffsetWell, folder: Path, north: North, reference: Error
         raise OffsetWellError(f"offset well {offset.name}: {error}") from error
     to_true = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}
     own = plan.north or north.name.lower()
+    if not plan.north:
+        text = f"offset well {offset.name}: its list does not say which north its azimuths are from: taken as {own}"
+        remarks = (*remarks, Remark(RemarkKind.NORTH_ASSUMED, text))
     azimuth = wrap_tau(plan.azimuth + to_true[own] - to_true[north.name.lower()])
-    start = plan.positions[0] + np.array([offset.north_m, offset.east_m, offset.tvd_m])
+    place, said = _wellhead(offset, plan, wellhead, north, reference)
+    remarks = (*remarks, *said)
+    start = plan.positions[0] + np.array([*place, offset.tvd_m])
     tie_on = np.zeros((3, 3)) if errors.tie_on is None else errors.tie_on
     head = np.diag([offset.wellhead_sigma_m**2, offset.wellhead_sigma_m**2, 0.0])
     return UncertainWell(
@@ -148,14 +182,16 @@ def offset_well(offset: OffsetWell, folder: Path, north: North, reference: Error
         dataclasses.replace(errors, tie_on=tie_on + head),
         reference,
         0.5 * offset.hole_diameter_m,
+        remarks=remarks,
     )
 
 
-def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearance], tuple[str, ...]]:
+def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearance], tuple[Remark, ...]]:
     """
-    Clearance to each offset well, the nearest by the rule first, and sentences about what people must know of them.
+    Return the clearance to each offset well, the nearest by the rule first, and every remark about them.
 
-    That is which cannot be used and why, and which have stations so far apart that the hole between is hardly known.
+    Remarks say which wells or parts of them are not compared and why, what was assumed when their lists were read, and
+    which have stations so far apart that the hole between is hardly known.
 
     Raises
     ------
@@ -165,17 +201,85 @@ def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearanc
         `welleng` is not installed.
     """
     well.covariance()
-    found, remarks = [], []
+    found: list[Clearance] = []
+    remarks: list[Remark] = []
     for offset in offsets.wells:
         try:
-            other = offset_well(offset, Path(offsets.folder), well.north, well.reference)
+            other = offset_well(offset, Path(offsets.folder), well.north, well.reference, wellhead_of(well.remarks))
             found.append(clearance(well, other, offsets.rule, offset.shared_to_m))
-            gap = float(np.max(np.diff(other.md)))
-            if gap > _WIDE:
-                remarks.append(
-                    f"offset well {offset.name} has stations {gap:.0f} m apart, between which its path is hardly known;"
-                    " set planned: true if the file is a plan"
-                )
         except ValueError as error:
-            remarks.append(str(error) if offset.name in str(error) else f"offset well {offset.name}: {error}")
+            text = str(error) if offset.name in str(error) else f"offset well {offset.name}: {error}"
+            remarks.append(Remark(RemarkKind.NOT_COMPARED, text))
+            continue
+        remarks += other.remarks
     return nearest_first(found), tuple(remarks)
+
+
+def _wellhead(
+    offset: OffsetWell, plan: Plan, wellhead: tuple[float, float] | None, north: North, reference: ErrorReference
+) -> tuple[tuple[float, float], tuple[Remark, ...]]:
+    """
+    North and east of the wellhead of an offset well from that of the well, m, in the axes of the well.
+
+    Raises
+    ------
+    OffsetWellError
+        The wellheads are tens of kilometres apart, or their map coordinates say something else than the file.
+    """
+    named = f"offset well {offset.name}"
+    own = wellhead_of(plan.remarks)
+    mapped: tuple[float, float] | None = None
+    said: tuple[Remark, ...] = ()
+    if own is not None and wellhead is not None:
+        # Map coordinates count along the axes of the grid.
+        turn = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}[north.name.lower()]
+        step = complex(own[0] - wellhead[0], own[1] - wellhead[1]) * np.exp(1j * (reference.convergence - turn))
+        mapped = float(step.real), float(step.imag)
+    if offset.north_m is None and offset.east_m is None and mapped is not None:
+        place = mapped
+        text = (
+            f"{named}: its wellhead lies {place[0]:+.2f} m north and {place[1]:+.2f} m east, by the map coordinates of"
+            " both lists, which are taken to be of one grid"
+        )
+        said = (Remark(RemarkKind.WELLHEAD_ASSUMED, text, {"north": place[0], "east": place[1]}),)
+    else:
+        place = offset.north_m or 0.0, offset.east_m or 0.0
+        apart = 0.0 if mapped is None else float(np.hypot(place[0] - mapped[0], place[1] - mapped[1]))
+        if mapped is not None and apart > _ASTRAY + 0.01 * float(np.hypot(*mapped)):
+            raise OffsetWellError(
+                f"{named}: its wellhead lies {mapped[0]:+.1f} m north and {mapped[1]:+.1f} m east by the map"
+                f" coordinates of both lists, and {place[0]:+.1f} and {place[1]:+.1f} m by north_m and east_m;"
+                " correct one of them"
+            )
+        if offset.north_m is None and offset.east_m is None:
+            text = (
+                f"{named}: neither north_m and east_m nor map coordinates of both lists: taken from the same wellhead"
+            )
+            said = (Remark(RemarkKind.WELLHEAD_ASSUMED, text),)
+    if np.hypot(*place) > _FAR:
+        raise OffsetWellError(
+            f"{named}: its wellhead lies {np.hypot(*place) / 1000.0:.1f} km away; check the map coordinates and north_m"
+            " and east_m, or leave the well out"
+        )
+    return place, said
+
+
+def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
+    """What must be known of the list of an offset well: the remarks of its reader, and what cannot be compared."""
+    named = f"offset well {offset.name}"
+    remarks = [dataclasses.replace(one, text=f"{named}: {one.text}") for one in plan.remarks]
+    above = float(plan.md[0])
+    if above > 0.0:
+        text = f"{named}: its list begins at {above:.2f} m; the hole above is not known and was not compared"
+        remarks.append(Remark(RemarkKind.NOT_COMPARED, text, {"from": 0.0, "to": above}))
+    apart = np.diff(plan.md)
+    # An assumed hole above is a remark of its own.
+    assumed = any(one.kind == RemarkKind.HOLE_ABOVE_ASSUMED for one in plan.remarks)
+    gap = float(np.max(apart[1:] if assumed and apart.size > 1 else apart))
+    if gap > _WIDE and not offset.planned:
+        text = (
+            f"{named} has stations {gap:.0f} m apart, between which its path is hardly known; set planned: true if the"
+            " file is a plan"
+        )
+        remarks.append(Remark(RemarkKind.SPARSE, text, {"distance": gap}))
+    return tuple(remarks)

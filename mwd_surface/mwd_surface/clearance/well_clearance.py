@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, nearest_first
+from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, check_plausible, nearest_first
 from mwd_surface.clearance.offset_wells import OffsetWells, clearances, read_offset_wells
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well_position import continued, uncertain_well
 from mwd_surface.trajectory.plan import Plan
@@ -29,17 +30,20 @@ class WellClearance:
         Measured depths of the last survey and of the bit, m; beyond the bit the path is planned.
     found : tuple of Clearance
         The nearest by the rule first.
-    remarks : tuple of str
-        Which offset wells could not be compared, and what else people must know.
+    remarks : tuple of Remark
+        What was not compared, and every assumption behind the lists of the well, the plan and the offset wells.
     rule : ClearanceRule
+    refused : tuple of str
+        Offset wells of the file that could not be compared: nothing is known of their separation.
     """
 
     well: UncertainWell
     surveyed: float
     bit: float
     found: tuple[Clearance, ...]
-    remarks: tuple[str, ...]
+    remarks: tuple[Remark, ...]
     rule: ClearanceRule
+    refused: tuple[str, ...] = ()
 
     def ahead(self) -> tuple[Clearance, ...]:
         """Return the clearances from the last survey on, the nearest by the rule first."""
@@ -77,7 +81,7 @@ def well_clearance(
     Raises
     ------
     ValueError
-        No such leg, or the position of the well has no covariance.
+        No such leg, an implausible path (`check_plausible`), or the position of the well has no covariance.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -91,10 +95,17 @@ def well_clearance(
     records = [surveys.find(number) if number else None for number in path.sequence]
     try:
         well = uncertain_well(surveys, path, records, 0.5 * offsets.hole_diameter_m)
+        well = dataclasses.replace(well, surveyed=surveyed)
+        check_plausible(well, offsets.rule)
         found, remarks = clearances(well, offsets)
     except ValueError as error:
         raise ValueError(f"no clearance: {error}") from error
-    return WellClearance(well, surveyed, bit, tuple(found), remarks, offsets.rule)
+    own = (*surveys.remarks, *(() if plan is None else plan.remarks))
+    missing = dict.fromkeys(part for one in found for part in one.not_compared if not part.shared)
+    compared = {one.name for one in found}
+    refused = tuple(one.name for one in offsets.wells if one.name not in compared)
+    remarks = (*own, *remarks, *(part.remark() for part in missing))
+    return WellClearance(well, surveyed, bit, tuple(found), remarks, offsets.rule, refused)
 
 
 def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:

@@ -13,7 +13,7 @@ bag = typer.Typer(no_args_is_help=True, help="Look into recordings and mend them
 
 
 @bag.command()
-def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap or .db3 file.")]) -> None:
+def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, or .mcap, .db3 or .bag file.")]) -> None:
     """
     Topics, types, counts and rates of a recording, and what is wrong with it.
 
@@ -32,7 +32,7 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap
         console.print(f"{path}: {opened.message_count} messages, {size / 1e6:.1f} MB", markup=False)
         about = f"from {start:%Y-%m-%d %H:%M:%S} UTC, {opened.duration_s:.1f} s; rates are means over this time"
         console.print(about, markup=False)
-        topics = sorted(opened.topics.values(), key=lambda one: one.name)
+        topics = sorted([*opened.topics.values(), *opened.unreadable.values()], key=lambda one: one.name)
         longest = max(len(topic.name) for topic in topics)
         kinds = max(len(topic.type_name) for topic in topics)
         for topic in topics:
@@ -51,26 +51,29 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, .mcap
 
 
 def recover(
-    path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a recording, or one .mcap file.")],
+    path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a recording, or one of its files.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="File to write (not for a folder, which is mended in place).")
+        Path | None, typer.Option("--output", "-o", help="What to write: a file for .mcap, a folder for others.")
     ] = None,
 ) -> None:
     """
     Save every sound message of a recording that was cut off or damaged; the original is kept.
 
+    A folder of MCAP files is mended in place. A .db3 file or a .bag of ROS 1 is saved to a new recording beside it.
+
     \b
     Examples:
       mwd recover bags/run_7
       mwd recover run_7_0.mcap -o saved.mcap
+      mwd recover old.bag -o saved
     """
-    from mwd_surface.bags.mcap import recovery
+    from mwd_surface.bags import salvage
     from mwd_surface.commands import terminal
 
     console = terminal.output()
     if not path.exists():
         raise FileNotFoundError(2, "there is no such bag", str(path))
-    reports = recovery.recover(path, output)
+    reports = salvage.recover(path, output)
     for report in reports:
         console.print(report.sentence(), markup=False)
         for note in report.notes:

@@ -70,6 +70,7 @@ def calibrate(
 def _data(run: str, unit: str, grade: str | None, seed: int | None) -> tuple[Run, Scenario | None, int]:
     """Return the samples of a recording or simulation, its scenario where known, and the day, ns (0: unknown)."""
     from mwd_sensors.core.settings import SettingsError, unknown_key
+    from mwd_surface.bags.bag_files import storage_of
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
     from mwd_surface.runs import calibration_run
@@ -77,7 +78,7 @@ def _data(run: str, unit: str, grade: str | None, seed: int | None) -> tuple[Run
     if unit not in calibration_run.UNITS:
         raise SettingsError(unknown_key(unit, calibration_run.UNITS, "--unit"))
     path = Path(run)
-    if path.is_dir() or path.suffix in (".mcap", ".db3"):
+    if path.is_dir() or storage_of(path):
         if grade is not None or seed is not None:
             raise ValueError("--grade, --seed: a recording has its sensors already; they are for scenarios")
         with Bag(path) as bag, terminal.waiting(f"reading {path.name}"):

@@ -37,7 +37,7 @@ def clearance(
     Writes DIR/clearance.csv, DIR/ladder.png and DIR/travelling_cylinder.png. The offset wells stand in a YAML file:
     wells, each with name, file, north_m and east_m of its wellhead, hole_diameter_m, and code or programme; rule, with
     its factors; hole_diameter_m and ahead_m. Ends with status 1 where a factor at the bit or ahead of it is below the
-    level that stops drilling.
+    level that stops drilling, and where a well of the file could not be compared.
 
     \b
     Examples:
@@ -51,6 +51,7 @@ def clearance(
     from mwd_surface.commands import terminal
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.list_files.list_file import is_list
+    from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
     from mwd_surface.plots.drawing import png
     from mwd_surface.surveys.survey_source import surveys_of
@@ -62,7 +63,7 @@ def clearance(
     surveys = _with_model(surveys, programme, code)
     planned = None if plan is None else read_plan(plan, surveys.well.north_reference)
     near = well_clearance(surveys, read_offset_wells(offsets), planned, bit_depth, leg)
-    for remark in (*remarks, *near.remarks):
+    for remark in dict.fromkeys((*remarks, *sentences(near.remarks))):
         terminal.warn(remark)
     if not near.found:
         raise ValueError(f"--offsets {offsets}: none of the wells can be compared")
@@ -75,7 +76,7 @@ def clearance(
     for one in near.ahead()[:1]:
         terminal.output().print(f"from the last survey at {near.surveyed:.1f} m on: {one.sentence()}", markup=False)
     terminal.write(output, files)
-    if near.level == Level.STOP:
+    if near.level == Level.STOP or near.refused:
         raise typer.Exit(1)
 
 

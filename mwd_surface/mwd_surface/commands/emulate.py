@@ -65,6 +65,7 @@ def _samples(source: str) -> Iterator[dict[str, Samples]]:
 def _recorded(path: Path) -> Iterator[dict[str, Samples]]:
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.processing.bag_input import InputSettings, find_topics
+    from mwd_surface.processing.input_stream import InputStream
 
     with Bag(path) as bag:
         topics = find_topics(bag, InputSettings())
@@ -74,6 +75,5 @@ def _recorded(path: Path) -> Iterator[dict[str, Samples]]:
             topics.precision: "gyro/data_raw",
             topics.temperature: "imu/temperature",
         }
-        wanted = [name for name in names if name is not None]
-        for block in bag.blocks(wanted, block_messages=1000):
-            yield {names[name]: samples for name, (_, samples) in block.items()}
+        for block in InputStream(bag, topics, InputSettings()).blocks():
+            yield {names[name]: samples for name, (_, samples) in block.items() if name in names}

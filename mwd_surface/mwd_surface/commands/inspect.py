@@ -18,6 +18,7 @@ from mwd_surface.commands.process_options import (
     MountOption,
     Recording,
     RigTopic,
+    Stamps,
 )
 from mwd_surface.commands.reference_options import (
     Date,
@@ -45,6 +46,7 @@ def inspect(
     accel_unit: AccelUnit = None,
     gyro_unit: GyroUnit = None,
     mag_unit: MagUnit = None,
+    stamps: Stamps = None,
     mount: MountOption = None,
 ) -> None:
     """
@@ -73,10 +75,18 @@ def inspect(
         found = look_through(opened, given_settings(InputSettings, options), estimator, output, progress)
         others = [t for t in opened.topics.values() if t.name not in found.topics.all]
         notes, complete = list(opened.notes), opened.complete
-    names = ("IMU", "magnetometer", "precision unit", "temperature", "rig")
+    topics = found.topics
+    names = {
+        "IMU" if topics.accelerometer is None else "gyro": topics.imu,
+        "accelerometer": topics.accelerometer,
+        "magnetometer": topics.mag,
+        "precision unit": topics.precision,
+        "temperature": topics.temperature,
+        "rig": topics.rig,
+    }
     lines = []
-    for what, name in zip(names, vars(found.topics).values(), strict=True):
-        if name is not None:
+    for what, name in names.items():
+        if name is not None and name in found.times and found.times[name].count:
             frame = found.frames.get(name, "")
             lines.append((what, f"{name}: {figures(found.times[name])}" + (f", frame {frame}" if frame else "")))
     words = {"accel_unit": "specific force", "gyro_unit": "angular rate", "mag_unit": "field"}
@@ -86,6 +96,7 @@ def inspect(
         ("mount", found.mount),
         ("turning", f"{found.turns_about} in axes of the IMU" if found.turns_about else "never seen: axes not checked"),
         ("at rest", f"{found.rests} times long enough for a survey, longest {found.rest_s:.0f} s"),
+        ("surveys", _verdicts(found.surveys)),
         ("settings", recorded.source or "none in the recording"),
     ]
     if others:
@@ -96,4 +107,12 @@ def inspect(
         terminal.warn(remark)
     if not complete:
         terminal.warn(f"the recording is cut off or damaged; `mwd recover {bag}` makes it whole")
+    if found.refusal:
+        raise ValueError(f"`mwd process` refuses {bag}: {found.refusal}")
     console.print(f"\n{found.command}", markup=False)
+
+
+def _verdicts(surveys: list[str]) -> str:
+    """Return how many surveys there are, and of which verdict, in words."""
+    counts = {verdict: surveys.count(verdict) for verdict in dict.fromkeys(surveys)}
+    return f"{len(surveys)}: " + ", ".join(f"{n} {verdict}" for verdict, n in counts.items()) if surveys else "none"

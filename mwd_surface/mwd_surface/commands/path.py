@@ -17,13 +17,15 @@ if TYPE_CHECKING:
     from mwd_surface.trajectory.list_comparison import PathDifference
 
 _LIST = "List"
+# Options that say how a list is read; a list of a run needs none of them.
+_GIVEN = ("columns", "length_unit", "angle_unit", "north", "decimal", "dip", "wellhead", "confirm")
 # Of the field of a list without times: the first of the model's.
 _USUAL_DAY = "2025-01-01"
 
 
 def path(
     source: Annotated[
-        Path, typer.Argument(metavar="LIST", help="CSV, LAS or WITSML of stations, or the list of a run.")
+        Path, typer.Argument(metavar="LIST", help="List of stations in any usual file, or the list of a run.")
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
     against: Annotated[
@@ -40,11 +42,35 @@ def path(
         str | None,
         typer.Option(help="Which column is what, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.", rich_help_panel=_LIST),
     ] = None,
-    length_unit: Annotated[str, typer.Option(help="m, ft or ftus.", rich_help_panel=_LIST)] = "",
+    length_unit: Annotated[
+        str, typer.Option(help="Unit of lengths that the list does not name: m, ft or ftus.", rich_help_panel=_LIST)
+    ] = "",
     angle_unit: Annotated[str, typer.Option(help="deg, rad or grad.", rich_help_panel=_LIST)] = "",
     north: Annotated[
         str, typer.Option(help="North of the list's azimuths: magnetic, true or grid.", rich_help_panel=_LIST)
     ] = "",
+    decimal: Annotated[
+        str, typer.Option(help="Decimal mark, point or comma, where 1,000 may be either.", rich_help_panel=_LIST)
+    ] = "",
+    dip: Annotated[
+        str,
+        typer.Option(help="Where positive angles from the horizontal point: down or up.", rich_help_panel=_LIST),
+    ] = "",
+    wellhead: Annotated[
+        str | None,
+        typer.Option(
+            help="Northing and easting of the wellhead in the map coordinates of the list, m.",
+            rich_help_panel=_LIST,
+            metavar="NORTHING,EASTING",
+        ),
+    ] = None,
+    confirm: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="What was checked and is right, although implausible: dogleg, wellhead or depth. May be repeated.",
+            rich_help_panel=_LIST,
+        ),
+    ] = None,
     tie_on: Annotated[
         str | None,
         typer.Option(
@@ -67,14 +93,18 @@ def path(
     """
     Compute the path of a survey list by minimum curvature, with its position uncertainty.
 
-    Writes DIR/path.csv and DIR/surveys.json, which `mwd report DIR` and `mwd export DIR` take. Columns and units are
-    found by their names (md_ft, "Inc [deg]", azi_grid ...). The error model needs a place or a field. With --against:
-    DIR/comparison.csv and DIR/comparison.png.
+    Writes DIR/path.csv and DIR/surveys.json, which `mwd report DIR` and `mwd export DIR` take. Reads tables and .xlsx,
+    LAS 2 and 3, WITSML 1.3 to 2.1, P7/17 and Petrel .dev, by what the file contains. Columns, units and north are found
+    by their names ("MD (usft)", azi_grid ...) and in the head of the list; a word that is not understood is quoted, and
+    every assumption is a remark in path, report and exports. A list that contradicts itself is refused with the likely
+    cause. The error model needs a place or a field. With --against: DIR/comparison.csv and DIR/comparison.png.
 
     \b
     Examples:
       mwd path gyro.csv -o gyro --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd path list.las -o out --columns md=TDEP,inclination=DEV,azimuth=HAZI --north grid
+      mwd path trace.dev -o out --wellhead 6478300,431200
+      mwd path boreholes.xlsx -o out --dip up
       mwd path out/run_7 -o compared --against gyro.xml --against-code GYRO-NS
     """
     options = locals()  # first of all: the options alone, by name
@@ -117,7 +147,7 @@ def _surveys(source: Path, options: dict[str, Any], code: str | None, beside: Su
     if is_list(source):
         surveys, remarks = _imported(source, options, beside)
     else:
-        wrong = [name for name in ("columns", "length_unit", "angle_unit", "north", "tie_on", "every") if options[name]]
+        wrong = [name for name in (*_GIVEN, "tie_on", "every") if options[name]]
         if wrong:
             raise ValueError(f"--{wrong[0].replace('_', '-')}: {source} is a list of a run, which says this itself")
         surveys, remarks = surveys_of(source)
@@ -135,14 +165,15 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
     from mwd_surface.list_files.list_columns import Given
     from mwd_surface.list_files.list_file import read_list
+    from mwd_surface.list_files.remark import sentences
     from mwd_surface.surveys.imported_list import reference_in, survey_list
     from mwd_surface.surveys.well import Well
 
     given = Given(
-        _pairs(options["columns"]),
-        str(options["length_unit"]).lower(),
-        str(options["angle_unit"]).lower(),
-        str(options["north"]),
+        columns=_pairs(options["columns"]),
+        **{name: str(options[name]).lower() for name in ("length_unit", "angle_unit", "north", "decimal", "dip")},
+        wellhead=_wellhead(options["wellhead"]),
+        confirm=tuple(options["confirm"] or ()),
     )
     stations = read_list(source, given)
     settings = table_settings(None, options["changes"], *(options[name] for name in ("lat", "lon", "date", "field")))
@@ -158,14 +189,14 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
             geomagnetic_model=reference.source if reference is not None else "",
         )
     tie_on = options["tie_on"]
-    surveys, said = survey_list(
+    surveys = survey_list(
         stations,
         well,
         tie_on=None if tie_on is None else _tie_on(tie_on),
         reference=reference,
         every=options["every"],
     )
-    return surveys, (*remarks, *said)
+    return surveys, (*remarks, *sentences(surveys.remarks))
 
 
 def _pairs(text: str | None) -> dict[str, str]:
@@ -179,6 +210,16 @@ def _pairs(text: str | None) -> dict[str, str]:
         name = name.strip()
         pairs[{"inc": "inclination", "azi": "azimuth"}.get(name, name)] = column
     return pairs
+
+
+def _wellhead(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        northing, easting = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"--wellhead {text}: expected NORTHING,EASTING in m") from None
+    return northing, easting
 
 
 def _tie_on(text: str) -> TieOn:

@@ -11,7 +11,7 @@ import typer
 
 
 def plot(
-    bag: Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap or .db3 file.")],
+    bag: Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap, .db3 or .bag file.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Picture to write: .png or .svg.")],
     what: Annotated[
         str,

@@ -31,6 +31,7 @@ from mwd_surface.commands.process_options import (
     RigTopic,
     SensorToBit,
     Smooth,
+    Stamps,
     Start,
     TemperatureTopic,
 )
@@ -77,6 +78,7 @@ def process(
     accel_unit: AccelUnit = None,
     gyro_unit: GyroUnit = None,
     mag_unit: MagUnit = None,
+    stamps: Stamps = None,
     start_s: Start = None,
     end_s: End = None,
     sensor_to_bit_m: SensorToBit = None,
@@ -93,7 +95,7 @@ def process(
     """
     Compute attitude and surveys from a recording.
 
-    Writes DIR/attitude.csv (one line per IMU message), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and
+    Writes DIR/attitude.csv (one line per IMU sample), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and
     `mwd report DIR`), DIR/faults.csv (sensor faults and their times) and DIR/config.yaml (the settings in force). The
     results equal those of the live graph. A recording of the surface node brings the settings it was made with (place,
     tool, well, sensor to bit); options override them. --format mcap writes a copy of the recording with the estimates,

@@ -12,7 +12,7 @@ from mwd_surface.commands.reference_options import FIELD_PANEL
 
 _INPUT, _OUTPUT = "Input", "Output"
 
-Recording = Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap or .db3 file.")]
+Recording = Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap, .db3 or .bag file.")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")]
 Method = Annotated[
     str | None, typer.Option("--method", help="Gravity extraction: s3, mahony, raw ... (`mwd doctor` lists them).")
@@ -29,6 +29,14 @@ RigTopic = Annotated[str | None, typer.Option(help="Topic of the rig state, for 
 AccelUnit = Annotated[str | None, typer.Option(help="m/s2, g or mg.", rich_help_panel=_INPUT)]
 GyroUnit = Annotated[str | None, typer.Option(help="rad/s or deg/s.", rich_help_panel=_INPUT)]
 MagUnit = Annotated[str | None, typer.Option(help="T, mT, uT, nT, G or mG.", rich_help_panel=_INPUT)]
+Stamps = Annotated[
+    str | None,
+    typer.Option(
+        "--stamps",
+        help="Times of the samples: header, or recording where clocks of sensors disagree or were not set.",
+        rich_help_panel=_INPUT,
+    ),
+]
 Start = Annotated[
     float | None, typer.Option("--start", help="Begin so many seconds after the first message.", rich_help_panel=_INPUT)
 ]

@@ -12,7 +12,7 @@ import typer
 
 def replay(
     context: typer.Context,
-    bag: Annotated[Path, typer.Argument(help="Folder of a recording, or its .mcap or .db3 file.")],
+    bag: Annotated[Path, typer.Argument(help="Folder of a recording, or its .mcap, .db3 or .bag file.")],
     rate: Annotated[float, typer.Option(help="Seconds of the recording in a second; 0: as fast as possible.")] = 1.0,
     loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")] = False,
     start: Annotated[float, typer.Option(help="Begin so many seconds after the first message.")] = 0.0,
@@ -41,8 +41,13 @@ def replay(
     from mwd_surface.runs.supervise import die_with_supervisor
 
     die_with_supervisor(os.environ)
+    main = node_main("mwd_surface.nodes.replay")
+    from mwd_surface.nodes.replay import ReplaySettings, published_topics
+
     # Reported here, before any middleware starts.
-    Bag(bag).close()
+    asked = ReplaySettings(topics=list(topic or ()), sensors_only=sensors, clock_hz=0.0 if no_clock else 1.0)
+    with Bag(bag) as opened:
+        published_topics(opened, asked)
     if end is not None and end <= start:
         raise ValueError(f"--end {end:g}: must be after --start {start:g}")
     given: dict[str, Any] = {
@@ -57,7 +62,7 @@ def replay(
     given |= {"topics": topic} if topic else {}
     given |= {"clock_hz": 0.0} if no_clock else {}
     words = ["replay", "--ros-args", *parameter_words(given), *_extra(context.args)]
-    sys.exit(node_main("mwd_surface.nodes.replay")(words))
+    sys.exit(main(words))
 
 
 def _extra(words: list[str]) -> list[str]:

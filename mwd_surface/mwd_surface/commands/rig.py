@@ -84,3 +84,84 @@ def print_manifest() -> None:
     from mwd_surface.rig.blackboard.manifest import manifest
 
     typer.echo(json.dumps(manifest(), indent=2))
+
+
+@rig.command("conformance")
+def conformance(
+    namespace: Annotated[str, typer.Option("--ros", help="Namespace of the well, to try ROS and to decide.")] = "",
+    opcua: Annotated[str, typer.Option(help="Address of the OPC UA server, to try that.")] = "",
+    modbus: Annotated[str, typer.Option(help="HOST:PORT of the Modbus server, to try that.")] = "",
+    heartbeat: Annotated[float, typer.Option(help="control.heartbeat_s of the authority, s.")] = 2.0,
+    well: Annotated[str, typer.Option(help="Name of the object of OPC UA that has the methods.")] = "well",
+    certificate: Annotated[Path | None, typer.Option(help="Of this client, for OPC UA.")] = None,
+    key: Annotated[Path | None, typer.Option(help="Private key of the certificate.")] = None,
+    server_certificate: Annotated[Path | None, typer.Option(help="Of the OPC UA server.")] = None,
+    application: Annotated[str, typer.Option(help="Application URI in the certificate.")] = "urn:mwd:conformance",
+    unit: Annotated[int, typer.Option(help="Unit of Modbus.")] = 1,
+    domain: Annotated[int | None, typer.Option(help="Middleware domain; by default ROS_DOMAIN_ID, else 0.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="For programs: one JSON list.")] = False,
+) -> None:
+    """
+    Try whether a control authority keeps the contract of a lease: misuse it over each interface, print a table.
+
+    Use it on a rig that is switched off or simulated: it rotates, turns and pumps within the limits. Ends with status 1
+    where a case fails, 2 where an interface does not answer.
+
+    \b
+    Examples:
+      mwd rig conformance --ros /well_1
+      mwd rig conformance --ros /well_1 --modbus 127.0.0.1:5020
+      mwd rig conformance --ros /well_1 --opcua opc.tcp://127.0.0.1:4840/ --certificate own.der --key own.pem
+        --server-certificate server.der --json
+    """
+    import contextlib
+    import dataclasses
+    import json
+    import os
+
+    from mwd_surface.conformance import cases
+    from mwd_surface.conformance.bench import Interface, Person
+
+    if not (namespace or opcua or modbus):
+        raise ValueError("name an interface to try: --ros, --opcua or --modbus")
+    interfaces: list[Interface] = []
+    person: Person | None = None
+    results: list[cases.Result] = []
+    with contextlib.ExitStack() as stack:
+        if namespace:
+            from mwd_surface.ros.conformance_client import RosConformance
+
+            chosen = int(os.environ.get("ROS_DOMAIN_ID", "0")) if domain is None else domain
+            person = on_graph = RosConformance(chosen, namespace)
+            stack.callback(on_graph.close)
+            interfaces.append(on_graph)
+        if opcua:
+            from mwd_surface.conformance.opcua import OpcuaConformance, OpcuaKeys
+
+            if certificate is None or key is None or server_certificate is None:
+                raise ValueError("OPC UA needs --certificate, --key and --server-certificate")
+            on_server = OpcuaConformance(opcua, OpcuaKeys(certificate, key, server_certificate, application), well)
+            stack.callback(on_server.close)
+            interfaces.append(on_server)
+        if modbus:
+            from mwd_surface.conformance.modbus import ModbusConformance
+
+            host, _, port = modbus.rpartition(":")
+            if not port.isdecimal():
+                raise ValueError(f"--modbus: {modbus} has no port; write HOST:PORT")
+            on_line = ModbusConformance(host, int(port), unit)
+            stack.callback(on_line.close)
+            interfaces.append(on_line)
+        for one in interfaces:
+            for result in cases.run(one, person, heartbeat):
+                results.append(result)
+                if not as_json:
+                    word = {True: "pass", False: "FAIL", None: "-"}[result.passed]
+                    typer.echo(f"{word:4}  {result.interface:6}  {result.case}: {result.expected} | {result.observed}")
+    failed = [result for result in results if result.passed is False]
+    if as_json:
+        typer.echo(json.dumps([dataclasses.asdict(result) for result in results]))
+    else:
+        done = sum(result.passed is not None for result in results)
+        typer.echo(f"{done - len(failed)} of {done} cases pass; {len(results) - done} cannot be tried")
+    raise typer.Exit(1 if failed else 0)

@@ -66,11 +66,11 @@ def survey(
     from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
     from mwd_surface.list_files.six_axis_columns import find_columns
     from mwd_surface.list_files.six_axis_table import single_stations, table_rows
-    from mwd_surface.list_files.station_file import read_table
+    from mwd_surface.list_files.table import read_table
     from mwd_surface.surveys import station_csv
     from mwd_surface.surveys.table_run import run_stations
 
-    table = read_table(stations)
+    table = read_table(stations).columns()
     settings = table_settings(config, changes, lat, lon, date, field)
     times = table.get(find_columns(table, axial).time or "", ())
     override, remarks = table_reference(settings, Known.of(field, declination, convergence, gravity), times)

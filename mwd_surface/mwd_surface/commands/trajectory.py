@@ -75,13 +75,15 @@ def trajectory(
 def _continuous(source: Path, surveys: SurveyList, table: Path | None, recording: Path | None) -> Continuous | None:
     """Continuous measurements of a table or of a processed recording; None where neither is given."""
     from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.list_files.list_columns import Given
     from mwd_surface.list_files.list_file import read_list
     from mwd_surface.processing import run_folder
     from mwd_surface.processing.continuous_log import continuous_log
     from mwd_surface.trajectory.dense_trajectory import Continuous
 
     if table is not None:
-        read = read_list(table)
+        # Samples lie so close together that their noise looks like a dogleg.
+        read = read_list(table, Given(confirm=("dogleg",)))
         return Continuous(read.md, read.inclination, read.azimuth)
     if recording is None:
         return None

@@ -159,6 +159,7 @@ def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[tuple[Bag, Sur
     from mwd_surface.bags.bag_reader import Bag as Opened
     from mwd_surface.commands import terminal
     from mwd_surface.processing import process
+    from mwd_surface.processing.bag_input import OptionNeededError
     from mwd_surface.processing.run_output import MERGED, OutputSettings
     from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
@@ -172,7 +173,10 @@ def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[tuple[Bag, Sur
     with tempfile.TemporaryDirectory(prefix="mwd_view_") as scratch, terminal.progress("processing") as progress:
         folder = Path(scratch) / "out"
         wanted, given = OutputSettings(format="mcap"), read.given if read is not None else None
-        summary = process.process(bag, folder, estimator, given, progress, None, wanted, recorded)
+        try:
+            summary = process.process(bag, folder, estimator, given, progress, None, wanted, recorded)
+        except OptionNeededError as error:
+            raise ValueError(f"{error} to `mwd process {bag.path} -o DIR`, then `mwd view DIR`") from error
         for warning in [remark, *summary.warnings] if remark else summary.warnings:
             terminal.warn(warning)
         with Opened(folder / MERGED) as merged:

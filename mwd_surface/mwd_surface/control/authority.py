@@ -3,17 +3,19 @@
 The control authority: a state machine that gives one controller at a time a lease over top drive and pumps.
 
 Its shape is that of the D-WIS interface to a drilling control system (ADCS): a request is granted, pending or denied;
-its owner sends set-points and a heartbeat; a dead controller and a dead MWD end in a declared reaction. The machine
-reads no clock: every call takes `now`, s, of one steady clock. It is safe to call from several threads, since page and
-rig interfaces have their own.
+its owner sends set-points and a heartbeat; a dead controller and a dead MWD end in a declared reaction. A lease is a
+contract: its owner can prolong it and do what was granted, nothing else, and nobody else can use it. The machine
+reads no clock: every call takes `now`, s, of one steady clock, and what is over at that time is ended first. It is safe
+to call from several threads, since page and rig interfaces have their own.
 
 A part of the surface node that needs the rig (a downlink, say) is a controller like any other::
 
-    decision = authority.request(Request("downlink", priority=50), now)
+    me = Sender("surface", "downlink")
+    decision = authority.request(Request(me, "downlink", priority=50), now)
     if decision.permission == Permission.GRANTED:
-        authority.command(SetPoint(Mode.PUMP, decision.lease, 1, flow_rate=0.02), now)
-    ...                                         # the same set-point again, at least once in heartbeat_s
-    authority.release(decision.lease, now)      # back to what the driller has set
+        authority.command(SetPoint(Mode.PUMP, decision.lease, 1, flow_rate=0.02), now, me)
+    ...                                         # number 0, a heartbeat, at least once in heartbeat_s
+    authority.release(decision.lease, now, me)  # back to what the driller has set
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ import threading
 
 from mwd_sensors.core.settings import unprintable
 from mwd_surface.control.rig_commands import RigCommands
-from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, check
+from mwd_surface.control.set_point import LARGEST_NUMBER, LeaseLimits, Mode, SetPoint, check
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.control.status import (
     Achieved,
@@ -35,11 +37,13 @@ from mwd_surface.control.status import (
     Permission,
     Reaction,
     Request,
+    Sender,
 )
 
 _SWITCHED_OFF = "control is switched off at this rig; set control.enabled to let controllers have it"
 _TORQUE_TIME = 1.0  # s that a torque must last above its limit; a peak of stick-slip is shorter
 _LONGEST_NAME = 100
+_CLOCK_BACK = 1.0  # s; threads that wait for each other may bring times out of order by less
 _WORDS = {
     Reaction.KEEP: "the last set-point goes on; a person or a new lease ends it",
     Reaction.HOLD: "the string is held; a person or a new lease ends it",
@@ -63,9 +67,9 @@ class _Lease:
     def name(self) -> str:
         return self.request.controller
 
-    def is_of(self, request: Request) -> bool:
-        """Whether the same controller asks by the same interface."""
-        return (self.name, self.request.face) == (request.controller, request.face)
+    @property
+    def sender(self) -> Sender:
+        return self.request.sender
 
 
 class ControlAuthority:
@@ -97,35 +101,49 @@ class ControlAuthority:
         self._pending: _Lease | None = None
         self._rig = RigCommands(returns=self._reactions["controller_lost_rotating"] == Reaction.RELEASE)
         self._sequence = self._acknowledged = 0
-        self._last: SetPoint | None = None
         self._refusal = self._reason = ""
         self._fault = ""
         self._achieved, self._torque_since = Achieved(), math.inf
         self._mwd_alive = True
+        self._now = -math.inf
         self._events: list[str] = []
 
     # Requests and decisions.
 
     def request(self, request: Request, now: float) -> Decision:
-        """Ask for control; asked again by the owner it renews the lease."""
+        """Ask for control; asked again by the owner it prolongs the lease, within what was granted."""
         with self._lock:
+            now = self._pass(now)
             try:
                 limits = self._checked(request)
             except ValueError as error:
                 return Decision(Permission.DENIED, 0, str(error))
             if self._closed or not self.settings.enabled:
                 return Decision(Permission.DENIED, 0, self._closed or _SWITCHED_OFF)
+            for lease in (self._lease, self._pending):
+                if lease is not None and (lease.sender == request.sender) != (lease.name == request.controller):
+                    return Decision(Permission.DENIED, 0, _not_the_same(lease, request))
             owner = self._lease
-            if owner is None or not owner.is_of(request):
-                return self._decide(request, limits, now)
-            owner.request, owner.limits = request, limits
-            owner.heard, owner.ends = now, self._end(request, now)
-            self._rig.limit(limits)
-            return Decision(Permission.GRANTED, owner.number, "renewed")
+            if owner is not None and owner.sender == request.sender:
+                return self._renew(owner, request, limits, now)
+            return self._decide(request, limits, now)
+
+    def _renew(self, owner: _Lease, request: Request, limits: LeaseLimits, now: float) -> Decision:
+        """Prolong a lease; whatever else it asks for was not granted to it."""
+        beyond = limits.beyond(owner.limits)
+        if request.priority > owner.request.priority:
+            beyond.append("priority")
+        if self._end(request, now) > self._end(owner.request, now):
+            beyond.append("duration")
+        if beyond:
+            text = "a lease can only be prolonged as it was granted; for more give it back and ask anew"
+            return Decision(Permission.DENIED, 0, f"{', '.join(beyond)}: beyond what was granted: {text}")
+        owner.heard, owner.ends = now, max(owner.ends, self._end(request, now))
+        return Decision(Permission.GRANTED, owner.number, "renewed, within what was granted")
 
     def _decide(self, request: Request, limits: LeaseLimits, now: float) -> Decision:
         owner, pending = self._lease, self._pending
-        if pending is not None and pending.is_of(request):
+        if pending is not None and pending.sender == request.sender:
             return Decision(Permission.PENDING, pending.number, pending.waits)
         stronger = owner if owner is not None and owner.request.priority >= request.priority else None
         if stronger is not None and not request.wait:
@@ -133,6 +151,8 @@ class ControlAuthority:
             return Decision(Permission.DENIED, 0, text)
         if pending is not None and pending.request.priority >= request.priority:
             return Decision(Permission.DENIED, 0, f"a request of {pending.name} waits already; ask later")
+        if self.upcoming > LARGEST_NUMBER:
+            return Decision(Permission.DENIED, 0, "the numbers of leases are used up; give the well another folder")
         lease = _Lease(self.upcoming, request, limits, now, math.inf, now)
         self.upcoming += 1
         if stronger is None and self.settings.grant == "automatic":
@@ -153,14 +173,13 @@ class ControlAuthority:
         number: of the request, as the person saw it; 0: the one that waits, which is not enough to grant.
         """
         with self._lock:
-            if not operator.strip():
-                return False, "operator_name: must not be empty: the log records who did it"
+            now = self._pass(now)
             because = f": {reason}" if reason else ""
             if judgement == Judgement.ABORT:
-                if self._lease is None and not self._rig.active:
-                    return False, "nobody has control"
-                self._end_lease(f"{operator} took control back{because}", Reaction.RELEASE)
+                self._abort(operator.strip() or "somebody without a name", because)
                 return True, "top drive and pumps are the driller's"
+            if not operator.strip():
+                return False, "operator_name: must not be empty: the log records who did it"
             if judgement not in (Judgement.GRANT, Judgement.DENY):
                 return False, "decision: must be 0 (grant), 1 (deny) or 2 (abort)"
             pending = self._pending
@@ -177,17 +196,30 @@ class ControlAuthority:
             self._log(self._reason)
             return True, f"{pending.name} is denied"
 
-    def release(self, lease: int, now: float, reason: str = "") -> tuple[bool, str]:  # noqa: ARG002  (as every call)
-        """Give a lease back, or withdraw a pending request; answers whether it was done."""
+    def _abort(self, operator: str, because: str) -> None:
+        """Give top drive and pumps to the driller, whatever the state; a request that waits must not follow at once."""
+        if self._pending is not None:
+            self._log(f"{self._pending.name} asks for control no more: {operator} took control back")
+            self._pending = None
+        if self._lease is not None or self._rig.active or self._fault:
+            self._end_lease(f"{operator} took control back{because}", Reaction.RELEASE)
+
+    def release(self, lease: int, now: float, sender: Sender, reason: str = "") -> tuple[bool, str]:
+        """Give a lease back, or withdraw a pending request, by its sender; answers whether it was done."""
         with self._lock:
+            self._pass(now)
             because = f": {reason}" if reason else ""
-            if self._pending is not None and self._pending.number == lease:
-                self._log(f"{self._pending.name} asks for control no more{because}")
+            found = [one for one in (self._pending, self._lease) if one is not None and one.number == lease]
+            if not found:
+                return False, f"lease {lease} is not in force"
+            if found[0].sender != sender:
+                self.refused += 1
+                return False, f"lease {lease} is {found[0].name}'s, who alone can give it back"
+            if found[0] is self._pending:
+                self._log(f"{found[0].name} asks for control no more{because}")
                 self._pending = None
                 return True, "withdrawn"
-            if self._lease is None or self._lease.number != lease:
-                return False, f"lease {lease} is not in force"
-            self._end_lease(f"{self._lease.name} gave control back{because}", Reaction.RELEASE)
+            self._end_lease(f"{found[0].name} gave control back{because}", Reaction.RELEASE)
             return True, "top drive and pumps are the driller's"
 
     def _checked(self, request: Request) -> LeaseLimits:
@@ -216,7 +248,7 @@ class ControlAuthority:
         self._lease, self._newest = lease, lease.number
         # What is in force goes on where the new owner could have asked for it, so that the string does not jerk.
         self._rig.limit(lease.limits)
-        self._sequence, self._acknowledged, self._last = 0, 0, None
+        self._sequence = self._acknowledged = 0
         self._refusal = self._reason = self._fault = ""
         self._log(f"{lease.name} has control, granted {how}")
 
@@ -243,44 +275,46 @@ class ControlAuthority:
 
     # Set-points, and what is observed.
 
-    def command(self, point: SetPoint, now: float, face: str = "graph") -> tuple[bool, str]:
-        """Take a set-point or heartbeat of the owner, by its interface; answers whether it was taken, or why not."""
+    def command(self, point: SetPoint, now: float, sender: Sender) -> tuple[bool, str]:
+        """
+        Take a set-point of the owner, or with number 0 its heartbeat; answers whether it was taken, or why not.
+
+        A refused one changes nothing: it is no heartbeat either, since its controller does not do what it should.
+        """
         with self._lock:
+            now = self._pass(now)
             owner = self._lease
             if owner is None or point.lease != owner.number:
                 self.refused += 1
                 holder = "nobody has control" if owner is None else f"{owner.name} has control"
                 return False, f"lease {point.lease} is not in force: {holder}"
-            if face != owner.request.face:
-                # Its number can be read by all; only some interfaces know who sends.
+            if sender != owner.sender:
+                # Its number can be read by all.
                 self.refused += 1
-                return False, f"lease {point.lease} is commanded by {owner.request.face}, where it was asked for"
-            owner.heard = now
+                return False, f"lease {point.lease} is {owner.name}'s, who alone commands under it"
             if point.sequence == 0:
+                owner.heard = now
+                self._rig.hear(now)
                 return True, ""
             try:
-                if point.sequence == self._sequence and self._repeats(point):
-                    self._rig.hear(point.mode, now)
-                    return True, ""
+                self._check_number(point.sequence)
                 check(point, owner.limits)
                 self._check_mwd(point.mode)
             except ValueError as error:
                 self.refused += 1
                 self._refusal = str(error)
                 return False, self._refusal
-            self._sequence, self._last, self._refusal = point.sequence, point, ""
+            owner.heard = now
+            self._sequence, self._refusal = point.sequence, ""
             if self._mwd_alive:
                 self._fault = self._reason = ""
             self._rig.take(point, self._achieved.speed or 0.0, now)
             return True, ""
 
-    def _repeats(self, point: SetPoint) -> bool:
-        """Whether it is the last set-point again, as a heartbeat; another one under its number is an error."""
-        if self._last is not None:
-            for name in ("mode", "rotary_speed", "turn", "flow_rate"):
-                if getattr(point, name) != getattr(self._last, name):
-                    raise ValueError(f"sequence: {point.sequence} was another set-point; a new one needs a new number")
-        return self._last is not None
+    def _check_number(self, sequence: int) -> None:
+        if sequence <= self._sequence:
+            text = f"{sequence} is not above {self._sequence}, the last that was taken"
+            raise ValueError(f"sequence: {text}; number 0 is a heartbeat")
 
     def _check_mwd(self, mode: int) -> None:
         needed = {Mode.ORIENT: "mwd_lost_sliding", Mode.ROTATE: "mwd_lost_rotating"}.get(Mode(mode))
@@ -327,19 +361,31 @@ class ControlAuthority:
     def update(self, now: float) -> list[SetPoint]:
         """Let time pass; returns the commands that are due to the rig. Called about ten times a second."""
         with self._lock:
-            pending = self._pending
-            if pending is not None and now - pending.since > self.settings.pending_s:
-                self._pending = None
-                self._reason = f"the request of {pending.name} lapsed"
-                self._log(self._reason)
-            if self._lease is not None:
-                self._watch(self._lease, now)
-            if self._lease is not None:
-                self._rig.lapse(now)
-            elif self._pending is not None and self.settings.grant == "automatic":
+            now = self._pass(now)
+            if self._lease is None and self._pending is not None and self.settings.grant == "automatic":
                 pending, self._pending = self._pending, None
                 self._grant(pending, now, "automatically")
             return self._rig.due(self._newest, self._sequence, now)
+
+    def _pass(self, now: float) -> float:
+        """End what is over by `now`; returns the time that counts, which does not go back."""
+        if now < self._now - _CLOCK_BACK:
+            # How long anything has lasted is not known any more.
+            self._now, self._pending = now, None
+            if self._lease is not None:
+                reaction = self._reactions[f"controller_lost_{'rotating' if self._rig.rotating else 'sliding'}"]
+                self._end_lease(f"the clock went back under {self._lease.name}", reaction)
+        self._now = now = max(self._now, now)
+        pending = self._pending
+        if pending is not None and now - pending.since > self.settings.pending_s:
+            self._pending = None
+            self._reason = f"the request of {pending.name} lapsed"
+            self._log(self._reason)
+        if self._lease is not None:
+            self._watch(self._lease, now)
+        if self._lease is not None:
+            self._rig.lapse(now)
+        return now
 
     def _watch(self, owner: _Lease, now: float) -> None:
         if now - owner.heard > self.settings.heartbeat_s:
@@ -398,3 +444,10 @@ class ControlAuthority:
 
     def _log(self, text: str) -> None:
         self._events.append(text)
+
+
+def _not_the_same(lease: _Lease, request: Request) -> str:
+    """Why a request is denied whose sender or name, but not both, is that of a lease or of a request that waits."""
+    if lease.sender == request.sender:
+        return f"controller: you are {lease.name} already; give lease {lease.number} back to ask under another name"
+    return f"controller: {lease.name} is another's name, by {lease.sender.interface}; ask under one of your own"

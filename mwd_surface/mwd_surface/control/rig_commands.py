@@ -83,8 +83,10 @@ class RigCommands:
         return self.drive is not None and self.drive.mode == Mode.ROTATE
 
     def limit(self, limits: LeaseLimits) -> None:
-        """Set the limits in force; what is beyond them goes back to the driller."""
+        """Set the limits in force; what is beyond them, or still on its ramp from beyond, goes back to the driller."""
         self._limits = limits
+        if self.rotating and not -limits.left_speed <= self._speed <= limits.speed:
+            self.let_go()
         for point in (self.drive, self.pump):
             if point is not None:
                 try:
@@ -102,15 +104,15 @@ class RigCommands:
             if point.mode == Mode.ROTATE and not self.rotating:
                 # The driller's speed is where the ramp begins; a string that is held begins at rest.
                 speed = achieved_speed if self.drive is None else 0.0
-                self._speed = min(max(speed, -self._limits.speed), self._limits.speed)
+                self._speed = min(max(speed, -self._limits.left_speed), self._limits.speed)
                 self._ramp_at = now
             self._set(self._drive, point, now + point.valid_for)
 
-    def hear(self, mode: int, now: float) -> None:
-        """Take a heartbeat: the set-point of the top drive, or with PUMP of the pumps, is valid for its time again."""
-        channel = self._pump if mode == Mode.PUMP else self._drive
-        if channel.point is not None:
-            channel.lapses = now + channel.point.valid_for
+    def hear(self, now: float) -> None:
+        """Take a heartbeat: what is asked of top drive and pumps is valid for its time again."""
+        for channel in (self._drive, self._pump):
+            if channel.point is not None and math.isfinite(channel.lapses):
+                channel.lapses = now + channel.point.valid_for
 
     def hold(self) -> None:
         """Hold the string, without end."""

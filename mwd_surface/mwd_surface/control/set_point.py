@@ -11,6 +11,8 @@ from mwd_surface.control.settings import ControlSettings
 
 _RPM = math.pi / 30.0
 _LITRE_PER_MINUTE = 1e-3 / 60.0
+_ROUNDING = 1.0 + 1e-6  # of float32 registers
+LARGEST_NUMBER = 2**32 - 1  # of leases and set-points, uint32 on the wire
 
 
 class Mode(enum.IntEnum):
@@ -26,18 +28,20 @@ class Mode(enum.IntEnum):
 @dataclasses.dataclass(frozen=True)
 class LeaseLimits:
     """
-    Limits of a lease, each above 0; in a request 0 means: as set at the rig.
+    Limits of a lease, not below 0; in a request 0 means: as set at the rig, but for the left-hand ones, none.
 
     Attributes
     ----------
     speed, speed_rate : float
-        Of the top drive, rad/s and rad/s^2.
+        Of the top drive, rad/s and rad/s^2; the speed clockwise looking down-hole.
     torque : float
         Measured at the top drive, N m.
     turn : float
-        Of one ORIENT, rad.
+        Of one ORIENT clockwise, rad.
     flow : float
         m^3/s.
+    left_speed, left_turn : float
+        Counter-clockwise, which can unscrew the string: nobody gets it who does not ask for it by number. rad/s, rad.
     """
 
     speed: float = 0.0
@@ -45,6 +49,8 @@ class LeaseLimits:
     torque: float = 0.0
     turn: float = 0.0
     flow: float = 0.0
+    left_speed: float = 0.0
+    left_turn: float = 0.0
 
     @classmethod
     def of_settings(cls, settings: ControlSettings) -> LeaseLimits:
@@ -55,6 +61,8 @@ class LeaseLimits:
             settings.torque_nm,
             math.radians(settings.turn_deg),
             settings.flow_lpm * _LITRE_PER_MINUTE,
+            settings.left_speed_rpm * _RPM,
+            math.radians(settings.left_turn_deg),
         )
 
     def within(self, site: LeaseLimits) -> LeaseLimits:
@@ -71,8 +79,14 @@ class LeaseLimits:
             wanted, most = getattr(self, field.name), getattr(site, field.name)
             if not (math.isfinite(wanted) and wanted >= 0.0):
                 raise ValueError(f"{field.name}_limit: must be finite and not below 0, got {wanted:g}")
-            narrowed[field.name] = min(wanted, most) if wanted > 0.0 else most
+            as_set = wanted == 0.0 and not field.name.startswith("left_")
+            narrowed[field.name] = most if as_set else min(wanted, most)
         return LeaseLimits(**narrowed)
+
+    def beyond(self, granted: LeaseLimits) -> list[str]:
+        """Return the names of the limits that are wider than the granted ones."""
+        names = [field.name for field in dataclasses.fields(self)]
+        return [f"{name}_limit" for name in names if getattr(self, name) > getattr(granted, name)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +99,7 @@ class SetPoint:
     mode : int
         Of `Mode`.
     lease, sequence : int
-        Under which lease; the same sequence again is a heartbeat alone.
+        Under which lease, and the number of the set-point, which grows within the lease; 0 is a heartbeat alone.
     rotary_speed, turn, flow_rate : float
         Of ROTATE, rad/s; of ORIENT, rad; of PUMP, m^3/s.
     valid_for : float
@@ -118,15 +132,16 @@ def check(point: SetPoint, limits: LeaseLimits) -> None:
     """
     if point.mode not in set(Mode):
         raise ValueError(f"mode: must be one of {', '.join(f'{m.value} {m.name.lower()}' for m in Mode)}")
-    if point.sequence < 1:
-        raise ValueError("sequence: set-points count from 1")
+    if not 1 <= point.sequence <= LARGEST_NUMBER:
+        raise ValueError(f"sequence: set-points count from 1 to {LARGEST_NUMBER}, got {point.sequence}")
     for name, low, high, unit in (
-        ("rotary_speed", -limits.speed, limits.speed, "rad/s"),
-        ("turn", -limits.turn, limits.turn, "rad"),
+        ("rotary_speed", -limits.left_speed, limits.speed, "rad/s"),
+        ("turn", -limits.left_turn, limits.turn, "rad"),
         ("flow_rate", 0.0, limits.flow, "m^3/s"),
     ):
         value = getattr(point, name)
-        if not (math.isfinite(value) and low - 1e-9 <= value <= high + 1e-9):
+        # Units of a protocol cost some digits; a limit of zero stays zero.
+        if not (math.isfinite(value) and low * _ROUNDING <= value <= high * _ROUNDING):
             raise ValueError(f"{name}: the lease allows {low:.4g} to {high:.4g} {unit}, got {value:g}")
     if not (math.isfinite(point.valid_for) and point.valid_for > 0.0):
         raise ValueError(f"valid_for: must be above 0 and finite, got {point.valid_for:g}")

@@ -64,6 +64,24 @@ class ControlSettings:
         fixed=True,
     )
     turn_deg: float = setting(720.0, "Largest turn at once", unit="deg", low=1.0, high=36000.0, fixed=True)
+    left_speed_rpm: float = setting(
+        0.0,
+        "Highest speed to the left, counter-clockwise looking down-hole, that may be asked. Left-hand rotation can "
+        "unscrew the string: 0 refuses it",
+        unit="r/min",
+        low=0.0,
+        high=600.0,
+        fixed=True,
+    )
+    left_turn_deg: float = setting(
+        0.0,
+        "Largest turn to the left at once; 0 refuses it. A controller that rocks the string or brings a toolface back "
+        "needs some",
+        unit="deg",
+        low=0.0,
+        high=36000.0,
+        fixed=True,
+    )
     flow_lpm: float = setting(
         4000.0, "Highest flow that may be asked of the pumps", unit="L/min", low=1.0, high=20000.0, fixed=True
     )

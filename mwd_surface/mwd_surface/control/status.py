@@ -44,22 +44,38 @@ class Judgement(enum.IntEnum):
 
 
 @dataclasses.dataclass(frozen=True)
+class Sender:
+    """
+    Who sends, as far as an interface can tell: only the sender of a request renews, commands and gives back its lease.
+
+    interface: its name. identity: what nobody else on that interface can have, such as a connection or a key; it is not
+    a secret.
+    """
+
+    interface: str
+    identity: str
+
+    def __str__(self) -> str:
+        return f"{self.interface} {self.identity}".strip()
+
+
+@dataclasses.dataclass(frozen=True)
 class Request:
     """
     Who asks for control; as mwd_msgs/RequestControl.
 
-    controller: name. role: in a word or two. priority: 0 to 255, a higher one than the owner's takes over. wait: wait
-    for the owner to leave. duration: s, 0: the longest allowed. limits: 0 each: as set at the rig. face: the interface
-    it came by, the only one through which its lease is renewed and commanded.
+    sender: to whom the lease is bound. controller: name. role: in a word or two. priority: 0 to 255, a higher one than
+    the owner's takes over. wait: wait for the owner to leave. duration: s, 0: the longest allowed. limits: 0 each: as
+    set at the rig, but for the left-hand ones.
     """
 
+    sender: Sender
     controller: str
     role: str = ""
     priority: int = 0
     wait: bool = False
     duration: float = 0.0
     limits: LeaseLimits = dataclasses.field(default_factory=LeaseLimits)
-    face: str = "graph"
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode, SetPoint
-from mwd_surface.control.status import Judgement, Permission, Request
+from mwd_surface.control.status import Judgement, Permission, Request, Sender
 
 _NAME, _ROLE = "downlink", "command to the tool"
+_SENDER = Sender("surface", _NAME)
 _PRIORITY = 100
 _VALID_S = 5.0  # a surface that falls silent gives the rig back after this time
 
@@ -47,7 +48,7 @@ class RigControl:
 
         granted_by: whose permission for the command is one for the control it needs.
         """
-        decision = self._authority.request(Request(_NAME, _ROLE, _PRIORITY, face=_NAME), now)
+        decision = self._authority.request(Request(_SENDER, _NAME, _ROLE, _PRIORITY), now)
         if decision.permission == Permission.PENDING:
             done, message = self._authority.judge(Judgement.GRANT, granted_by, now, "for the downlink", decision.lease)
             if not done:
@@ -69,11 +70,11 @@ class RigControl:
             valid_for=_VALID_S,
             returns=True,
         )
-        taken, message = self._authority.command(point, now, _NAME)
+        taken, message = self._authority.command(point, now, _SENDER)
         return "" if taken else message
 
     def release(self, now: float, reason: str) -> None:
         """Give the rig back to the driller; without effect where the downlink has no control."""
         if self.has:
-            self._authority.release(self._lease, now, reason)
+            self._authority.release(self._lease, now, _SENDER, reason)
             self._lease = 0

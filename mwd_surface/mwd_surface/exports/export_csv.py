@@ -37,7 +37,7 @@ def definitive_csv(table: SurveyTable) -> str:
     Text is UTF-8 when encoded; lines end with a newline.
     """
     lines = [f"# {label}: {value}" for label, value in table.header]
-    lines += [f"# {why}" for why in table.left_out]
+    lines += [f"# {why}" for why in (*table.left_out, *map(plain, table.remarks))]
     nothing = dict.fromkeys(_decided(_NO_RECORD, table.surveys.north), quoted(""))
     lines.append(",".join([*(c.key for c in table.columns), "station", *nothing]))
     bare = nothing | {"leg": quoted(table.path.leg), "survey": ""}

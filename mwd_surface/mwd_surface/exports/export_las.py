@@ -50,6 +50,8 @@ def las(table: SurveyTable) -> str:
         file.params.append(item(f"H{k:02d}", value=_value(value), descr=_value(label)))
     for k, why in enumerate(table.left_out, start=1):
         file.params.append(item(f"X{k:02d}", value=_value(why), descr="LEFT OUT"))
+    for k, assumed in enumerate(table.remarks, start=1):
+        file.params.append(item(f"A{k:02d}", value=_value(assumed), descr="ASSUMED"))
     formats: dict[int, str] = {}
     for column in table.columns:
         if all(v is None for v in column.values):

@@ -64,7 +64,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     head.append(_text("aziRef", f"{well.north_reference} north"))
     seen: set[str] = set()
     stations = [_station(table, k, seen) for k in rows]
-    notes = [*table.left_out, *left_out, f"position uncertainty: {table.covariance_note}"]
+    notes = [*table.left_out, *left_out, *table.remarks, f"position uncertainty: {table.covariance_note}"]
     common = _text("dTimCreation", utc(table.made_ns)) + _text("comments", "; ".join(notes), _COMMENT)
     return "\n".join(
         [

@@ -11,6 +11,7 @@ from mwd_surface.clearance.clearance import Clearance, Level
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, planned_rows, well_clearance
 from mwd_surface.exports.report_section import DOUBTFUL, GOOD, REJECT, Drawing, Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import fixed
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import Plan
@@ -44,7 +45,7 @@ def clearance_sections(
         near = well_clearance(surveys, offsets, plan, bit_depth, leg)
     except (CovarianceUnavailableError, ValueError) as error:
         return (), (str(error),)
-    return (clearance_section(near),), near.remarks
+    return (clearance_section(near),), sentences(near.remarks)
 
 
 def clearance_section(near: WellClearance) -> Section:
@@ -77,7 +78,9 @@ def clearance_section(near: WellClearance) -> Section:
         Drawing("Travelling cylinder: toolface + azimuth", lambda: travelling_cylinder(near.found)),
     )
     sheets = (sheet, ahead_sheet(near))
-    return Section("Offset wells", (rule_words, *near.remarks), sheets, drawings if near.found else (), page=True)
+    return Section(
+        "Offset wells", (rule_words, *sentences(near.remarks)), sheets, drawings if near.found else (), page=True
+    )
 
 
 def ahead_sheet(near: WellClearance) -> Sheet:

@@ -36,7 +36,7 @@ class Content:
 def content(table: SurveyTable) -> Content:
     """The report of a table, in words and printed numbers."""
     well = table.surveys.well
-    notes = [*table.left_out]
+    notes = [*table.left_out, *map(plain, table.remarks)]
     if table.path.kind[-1] == "projected":
         notes.append("The last station is projected to the bit; it was not surveyed.")
     by_hand = [r for r in table.surveys.records if r.in_use and r.survey.verdict != Verdict.ACCEPT]

@@ -20,6 +20,7 @@ import numpy as np
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Section
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.signals.signal import PLAN, POSITION, SURVEY, Listed, Signal
 from mwd_surface.signals.table import LISTED
 from mwd_surface.surveys.survey_list import SurveyList
@@ -84,6 +85,11 @@ class SurveyTable:
     made_ns: int
     stretches: tuple[Stretch, ...] = ()
     sections: tuple[Section, ...] = ()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about what the list and the plan assume."""
+        return sentences((*self.surveys.remarks, *(self.plan.remarks if self.plan is not None else ())))
 
     @property
     def rows(self) -> range:

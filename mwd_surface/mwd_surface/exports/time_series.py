@@ -108,6 +108,8 @@ def rows(
         for relative, layout in ((ATTITUDE, wire.ATTITUDE), (RIG, wire.RIG_STATE))
     }
     written.topics = tuple(name for name in names.values() if name)
+    if not written.topics and (unread := bag.unread(wire.ATTITUDE.type_name, wire.RIG_STATE.type_name)):
+        raise BagError(f"{bag.path} has no attitude and no rig data that can be read: {unread}")
     if not written.topics:
         raise BagError(
             f"{bag.path} has neither attitude nor rig data" + (f" of {well}" if well else ""),

@@ -26,7 +26,7 @@ from mwd_surface.fleet.fleet_task import Outcome, Work, carry_out, changes_text,
 from mwd_surface.processing.bag_input import InputSettings
 
 SCHEDULERS = ("local", "processes", "threads")
-_ENDINGS = (".mcap", ".db3")
+_ENDINGS = (".mcap", ".db3", ".bag")
 
 
 def find_bags(patterns: Sequence[str]) -> list[Path]:

@@ -25,7 +25,7 @@ from mwd_surface.fleet import fleet_dataset
 from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.processing import bag_input, process
-from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.processing.bag_input import InputSettings, OptionNeededError
 from mwd_surface.processing.run_summary import Summary
 from mwd_surface.surveys import station_csv
 from mwd_surface.surveys.recorded_settings import Recorded, recorded_settings, with_a_model
@@ -90,6 +90,9 @@ def carry_out(work: Work) -> Outcome:
         return Outcome(work.bag, key, earlier, kept=True)
     try:
         tables = _tables(path, key, work, began)
+    except OptionNeededError as error:
+        outcome = failed(work, key, f"{error} to `mwd process`", began)
+        tables = {"bags": [outcome.row]}
     except (BagError, ValueError) as error:
         outcome = failed(work, key, str(error), began)
         tables = {"bags": [outcome.row]}

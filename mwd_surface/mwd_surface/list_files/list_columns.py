@@ -2,8 +2,9 @@
 """
 What the columns of a list of stations are, and their units: by the names people give them, or as the caller says.
 
-A unit stands at the end of a name (md_m, "MD [ft]"), in a line of its own below the names, or comes from the caller.
-A length whose unit nobody named is never guessed; angles without unit are degrees.
+A name is read whole: its quantity, its unit ("MD (usft)", md_ft, "Inc °"), its north ("AZIM_GN"), and whether an angle
+counts from the horizontal. A word in it that is not understood is kept and quoted, never skipped. A length whose unit
+nobody named is never guessed; angles without unit are degrees.
 """
 
 from __future__ import annotations
@@ -11,95 +12,272 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
+
+from mwd_surface.list_files.list_error import ListFileError
 
 NEEDED = ("md", "inclination", "azimuth")
 # What a list of our own says of the reference: T and m/s^2, or angles.
 FIGURES = {"b_reference": 1e-9, "g_reference": 1.0, "dip_reference": None, "declination": None, "convergence": None}
-ANGLES = ("inclination", "azimuth", "sigma_inclination", "sigma_azimuth", *(n for n, f in FIGURES.items() if not f))
+ANGLES = (
+    *("inclination", "dip", "azimuth", "sigma_inclination", "sigma_azimuth"),
+    *(n for n, f in FIGURES.items() if not f),
+)
 TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station")
 NORTHS = ("true", "grid", "magnetic")
+DIPS = ("down", "up")  # where a positive angle from the horizontal points
+CONFIRMABLE = ("dogleg", "wellhead", "depth")
 
 # The US survey foot is 1200/3937 m.
 LENGTH_UNITS = {
-    **dict.fromkeys(("m", "meter", "metre", "meters", "metres"), 1.0),
-    **dict.fromkeys(("ft", "feet", "foot", "fti"), 0.3048),
-    "ftus": 1200.0 / 3937.0,
+    **dict.fromkeys(("m", "meter", "metre", "meters", "metres", "mtr", "mtrs", "米", "м"), 1.0),
+    **dict.fromkeys(("ft", "feet", "foot", "fti", "ift", "international feet", "intl feet", "英尺"), 0.3048),
+    **dict.fromkeys(
+        (
+            *("ftus", "usft", "us ft", "ft us", "usfeet", "us feet", "feet us", "us foot", "survey feet", "survey ft"),
+            *("us survey feet", "us survey foot", "us survey ft", "survey foot", "ftus survey", "sft", "ussft"),
+        ),
+        1200.0 / 3937.0,
+    ),
 }
 ANGLE_UNITS = {
-    **dict.fromkeys(("deg", "dega", "degree", "degrees"), math.pi / 180.0),
-    **dict.fromkeys(("rad", "radian", "radians"), 1.0),
-    **dict.fromkeys(("grad", "gon", "grads", "gradians"), math.pi / 200.0),
+    **dict.fromkeys(
+        ("deg", "dega", "degs", "degree", "degrees", "decimal degrees", "dd", "度", "grader"), math.pi / 180.0
+    ),
+    **dict.fromkeys(("rad", "rads", "radian", "radians", "弧度"), 1.0),
+    **dict.fromkeys(("grad", "gon", "grads", "gradians", "gons", "gradian"), math.pi / 200.0),
 }
+# Where a depth counts from; a word behind a unit or a depth that changes neither.
+_DATUMS = frozenset(
+    [
+        "kb",
+        "rkb",
+        "rt",
+        "drt",
+        "brt",
+        "bkb",
+        "bdf",
+        "df",
+        "rte",
+        "dfe",
+        "kbe",
+        "gl",
+        "rotary",
+        "table",
+        "kelly",
+        "bushing",
+        "bushings",
+        "floor",
+        "drill",
+        "derrick",
+        "md",
+        "tvd",
+        "ah",
+        "along",
+        "hole",
+        "below",
+        "from",
+        "datum",
+        "zdp",
+        "mdrkb",
+        "mdkb",
+        "mdrt",
+        "mdbrt",
+        "tvdrkb",
+        "tvdkb",
+        "tvdrt",
+        "tvdbrt",
+    ]
+)
+_NORTH_WORDS = {
+    **dict.fromkeys(("true", "tn", "geographic", "geo", "truenorth", "真", "真北"), "true"),
+    **dict.fromkeys(("grid", "gn", "map", "gridnorth", "网格", "坐标", "坐标北"), "grid"),
+    **dict.fromkeys(("magnetic", "mag", "mn", "magn", "compass", "magneticnorth", "磁", "磁北"), "magnetic"),
+}
+_LETTERS = {"t": "true", "g": "grid"}  # behind the name of an azimuth
+# Words that neither say nor change what a column is.
+_FILLERS = frozenset(
+    [
+        "in",
+        "survey",
+        "station",
+        "sta",
+        "stn",
+        "borehole",
+        "wellbore",
+        "hole",
+        "well",
+        "angle",
+        "corrected",
+        "corr",
+        "cor",
+        "final",
+        "value",
+        "reading",
+        "point",
+        "the",
+        "of",
+        "at",
+        "to",
+        "north",
+        "rel",
+        "relative",
+        "referenced",
+        "reference",
+        "ref",
+        "decimal",
+        "actual",
+        "measured",
+        "calculated",
+        "calc",
+        "computed",
+        "vertical",
+        "down",
+        "positive",
+        "角",
+    ]
+)
+_HORIZONTAL = frozenset(["horizontal", "horiz", "horizon", "hor", "水平", "水平面"])
 _WORDS = {
-    "md": "md measured_depth depth dept md_rkb along_hole_depth ahd",
-    "inclination": "inc incl inclination devi deviation drift",
-    "azimuth": "azi azim azimuth az azm hazi direction",
-    "tvd": "tvd vertical_depth true_vertical_depth",
-    "north": "north ns n_s disp_ns n local_north northing",
-    "east": "east ew e_w disp_ew e local_east easting",
-    "sigma_inclination": "sigma_inclination",
-    "sigma_azimuth": "sigma_azimuth",
-    "b_reference": "b_reference_nt",
-    "g_reference": "g_reference_mps",
-    "dip_reference": "dip_reference",
+    "md": (
+        "md|measured depth|meas depth|m depth|mdepth|depth|dept|depth md|along hole depth|ahd|tmd|dmd|survey depth|"
+        "hole depth|mdrkb|mdkb|mdrt|mdbrt|mddf|meas d|tape depth|drilled depth|total measured depth|"
+        "distance along hole|"
+        "孔深|井深|测深|斜深|深度|测量深度|测点深度|钻孔深度|measured|teufe|messteufe|bohrteufe|profundidad|"
+        "profundidad medida|profondeur|глубина|глубина по стволу"
+    ),
+    "inclination": (
+        "inc|incl|inclination|devi|dev|deviation|drift|drift angle|zenith|zenith angle|incln|inclin|hole angle|"
+        "井斜|井斜角|顶角|天顶角|neigung|inclinación|inclinacion|inclinaison|зенитный угол|зенит"
+    ),
+    "dip": (
+        "dip|dip angle|hole dip|pitch|pitch angle|plunge|elevation angle|angle from horizontal|倾角|倾斜角|仰俯角|仰角|"
+        "俯角|einfallen|fallen|buzamiento|plongement|falling angle"
+    ),
+    "azimuth": (
+        "azi|azim|azimuth|az|azm|azmth|azimut|hazi|direction|hole direction|bearing|方位|方位角|acimut|азимут|"
+        "azimuth angle"
+    ),
+    "tvd": (
+        "tvd|vertical depth|true vertical depth|vert depth|tv depth|v depth|vdepth|tvdrkb|tvdkb|tvdrt|tvdbrt|tvdd|垂深|"
+        "垂直深度|vertical|true vertical"
+    ),
+    "north": (
+        "north|ns|n s|disp ns|n|local north|north offset|offset north|n offset|local n|dy|delta north|north south|"
+        "y offset|n s offset|ns offset|latitude ns|lat ns|northings local|local northing|local northings|"
+        "north displacement|displacement north|南北位移|北位移|北坐标"
+    ),
+    "east": (
+        "east|ew|e w|disp ew|e|local east|east offset|offset east|e offset|local e|dx|delta east|east west|x offset|"
+        "e w offset|ew offset|departure|local easting|local eastings|east displacement|displacement east|东西位移|"
+        "东位移|东坐标"
+    ),
+    "map_north": "northing|northings|y|y coordinate|y coord|map north|map northing|grid northing|utm n|utm north|utm y",
+    "map_east": "easting|eastings|x|x coordinate|x coord|map east|map easting|grid easting|utm e|utm east|utm x",
+    "sigma_inclination": "sigma inclination",
+    "sigma_azimuth": "sigma azimuth",
+    "b_reference": "b reference nt",
+    "g_reference": "g reference mps",
+    "dip_reference": "dip reference",
     "declination": "declination",
     "convergence": "convergence",
-    "azimuth_reference": "azimuth_reference azi_ref north_reference",
-    "tool": "tool_code survey_tool tool station_type",
-    "time": "time time_utc dtim dtim_utc dtim_stn date_time",
-    "verdict": "verdict automatic",
+    "azimuth_reference": "azimuth reference|azi ref|north reference|azimuth north reference",
+    "tool": "tool code|survey tool|tool|station type|survey type|survey tool code",
+    "time": "time|time utc|dtim|dtim utc|dtim stn|date time|datetime|timestamp",
+    "verdict": "verdict|automatic",
     "station": "station",
 }
-_NAMES = {name: what for what, names in _WORDS.items() for name in names.split()}
-
-
-class ListFileError(ValueError):
-    """A file that is no list of stations; the message gives file, line and rule."""
+_NAMES = {name: what for what, names in _WORDS.items() for name in names.split("|")}
+_DIRECTED = {
+    **dict.fromkeys(("真方位", "真方位角", "真北方位角", "地理方位角"), "true"),
+    **dict.fromkeys(("磁方位", "磁方位角", "磁北方位角"), "magnetic"),
+    **dict.fromkeys(("坐标方位", "坐标方位角", "网格方位", "网格方位角"), "grid"),
+}
+# Other quantities whose names have a word of one of ours in them; nobody expects them to be read.
+_OTHERS = re.compile(
+    r"section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|tool ?face|"
+    r"magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|reference|"
+    r"method|raw|quality|status|comment|remark|note|name|number|index|declination|convergence|ellipse"
+)
+_LENGTHS = ("md", "tvd", "north", "east", "map_north", "map_east")
+_SUBSEA = frozenset(["ss", "tvdss", "mtvdss", "subsea", "sub", "sea", "msl", "mtvd", "lat"])
+_KEYS = re.compile(r"azi|incl|inclin|depth|\btvd|north|east|方位|深|倾")
 
 
 @dataclasses.dataclass(frozen=True)
 class Given:
     """
-    What the caller says of a list.
+    What the caller says of a list; it replaces what the file says.
 
     Attributes
     ----------
     columns : mapping of str
-        Quantity (md, inclination, azimuth, tvd, north, east ...) -> name of its column. An empty name: do not read it.
+        Quantity (md, inclination, dip, azimuth, tvd, north, east ...) -> name of its column. An empty name: do not
+        read it.
     length_unit, angle_unit, north : str
         Replace what the file says; empty: as the file says.
+    decimal : str
+        "point" or "comma"; empty: judged by the cells.
+    dip : str
+        Where a positive angle from the horizontal points, "down" or "up"; empty: as the vertical depths say.
+    wellhead : tuple of float, optional
+        Northing and easting of the wellhead, in m, which is subtracted from map coordinates.
+    confirm : tuple of str
+        What of `CONFIRMABLE` was checked and is right, although no usual list has it.
     """
 
     columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
     length_unit: str = ""
     angle_unit: str = ""
     north: str = ""
+    decimal: str = ""
+    dip: str = ""
+    wellhead: tuple[float, float] | None = None
+    confirm: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse a quantity, unit or north that there is not."""
+        """Refuse a quantity, unit, north or word that does not exist."""
         for value, known, what in (
             *((name, tuple(_WORDS), "columns") for name in self.columns),
             (self.length_unit, tuple(LENGTH_UNITS), "length unit"),
             (self.angle_unit, tuple(ANGLE_UNITS), "angle unit"),
             (self.north, NORTHS, "north"),
+            (self.decimal, ("point", "comma"), "decimal mark"),
+            (self.dip, DIPS, "dip"),
+            *((word, CONFIRMABLE, "confirm") for word in self.confirm),
         ):
             if value and value not in known:
                 raise ValueError(f"{what}: {value!r} is none of {', '.join(known)}")
 
 
 @dataclasses.dataclass(frozen=True)
-class Columns:
-    """Column number, unit as written ("" where none) of each quantity, and the north that the azimuth's name says."""
+class Column:
+    """
+    One column: its number, name and quantity ("" where it is none of ours).
 
-    number: Mapping[str, int]
-    units: Mapping[str, str]
-    north: str
+    unit, north: as it says, "" where it says none. strange: words that were not understood.
+    """
+
+    number: int
+    name: str
+    quantity: str
+    unit: str = ""
+    north: str = ""
+    strange: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class Columns:
+    """All columns of a list by quantity, in the order of the file; and those that look like ours and are not read."""
+
+    of: Mapping[str, tuple[Column, ...]]
+    unread: tuple[Column, ...] = ()
 
     @property
     def missing(self) -> list[str]:
-        """Those needed that are not there."""
-        return [what for what in NEEDED if what not in self.number]
+        """Quantities that every list needs and this one does not have."""
+        return [what for what in NEEDED if what not in self.of and not (what == "inclination" and "dip" in self.of)]
 
 
 def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] = ()) -> Columns:
@@ -109,55 +287,168 @@ def find(names: Sequence[str], given: Given | None = None, units: Sequence[str] 
     names: of the columns. given: what the caller says of them. units: of the columns where they stand apart, as in LAS.
     """
     given = given or Given()
-    number: dict[str, int] = {}
-    found: dict[str, str] = {}
-    north = ""
+    of: dict[str, tuple[Column, ...]] = {}
+    unread = []
+    chosen_names = {column.strip().lower(): q for q, column in given.columns.items() if column.strip()}
     for k, name in enumerate(names):
-        what, unit, says = _meaning(name)
-        chosen = [q for q, column in given.columns.items() if column and column.strip() == name.strip()]
-        if not chosen and (what in given.columns or what in number):
+        column = column_of(k, name, units[k] if k < len(units) else "")
+        chosen = chosen_names.get(name.strip().lower())
+        if chosen:
+            column = dataclasses.replace(column, quantity=chosen)
+        elif column.quantity in given.columns:
             continue
-        what = chosen[0] if chosen else what
-        if not what:
-            continue
-        number[what] = k
-        found[what] = units[k].lower() if units and units[k] else unit
-        if what == "azimuth":
-            north = says
-    return Columns(number, found, north)
+        if column.quantity:
+            of[column.quantity] = (*of.get(column.quantity, ()), column)
+        elif _resembles(name):
+            unread.append(column)
+    if "inclination" in of:
+        # A list with inclinations may have the dip of the field, too.
+        of.pop("dip", None)
+    return Columns(of, tuple(unread))
 
 
-def factor(what: str, unit: str, at: str, given: Given | None = None) -> float:
+def column_of(number: int, name: str, unit: str = "") -> Column:
+    """Return what a name of a column says; unit: as the file has it apart from the name."""
+    base, brackets = _parted(name)
+    words = base.split()
+    quantity, rest, north = _quantity(words)
+    angle = quantity in ANGLES
+    own, turned, horizontal, behind = _qualifiers(" ".join(rest), angle=angle)
+    north, strange = turned or north, list(behind)
+    for phrase in (*brackets, _words(unit)):
+        found, turned, flat, left = _qualifiers(phrase, angle=angle)
+        own, north, horizontal = found or own, turned or north, flat or horizontal
+        strange += left
+    if quantity == "inclination" and horizontal:
+        quantity = "dip"
+    if quantity in _LENGTHS and (behind or (quantity == "tvd" and _SUBSEA & set(strange))):
+        # "Depth Limit", "Vertical Section", "TVD (SS)": another quantity whose name begins like ours.
+        quantity = ""
+    if unit.strip() and not own and quantity and quantity not in TEXTS and not strange:
+        strange = [unit.strip()]
+    return Column(number, name.strip(), quantity, own, north, " ".join(strange))
+
+
+def unit_word(text: str) -> str:
+    """Return the unit that some words are, as in LENGTH_UNITS or ANGLE_UNITS; "" where they are none."""
+    words = [w for w in _words(text).split() if w not in _DATUMS]
+    joined = " ".join(words)
+    if joined in LENGTH_UNITS or joined in ANGLE_UNITS:
+        return joined
+    whole = _words(text).replace(" ", "")
+    for unit in sorted(LENGTH_UNITS, key=len, reverse=True):
+        # ftKB, mRKB, mMD
+        if whole.startswith(unit) and whole[len(unit) :] in _DATUMS:
+            return unit
+    return ""
+
+
+def north_of(text: str) -> str:
+    """Return the north that some words name, one of NORTHS; "" where they name none."""
+    words = _words(text).split()
+    found = {_NORTH_WORDS[w] for w in words if w in _NORTH_WORDS}
+    return found.pop() if len(found) == 1 else ""
+
+
+def factor(column: Column, at: str, given: Given | None = None, otherwise: str = "") -> float:
     """
-    What to multiply a quantity by to get m or rad.
+    Return what to multiply a column by to get m or rad.
+
+    at: its place in the file. otherwise: unit of the list's head, for a column that says none.
 
     Raises
     ------
     ListFileError
-        A length without unit, or an unknown unit; `at` is the place in the file.
+        A length without unit, or a unit or word that is not understood.
     """
-    own = FIGURES.get(what)
+    own = FIGURES.get(column.quantity)
     if own is not None:
         return own
-    angle = what in ANGLES
+    angle = column.quantity in ANGLES
     known = ANGLE_UNITS if angle else LENGTH_UNITS
     said = "" if given is None else given.angle_unit if angle else given.length_unit
-    unit = said or unit or ("deg" if angle else "")
+    if said:
+        return known[said]
+    option = "--angle-unit" if angle else "--length-unit"
+    if column.strange and not column.unit and column.quantity != "azimuth":
+        raise ListFileError(
+            f"{at}: {column.quantity} in {column.strange!r} (column {column.name!r}): not understood; expected one of"
+            f" {', '.join(list(known)[:8])} ...; say it with {option}, or name the column with --columns"
+        )
+    unit = column.unit or otherwise or ("deg" if angle else "")
     if not unit:
-        raise ListFileError(f"{at}: {what} has no unit; write {what}_m or {what}_ft, or name it with --length-unit")
+        raise ListFileError(
+            f"{at}: {column.quantity} (column {column.name!r}) has no unit; write {column.quantity}_m or"
+            f" {column.quantity}_ft, or say it with --length-unit"
+        )
     if unit not in known:
-        raise ListFileError(f"{at}: {what} in {unit!r}; expected one of {', '.join(known)}")
+        raise ListFileError(f"{at}: {column.quantity} in {unit!r}; expected one of {', '.join(list(known)[:8])} ...")
     return known[unit]
 
 
-def _meaning(name: str) -> tuple[str, str, str]:
-    """Quantity, unit and north that a name of a column says; empty texts where it says none."""
-    words = [w for w in re.split(r"[^a-z]+", name.lower().replace("°", " deg ")) if w]
-    unit = words.pop() if len(words) > 1 and words[-1] in {**LENGTH_UNITS, **ANGLE_UNITS} else ""
-    # north_m and azimuth_reference are quantities of their own.
-    joined = "_".join(words)
-    if joined in _NAMES:
-        return _NAMES[joined], unit, ""
-    norths = [w for w in words if w in NORTHS or w == "mag"]
-    what = _NAMES.get("_".join(w for w in words if w not in norths), "")
-    return what, unit, ("magnetic" if norths[0] == "mag" else norths[0]) if norths else ""
+def _words(text: str) -> str:
+    """Lower case, words parted by one space, signs gone; degrees in words."""
+    text = text.replace("Â°", "°")
+    for sign in "°º˚":
+        text = text.replace(sign, " deg ")
+    text = unicodedata.normalize("NFKC", text).lower()
+    return " ".join("".join(c if c.isalpha() or unicodedata.combining(c) else " " for c in text).split())
+
+
+def _parted(name: str) -> tuple[str, list[str]]:
+    """Words of a name outside and inside of its brackets."""
+    name = unicodedata.normalize("NFKC", name.replace("Â°", "°").replace("º", "°").replace("˚", "°"))
+    name = re.sub(r"\+?\s*\bN(\s*\(\+\))?\s*/\s*-?\s*S\b(\s*\(-\))?", " ns ", name, flags=re.IGNORECASE)
+    name = re.sub(r"\+?\s*\bE(\s*\(\+\))?\s*/\s*-?\s*W\b(\s*\(-\))?", " ew ", name, flags=re.IGNORECASE)
+    brackets = re.findall(r"[(\[{<]([^)\]}>]*)[)\]}>]?", name)
+    base = re.sub(r"[(\[{<][^)\]}>]*[)\]}>]?", " ", name)
+    return _words(base), [w for w in map(_words, brackets) if w]
+
+
+def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
+    """Quantity that the first words name, the words behind them, and the north among them."""
+    # The longest beginning that is a name; one that starts later has a north or filler before it.
+    for size in range(len(words), 0, -1):
+        joined = " ".join(words[:size])
+        if joined in _NAMES:
+            return _NAMES[joined], list(words[size:]), ""
+        if joined in _DIRECTED:
+            return "azimuth", list(words[size:]), _DIRECTED[joined]
+    before = next((k for k, word in enumerate(words) if word not in _NORTH_WORDS and word not in _FILLERS), 0)
+    if before == 0:
+        return "", list(words), ""
+    north = next((_NORTH_WORDS[word] for word in words[:before] if word in _NORTH_WORDS), "")
+    quantity, rest, own = _quantity(words[before:])
+    if north and quantity != "azimuth":
+        return "", list(words), ""
+    return quantity, rest, own or north
+
+
+def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]:
+    """Unit, north, whether from the horizontal, and the words not understood, of the words beside a name."""
+    unit, north, horizontal = unit_word(phrase), "", False
+    if unit:
+        return unit, "", False, []
+    left: list[str] = []
+    words = phrase.split()
+    k = 0
+    while k < len(words):
+        size = next((n for n in (3, 2, 1) if unit_word(" ".join(words[k : k + n])) and k + n <= len(words)), 0)
+        word = words[k]
+        if size:
+            unit, k = unit or unit_word(" ".join(words[k : k + size])), k + size
+            continue
+        if word in _HORIZONTAL:
+            horizontal = True
+        elif angle and word in _NORTH_WORDS | _LETTERS:
+            north = (_NORTH_WORDS | _LETTERS)[word]
+        elif word not in _FILLERS and word not in _DATUMS:
+            left.append(word)
+        k += 1
+    return unit, north, horizontal, left
+
+
+def _resembles(name: str) -> bool:
+    """Whether a name that is not understood has a word of one of ours in it."""
+    words = _words(name)
+    return bool(_KEYS.search(words)) and not _OTHERS.search(words)

@@ -1,411 +1,683 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Reading a list of stations from a file: a table (CSV or columns of text), LAS, or a WITSML 1.4.1.1 trajectory.
+Reading a list of stations from a file: a table, a spreadsheet, LAS, WITSML or P7/17, recognised by what it contains.
 
-Survey lists, gyro surveys and planned paths are read by the same rules. A file that is not what it should be raises
-`ListFileError` with the line at fault and what was expected there; a list is never half read.
+Survey lists, gyro surveys, planned paths and offset wells are read here, by the same rules. A file that is not what it
+should be raises `ListFileError` with the line at fault and what was expected there; a list is never half read. Every
+assumption is a remark of the list.
 """
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import logging
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from mwd_sensors.core import budgets
-from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
-from mwd_sensors.core.budgets import BudgetError
-from mwd_sensors.core.input_files import check_lines, read_file
-from mwd_surface.list_files import list_columns
-from mwd_surface.list_files.list_columns import FIGURES, NEEDED, NORTHS, TEXTS, Given, ListFileError
+from mwd_surface.list_files import list_columns, number_cells
+from mwd_surface.list_files.las_table import is_las, las_table
+from mwd_surface.list_files.list_checks import (
+    check_depths,
+    check_doglegs,
+    check_positions,
+    fits,
+    turn_between,
+)
+from mwd_surface.list_files.list_columns import ANGLES, FIGURES, NEEDED, NORTHS, TEXTS, Column, Columns, Given
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.list_head import Head, read_head
+from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
+from mwd_surface.list_files.p7_table import is_p7, p7_table
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.station_list import StationList
+from mwd_surface.list_files.table import Row, Table, is_spreadsheet, read_bytes, table_of, text_of
+from mwd_surface.list_files.witsml_table import witsml_table
 
-WITSML = "{http://www.witsml.org/schemas/1series}"
-_TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispNs", "east": "dispEw"}
-# Lines above the one that names the columns, as programs for people write them.
-_PREAMBLE = 60
-_POSITION = ("north", "east", "tvd")
-_ARC = 60.0  # m; stations farther apart leave out others
-
-
-@dataclasses.dataclass(frozen=True)
-class StationList:
-    """
-    Stations as a file has them.
-
-    Attributes
-    ----------
-    name, north : str
-        For people; and what azimuths are from: "magnetic", "true", "grid", or "" where the file does not say.
-    md, inclination, azimuth : ndarray, shape (n,)
-        m, increasing; rad. An azimuth that is not given is nan.
-    positions : ndarray, shape (n, 3)
-        North, east, down as the file has them, m; nan where it has none. They are checked against the angles.
-    sigma_inclination, sigma_azimuth : ndarray, shape (n,)
-        rad; nan where not given.
-    tool, time, verdict : tuple of str
-        Of each station as written; empty where not given.
-    figures : mapping of ndarray, shape (n,)
-        Reference of each station by the names of `list_columns.FIGURES`: T, m/s^2, rad; nan where not given.
-    remarks : tuple of str
-        What people must know about how it was read.
-    """
-
-    name: str
-    north: str
-    md: Array
-    inclination: Array
-    azimuth: Array
-    positions: Array
-    sigma_inclination: Array
-    sigma_azimuth: Array
-    tool: tuple[str, ...]
-    time: tuple[str, ...]
-    verdict: tuple[str, ...]
-    figures: Mapping[str, Array]
-    remarks: tuple[str, ...] = ()
+_LOCAL = ("north", "east")
+_MAP = ("map_north", "map_east")
+# Words at the end of lists that stand in the first column of a row of totals.
+_TOTALS = frozenset(
+    [
+        "total",
+        "totals",
+        "sum",
+        "max",
+        "maximum",
+        "min",
+        "minimum",
+        "mean",
+        "average",
+        "avg",
+        "end",
+        "td",
+        "summe",
+        "gesamt",
+        "итого",
+        "合计",
+        "总计",
+        "平均",
+    ]
+)
+_FEW = 4
+# Magic bytes of files that are no lists: recordings.
+_OTHERS = (b"\x89MCAP0", b"SQLite format 3\x00", b"#ROSBAG")
 
 
 @dataclasses.dataclass(frozen=True)
-class _Row:
+class _Station:
     """One station of the file in m and rad, its texts, and where it stands."""
 
     at: str
-    numbers: Mapping[str, float]
-    texts: Mapping[str, str]
+    numbers: dict[str, float]
+    texts: dict[str, str]
 
 
 def is_list(path: Path) -> bool:
-    """Whether a file may be a list of stations, by its ending."""
-    return path.is_file() and path.suffix.lower() in (".csv", ".txt", ".tsv", ".las", ".xml", ".dat", ".prn")
+    """Return whether a file may be a list of stations: any file that is neither a recording nor a list of our own."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        start = file.read(64)
+    return not start.startswith(_OTHERS) and not start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
 
 
 def read_list(path: str | Path, given: Given | None = None) -> StationList:
     """
-    The stations of a file: WITSML where it starts like XML, LAS where it starts like LAS, and a table otherwise.
+    Return the stations of a file, by what it contains: WITSML, LAS, P7/17, a spreadsheet or a table.
 
     Raises
     ------
     ListFileError
-        The file is missing, unreadable, too large, or no list of stations; see the module.
+        The file is missing, unreadable, too large, or not a list of stations; see the module.
     """
     path = Path(path)
-    try:
-        data = read_file(path, budgets.LIST)
-    except OSError as error:
-        raise ListFileError(f"{path}: {error.strerror}") from error
-    start = data.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if start.startswith(b"<"):
-        return list_from_witsml(data, path.name, given)
-    if start.startswith(b"~") or path.suffix.lower() == ".las":
-        return list_from_las(data, path.name, given)
-    return list_from_table(data, path.name, given)
+    return list_of(read_bytes(path), path.name, given)
 
 
-def list_from_table(data: bytes, name: str = "list", given: Given | None = None) -> StationList:
-    """
-    The stations of a table.
+def list_of(data: bytes, name: str = "list", given: Given | None = None) -> StationList:
+    """Return the stations in the bytes of a file; see `read_list`."""
+    given = given or Given()
+    return _stations(_table(data, name, given), given)
 
-    One line names the columns, with the unit at the end of a name (md_m, md_ft, "MD [m]") or in a line of its own
-    below. Needed: md, inclination, azimuth. Angles without unit are degrees. Lines starting with # are remarks, and
-    so are lines above the names. Fields are parted by comma, semicolon, tab or spaces; a decimal comma is understood
-    except where commas part fields. The azimuth's name may say its north (azi_grid_deg), or a column azimuth_reference.
 
-    Raises
-    ------
-    ListFileError
-        With the line at fault.
-    """
-    whole = [(k, line) for k, line in enumerate(_within_budget(_text(data), name).splitlines(), 1) if line.strip()]
-    lines = [(k, line) for k, line in whole if not line.startswith("#")]
-    if not lines:
-        raise ListFileError(f"{name}: empty")
-    head = next((k for k in range(min(_PREAMBLE, len(lines))) if not _header(lines[k][1], name, given).missing), 0)
-    where, header = lines[head]
-    at = f"{name}, line {where}"
-    separator = _separator(header)
-    names = _fields(header, separator, at)
-    columns = list_columns.find(names, given)
+def _table(data: bytes, name: str, given: Given) -> Table:
+    """The table in a file of any kind."""
+    if not is_spreadsheet(data):
+        text = text_of(data, name)
+        start = text.lstrip("\ufeff \t\r\n")
+        if start.startswith("<"):
+            if given.length_unit or given.angle_unit:
+                raise ListFileError(f"{name}: a WITSML document names the unit of each number; leave the unit out")
+            return witsml_table(text, name)
+        if is_las(start):
+            return las_table(text, name)
+        if is_p7(start):
+            return p7_table(text, name)
+
+    def is_header(names: Sequence[str]) -> int:
+        found = list_columns.find(names, given)
+        # Names that say the same twice, or nothing that is understood, are rather half of the names.
+        again = sum(len({(one.north, one.unit) for one in columns}) < len(columns) for columns in found.of.values())
+        units = sum(bool(one.unit) for columns in found.of.values() for one in columns)
+        return 0 if found.missing else max(1, 3 * len(found.of) + units - 2 * again - len(found.unread))
+
+    return table_of(data, name, is_header, _are_units)
+
+
+def _are_units(cells: Sequence[str]) -> int:
+    """Whether the cells of a row below the names are units: words, and one of them a unit."""
+    if any(number_cells.looks_like_number(cell) for cell in cells):
+        return 0
+    words = [cell.strip().strip("()[]") for cell in cells if cell.strip().strip("()[]-")]
+    return bool(words) and int(any(list_columns.unit_word(word) for word in words) or len(words) == len(cells))
+
+
+def _stations(table: Table, given: Given) -> StationList:
+    """The list in a table, read by the rules of this module."""
+    head = read_head(table.head)
+    columns = list_columns.find(table.names, given, table.units)
+    if head.horizontal and "inclination" in columns.of:
+        turned = tuple(dataclasses.replace(one, quantity="dip") for one in columns.of["inclination"])
+        of = {what: found for what, found in columns.of.items() if what != "inclination"}
+        columns = Columns({**of, "dip": turned}, columns.unread)
     if columns.missing:
-        raise ListFileError(
-            f"{at}: no column for {', '.join(columns.missing)}; expected a header such as"
-            f" md_m,inclination_deg,azimuth_deg, or the columns' names (mwd path --columns); got {', '.join(names)}"
-        )
-    body = [(f"{name}, line {k}", _fields(line, separator, f"{name}, line {k}")) for k, line in lines[head + 1 :]]
-    if body and not any(_is_number(c) for c in body[0][1]):
-        own = list_columns.find(names, given, [_plain_unit(c) for c in body[0][1]] + [""] * len(names))
-        columns = dataclasses.replace(columns, units=own.units)
-        body = body[1:]
-    # The head block of our own exports names the north.
-    head_block = next((line for _, line in whole if line.lower().startswith("# azimuth reference:")), "").lower()
-    north = columns.north or next((north for north in NORTHS if north in head_block), "")
-    return _list(_rows(columns, body, at, given), north, name, given)
+        raise ListFileError(_missing(table, columns))
+    reader = _Reader(table, columns, head, given)
+    stations = reader.stations()
+    return reader.list_of(stations)
 
 
-def list_from_las(data: bytes, name: str = "list", given: Given | None = None) -> StationList:
-    """
-    The stations of a LAS file, by the names and units of its curves; rows without depth or inclination are left out.
-
-    Raises
-    ------
-    ListFileError
-        It cannot be read, or its curves are not those of a survey.
-    """
-    import io
-
-    import lasio
-
-    text = _within_budget(_text(data), name)
-    header = re.split(r"(?m)^~A", text, maxsplit=1)[0]
-    # Its log would quote lines of the file on the terminal and in the logs of the nodes.
-    log = logging.getLogger("lasio")
-    log.addHandler(logging.NullHandler())
-    log.propagate = False
-    try:
-        budgets.LIST.check("columns", header.count("\n"))
-        file = lasio.read(io.StringIO(text), ignore_header_errors=True)
-    except Exception as error:  # lasio raises whatever its parsing meets
-        raise ListFileError(f"{name}: cannot be read as LAS: {error}") from error
-    names = [curve.mnemonic for curve in file.curves]
-    columns = list_columns.find(names, given, [_plain_unit(curve.unit) for curve in file.curves])
-    if columns.missing:
-        raise ListFileError(f"{name}: no curve for {', '.join(columns.missing)}; it has {', '.join(names)}")
-    kind = names.index("KIND") if "KIND" in names else None
-    body, skipped = [], 0
-    for k, row in enumerate(np.atleast_2d(file.data), start=1):
-        if kind is not None and float(row[kind]) == 2.0:
-            continue
-        if any(not _is_number(str(row[columns.number[what]])) for what in ("md", "inclination")):
-            skipped += 1
-            continue
-        cells = [str(cell) if _is_number(str(cell)) or isinstance(cell, str) else "" for cell in row]
-        body.append((f"{name}, row {k}", cells))
-    read = _list(_rows(columns, body, name, given), columns.north or _las_north(file), name, given)
-    remark = (f"{name}: {skipped} rows without depth or inclination are left out",) if skipped else ()
-    return dataclasses.replace(read, remarks=read.remarks + remark)
-
-
-def list_from_witsml(data: bytes, name: str = "list", given: Given | None = None) -> StationList:
-    """
-    The stations of the first trajectory in a WITSML 1.4.1.1 document.
-
-    Raises
-    ------
-    ListFileError
-        With the line at fault: not XML, no trajectory, a station without md, incl or azi, or an unknown unit.
-    """
-    from lxml import etree
-
-    # No entities, no network: the file comes from elsewhere.
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
-    try:
-        root = etree.fromstring(data, parser)
-    except etree.XMLSyntaxError as error:
-        raise ListFileError(f"{name}: not well-formed XML: {error}") from error
-    trajectory = root.find(f"{WITSML}trajectory")
-    if trajectory is None:
-        raise ListFileError(f"{name}, line {root.sourceline}: no trajectory of WITSML 1.4.1.1 in it")
-    reference = trajectory.findtext(f"{WITSML}aziRef", "").strip().removesuffix(" north")
-    rows = []
-    for station in trajectory.iterfind(f"{WITSML}trajectoryStation"):
-        at = f"{name}, line {int(station.sourceline or 0)}"
-        kind = station.findtext(f"{WITSML}typeTrajStation", "").strip()
-        # A projection to the bit is no station.
-        if kind in ("hold to MD", "DLS and toolface to MD"):
-            continue
-        numbers = {}
-        for what, tag in _TAGS.items():
-            element = station.find(WITSML + tag)
-            if element is None:
-                if what in NEEDED:
-                    raise ListFileError(f"{at}: a station without {tag}")
-                continue
-            unit = list_columns.factor(what, element.get("uom", "").lower(), at, given)
-            numbers[what] = _number(element.text or "", f"{at}: {tag}") * unit
-        texts = {
-            "tool": station.findtext(f"{WITSML}typeSurveyTool", "").strip() or kind,
-            "time": station.findtext(f"{WITSML}dTimStn", "").strip(),
-        }
-        rows.append(_Row(at, numbers, texts))
-    return _list(
-        rows,
-        reference if reference in NORTHS else "",
-        trajectory.findtext(f"{WITSML}name", "").strip() or name,
-        given,
+def _missing(table: Table, columns: Columns) -> str:
+    unread = [repr(one.name) for one in columns.unread]
+    strange = f"; {', '.join(unread)} is not understood" if unread else ""
+    return (
+        f"{table.at}: no column for {', '.join(columns.missing)}{strange}; expected a header such as"
+        " md_m,inclination_deg,azimuth_deg, or the columns' names (mwd path --columns); got"
+        f" {', '.join(name for name in table.names if name)}"
     )
 
 
-def _within_budget(text: str, name: str) -> str:
+def _roughly(cell: number_cells.Cell) -> float:
+    """Number of a cell by its own marks; nan where it is none."""
+    found = number_cells.split(cell)
     try:
-        check_lines(text, budgets.LIST)
-    except BudgetError as error:
-        raise ListFileError(f"{name}: {error}") from error
-    return text
-
-
-def _rows(
-    columns: list_columns.Columns, body: Sequence[tuple[str, list[str]]], at: str, given: Given | None
-) -> list[_Row]:
-    """Rows of a table, in m and rad, of cells with their places in the file."""
-    factors = {
-        what: list_columns.factor(what, columns.units.get(what, ""), at, given)
-        for what in columns.number
-        if what not in TEXTS
-    }
-    rows = []
-    for place, cells in body:
-        numbers, texts = {}, {}
-        for what, k in columns.number.items():
-            if k >= len(cells):
-                raise ListFileError(f"{place}: {len(cells)} fields, the header names {what} as number {k + 1}")
-            if what in TEXTS:
-                texts[what] = cells[k]
-            elif cells[k] or what in ("md", "inclination"):
-                numbers[what] = _number(cells[k], f"{place}: {what}") * factors[what]
-        rows.append(_Row(place, numbers, texts))
-    return rows
-
-
-def _list(rows: list[_Row], north: str, name: str, given: Given | None) -> StationList:
-    # Our own exports end with a projection to the bit, which is no station.
-    rows = [row for row in rows if row.texts.get("station") != "projected"]
-    if not rows:
-        raise ListFileError(f"{name}: no station in it")
-    rows, remarks = _increasing(rows)
-    norths = {row.texts.get("azimuth_reference", "") for row in rows} & set(NORTHS)
-    if len(norths) > 1:
-        raise ListFileError(f"{name}: azimuths from {' and '.join(sorted(norths))} north in one list; export it as one")
-
-    def column(what: str) -> Array:
-        return np.array([row.numbers.get(what, math.nan) for row in rows])
-
-    read = StationList(
-        name=name,
-        north=(given.north if given else "") or (norths.pop() if norths else "") or north,
-        md=column("md"),
-        inclination=column("inclination"),
-        azimuth=column("azimuth") % math.tau,
-        positions=np.column_stack([column(what) for what in _POSITION]),
-        sigma_inclination=column("sigma_inclination"),
-        sigma_azimuth=column("sigma_azimuth"),
-        tool=tuple(row.texts.get("tool", "") for row in rows),
-        time=tuple(row.texts.get("time", "") for row in rows),
-        verdict=tuple(row.texts.get("verdict", "").lower() for row in rows),
-        figures={what: column(what) for what in FIGURES},
-        remarks=tuple(remarks),
-    )
-    _check_positions(read, [row.at for row in rows])
-    return read
-
-
-def _increasing(rows: list[_Row]) -> tuple[list[_Row], list[str]]:
-    """The rows in range and in order of depth; a station written twice is taken once."""
-    kept: list[_Row] = []
-    remarks = []
-    for row in rows:
-        md, inclination, azimuth = (row.numbers.get(what, math.nan) for what in NEEDED)
-        if not 0.0 <= inclination <= math.pi:
-            shown = math.degrees(inclination)
-            raise ListFileError(
-                f"{row.at}: inclination {shown:g} deg is outside 0 to 180; is it in degrees, from the vertical?"
-            )
-        if not (math.isnan(azimuth) or -math.pi <= azimuth <= math.tau):
-            raise ListFileError(f"{row.at}: azimuth {math.degrees(azimuth):g} deg is outside -180 to 360")
-        above = kept[-1] if kept else None
-        if above is not None and md <= above.numbers["md"]:
-            if all(above.numbers.get(what) == row.numbers.get(what) for what in NEEDED):
-                remarks.append(f"{row.at}: the same station again, taken once")
-                continue
-            raise ListFileError(f"{row.at}: measured depth {md:g} m does not increase after {above.numbers['md']:g} m")
-        kept.append(row)
-    return kept, remarks
-
-
-def _check_positions(read: StationList, at: list[str]) -> None:
-    """
-    Compare the positions of a file with its angles.
-
-    Lists by other methods differ by decimetres; another unit or north by much more.
-    """
-    azimuth = np.where(np.isnan(read.azimuth), 0.0, read.azimuth)
-    try:
-        computed = mc.path(read.md, read.inclination, azimuth)
-    except ValueError as error:
-        raise ListFileError(f"{read.name}: {error}") from error
-    if np.isnan(read.azimuth).any():
-        return
-    difference = (read.positions - read.positions[0]) - (computed - computed[0])
-    # Over a long gap the hole is no arc.
-    gaps = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(read.md) - _ARC, 0.0))])
-    allowed = 1.0 + 0.005 * (read.md - read.md[0]) + 0.1 * gaps
-    for k, axis in zip(*np.nonzero(np.abs(difference) > allowed[:, None]), strict=True):
-        given, expected = read.positions[k, axis], read.positions[0, axis] + computed[k, axis] - computed[0, axis]
-        raise ListFileError(
-            f"{at[k]}: {_POSITION[axis]} {given:.2f} m does not fit the angles, which give {expected:.2f} m; check"
-            " units and north"
-        )
-
-
-def _header(line: str, name: str, given: Given | None) -> list_columns.Columns:
-    try:
-        return list_columns.find(_fields(line, _separator(line), name), given)
-    except ListFileError:
-        return list_columns.Columns({}, {}, "")
-
-
-def _separator(header: str) -> str:
-    best = max(",;\t", key=header.count)
-    if header.count(best):
-        return best
-    return "  " if "  " in header.strip() else " "
-
-
-def _fields(line: str, separator: str, at: str) -> list[str]:
-    if separator.isspace() and separator != "\t":
-        # Names may have single spaces in them, numbers have none.
-        parts = line.strip().split("  ") if separator == "  " else line.split()
-        cells = [part.strip() for part in parts if part.strip()]
-        return [c.replace(",", ".") for c in cells]
-    try:
-        cells = [c.strip() for c in next(csv.reader([line], delimiter=separator))]
-    except csv.Error as error:
-        raise ListFileError(f"{at}: {error}") from error
-    return cells if separator == "," else [c.replace(",", ".") if _is_number(c.replace(",", ".")) else c for c in cells]
-
-
-def _text(data: bytes) -> str:
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
-
-
-def _las_north(file: object) -> str:
-    """The north that the parameters of our own LAS export name; empty where there are none."""
-    for item in getattr(file, "params", ()):
-        if str(item.descr).strip().lower() == "azimuth reference":
-            return next((north for north in NORTHS if north in str(item.value).lower()), "")
-    return ""
-
-
-def _plain_unit(text: str) -> str:
-    return "".join(c for c in text.lower().replace("°", "deg") if c.isascii() and c.isalpha())
-
-
-def _number(text: str, at: str) -> float:
-    if not _is_number(text):
-        raise ListFileError(f"{at}: expected a finite number, got {text!r}")
-    return float(text)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        return math.isfinite(float(text))
+        return math.nan if found is None else number_cells.value(found[0], number_cells.decimal_mark(found[0]))
     except ValueError:
-        return False
+        return math.nan
+
+
+def _carried(azimuth: Array) -> Array:
+    """Azimuths in which a station without one has that of the station above, for checks."""
+    known = np.flatnonzero(~np.isnan(azimuth))
+    if not known.size:
+        return np.zeros_like(azimuth)
+    above = np.searchsorted(known, np.arange(azimuth.size), side="right") - 1
+    return np.asarray(azimuth[known[np.maximum(above, 0)]])
+
+
+class _Reader:
+    """
+    One list being read: its table, what its columns and head say, and the remarks so far.
+
+    Parameters
+    ----------
+    table, columns, head, given
+        As read; `given` replaces what the file says.
+    """
+
+    def __init__(self, table: Table, columns: Columns, head: Head, given: Given) -> None:
+        self.table, self.head, self.given = table, head, given
+        self.name = table.name
+        self.of = dict(columns.of)
+        self.remarks: list[Remark] = list(table.remarks)
+        for one in columns.unread:
+            self._say(RemarkKind.COLUMN_NOT_READ, f"{self.name}: column {one.name!r} is not understood and not read")
+        self.rows = self._kept_rows(table.rows)
+        self.columns = self._chosen()
+
+    def _say(self, kind: RemarkKind, text: str, **values: float) -> None:
+        self.remarks.append(Remark(kind, text, values))
+
+    def _kept_rows(self, rows: Sequence[Row]) -> list[Row]:
+        """Rows that may be stations: without notes, totals and footers, which are quoted in a remark."""
+        needed = [one for what in ("md", "inclination", "dip", "azimuth") for one in self.of.get(what, ())[:1]]
+        depth = needed[0].number
+        kept: list[Row] = []
+        notes: list[Row] = []
+        for row in rows:
+            cells = [row.cells[one.number] if one.number < len(row.cells) else "" for one in needed]
+            numbers = [number_cells.looks_like_number(cell) for cell in cells]
+            first = str(row.cells[0]).strip().lower().rstrip(":. ") if row.cells else ""
+            word = str(cells[0]).strip().lower().rstrip(":. ")
+            total = not numbers[0] and bool({first, word, *first.split()} & _TOTALS) and bool(kept)
+            worded = not any(c.isdigit() for c in word) and not number_cells.is_null(cells[0])
+            nothing = not any(numbers) and not (number_cells.is_null(cells[0]) and self._has_null(cells))
+            nothing = nothing or (worded and not all(numbers[1:]))
+            short = bool(kept) and numbers[0] and not any(numbers[1:]) and self._is_sentence(row, kept[-1], depth)
+            (notes if total or nothing or short else kept).append(row)
+        if notes:
+            quoted = "; ".join(repr(" ".join(str(c) for c in row.cells if str(c))[:60]) for row in notes[:_FEW])
+            text = f"{self.name}: {len(notes)} rows that are no stations are left out: {quoted}"
+            self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(notes)))
+        return kept
+
+    @staticmethod
+    def _has_null(cells: Sequence[number_cells.Cell]) -> bool:
+        return any(str(cell).strip() for cell in cells)
+
+    def _is_sentence(self, row: Row, above: Row, depth: int) -> bool:
+        """Whether a row that begins with a number is words below the list, such as "12 stations"."""
+        words = [str(cell) for cell in row.cells if str(cell).strip() and not number_cells.is_null(cell)]
+        if len(words) < 2 or not any(any(c.isalpha() for c in word) for word in words[1:]):
+            return False
+        here, before = (_roughly(one.cells[depth]) for one in (row, above))
+        return not here > before
+
+    def _cells(self, column: Column) -> list[number_cells.Cell]:
+        return [row.cells[column.number] if column.number < len(row.cells) else "" for row in self.rows]
+
+    def _chosen(self) -> dict[str, Column]:
+        """One column of each quantity; where several could be it, the one that says more, with a remark."""
+        chosen = {what: found[0] for what, found in self.of.items()}
+        for what, found in self.of.items():
+            if len(found) < 2:
+                continue
+            if what == "azimuth":
+                chosen[what] = self._azimuth_column(found)
+            elif what not in TEXTS:
+                self._same(what, found)
+        return chosen
+
+    def _azimuth_column(self, found: Sequence[Column]) -> Column:
+        norths = {one.north for one in found}
+        named = [one for one in found if one.north]
+        if len(norths) == 1:
+            self._same("azimuth", found)
+            return found[0]
+        for wanted in (self.given.north, self.head.north, "grid", "true", "magnetic"):
+            match = next((one for one in named if one.north == wanted), None)
+            if wanted and match is not None:
+                others = ", ".join(repr(one.name) for one in found if one is not match)
+                text = f"{self.name}: azimuths are from {wanted} north, column {match.name!r}; {others} is not read"
+                self._say(RemarkKind.COLUMN_CHOSEN, text)
+                return match
+        return found[0]
+
+    def _same(self, what: str, found: Sequence[Column]) -> None:
+        """Refuse columns that could both be a quantity and differ."""
+        values = []
+        for one in found:
+            try:
+                values.append(self._numbers(one) * self._factor(one))
+            except ListFileError:
+                return
+        apart = max(float(np.nanmax(np.abs(values[0] - other), initial=0.0)) for other in values[1:])
+        tolerance = (
+            math.radians(0.02) if what in ANGLES else 0.02 + 1e-4 * float(np.nanmax(np.abs(values[0]), initial=0.0))
+        )
+        if apart > tolerance:
+            names = " and ".join(repr(one.name) for one in found)
+            raise ListFileError(
+                f"{self.table.at}: columns {names} could both be the {what}, and they differ; say which by"
+                f" --columns {what}=NAME"
+            )
+
+    # Numbers
+
+    def _mark(self, column: Column) -> str:
+        """Decimal mark of a column: by its cells, the other columns, and what the quantity can be."""
+        if self.given.decimal:
+            return {"point": ".", "comma": ","}[self.given.decimal]
+        cells = self._cells(column)
+        own = number_cells.marks(cells)
+        if len(own) > 1:
+            pair = [next(c for c in cells if number_cells.marks([c]) == {mark}) for mark in sorted(own)]
+            raise ListFileError(
+                f"{self.table.at}: column {column.name!r} has numbers with a decimal comma and with a decimal point,"
+                f" such as {pair[0]!r} and {pair[1]!r}; say it with --decimal point or comma"
+            )
+        if own:
+            return own.pop()
+        unclear = number_cells.ambiguous(cells)
+        if not unclear:
+            return ""
+        return self._decided(column, unclear)
+
+    def _decided(self, column: Column, unclear: Sequence[str]) -> str:
+        """Decimal mark of a column whose numbers, such as 1,000, may have either."""
+        mark = "," if "," in unclear[0] else "."
+        other = "." if mark == "," else ","
+        if column.quantity in ANGLES:
+            # A thousand degrees is not an angle.
+            return mark
+        shown: set[str] = set()
+        for found in self.of.values():
+            for one in found:
+                cells = self._cells(one)
+                shown |= number_cells.marks(cells)
+                if one.quantity in ANGLES:
+                    shown |= {"," if "," in text else "." for text in number_cells.ambiguous(cells)}
+        if len(shown) == 1:
+            return shown.pop()
+        if column.quantity == "md":
+            rising = [m for m in (mark, other) if self._rises(column, m)]
+            if len(rising) == 1:
+                return rising[0]
+        if mark == ".":
+            plain = [c for c in self._cells(column) if not number_cells.is_null(c) and c not in unclear]
+            if plain and column.quantity == "md":
+                self._say(
+                    RemarkKind.NUMBERS_ASSUMED,
+                    f"{self.name}: {unclear[0]!r} in column {column.name!r} is read with a decimal point",
+                )
+            return "."
+        raise ListFileError(
+            f"{self.table.at}: {unclear[0]!r} in column {column.name!r} may be"
+            f" {number_cells.value(unclear[0], mark):g} or {number_cells.value(unclear[0], other):g}, and nothing in"
+            " the list decides; say it with --decimal point or --decimal comma"
+        )
+
+    def _rises(self, column: Column, mark: str) -> bool:
+        values = []
+        for cell in self._cells(column):
+            found = None if number_cells.is_null(cell) else number_cells.split(cell)
+            if found is not None:
+                try:
+                    values.append(number_cells.value(found[0], mark))
+                except ValueError:
+                    return False
+        return bool(np.all(np.diff(values) >= 0.0))
+
+    def _numbers(self, column: Column, *, needed: bool = False) -> Array:
+        """Numbers of a column as written; nan where there is none."""
+        mark = self._mark(column)
+        numbers = np.full(len(self.rows), math.nan)
+        for k, (row, cell) in enumerate(zip(self.rows, self._cells(column), strict=True)):
+            if column.number >= len(row.cells) and needed:
+                raise ListFileError(
+                    f"{row.at}: {len(row.cells)} fields, the header names {column.quantity} as number"
+                    f" {column.number + 1}"
+                )
+            if number_cells.is_null(cell):
+                continue
+            numbers[k] = self._number(cell, mark, column, row.at)
+        return numbers
+
+    def _number(self, cell: number_cells.Cell, mark: str, column: Column, at: str) -> float:
+        number, words = number_cells.split(cell) or ("", "")
+        try:
+            value = number_cells.value(number, mark or number_cells.decimal_mark(number))
+        except ValueError:
+            value = math.nan
+        if words.lower() in ("s", "w"):
+            value = -value
+        if not math.isfinite(value) or (words and not self._unit_in_cell(words, column)):
+            shown = str(cell) if len(str(cell)) < 60 else f"{str(cell)[:57]}..."
+            raise ListFileError(f"{at}: {column.quantity}: expected a finite number, got {shown!r}")
+        return value
+
+    def _unit_in_cell(self, words: str, column: Column) -> bool:
+        """Whether the words behind a number are the unit of its column, or a direction of the compass."""
+        if column.quantity in (*_LOCAL, *_MAP) and words.lower() in ("n", "s", "e", "w"):
+            return True
+        unit = list_columns.unit_word(words)
+        known = list_columns.ANGLE_UNITS if column.quantity in ANGLES else list_columns.LENGTH_UNITS
+        if unit not in known:
+            return False
+        stated = column.unit or ("deg" if column.quantity in ANGLES else self.head.length_unit)
+        return not stated or known.get(stated) == known[unit]
+
+    def _factor(self, column: Column) -> float:
+        """Factor to m or rad; the unit of the cells or of the head serves where the column has none."""
+        otherwise = ""
+        if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
+            angle = column.quantity in ANGLES
+            otherwise = self._cell_unit(column) or (self.head.angle_unit if angle else self._length_unit())
+        factor = list_columns.factor(column, self.table.at, self.given, otherwise)
+        if column.strange and column.unit:
+            text = f"{self.name}: {column.strange!r} in the name of column {column.name!r} is not understood"
+            self._say(RemarkKind.COLUMN_NOT_READ, text)
+        return factor
+
+    def _given_unit(self, column: Column) -> str:
+        return self.given.angle_unit if column.quantity in ANGLES else self.given.length_unit
+
+    def _cell_unit(self, column: Column) -> str:
+        for cell in self._cells(column):
+            found = None if number_cells.is_null(cell) else number_cells.split(cell)
+            if found is not None and found[1]:
+                return list_columns.unit_word(found[1])
+        return ""
+
+    def _length_unit(self) -> str:
+        """Unit of the lengths that name none: that of the head, else the one of the other lengths of the list."""
+        if self.head.strange_unit:
+            raise ListFileError(
+                f"{self.name}: the head gives depths in {self.head.strange_unit!r}, which is not understood; say the"
+                " unit with --length-unit"
+            )
+        if self.head.length_unit:
+            return self.head.length_unit
+        said = {one.unit for found in self.of.values() for one in found if one.unit in list_columns.LENGTH_UNITS}
+        if len({list_columns.LENGTH_UNITS[unit] for unit in said}) == 1:
+            unit = said.pop()
+            self._assumed_unit(unit, "as other lengths of the list")
+            return unit
+        if self.head.hinted_unit:
+            self._assumed_unit(self.head.hinted_unit, "as other lengths in its head")
+            return self.head.hinted_unit
+        return ""
+
+    def _assumed_unit(self, unit: str, why: str) -> None:
+        text = f"{self.name}: a length without unit is taken in {unit}, {why}"
+        if all(one.text != text for one in self.remarks):
+            self._say(RemarkKind.UNIT_ASSUMED, text)
+
+    # Stations
+
+    def stations(self) -> list[_Station]:
+        """Rows as stations in m and rad, in order of depth; those without depth or inclination are left out."""
+        angle = "inclination" if "inclination" in self.columns else "dip"
+        values = {}
+        for what, column in self.columns.items():
+            if what not in TEXTS:
+                values[what] = self._numbers(column, needed=what in ("md", angle, "azimuth")) * self._factor(column)
+        self._refuse_radians(values, angle)
+        self._name_nulls()
+        texts = {what: self._cells(column) for what, column in self.columns.items() if what in TEXTS}
+        found, empty = [], []
+        for k, row in enumerate(self.rows):
+            said = {what: str(cells[k]).strip() for what, cells in texts.items()}
+            numbers = {what: float(v[k]) for what, v in values.items() if math.isfinite(v[k])}
+            if said.get("station") == "projected":
+                # Our own exports end with a projection to the bit, which is no station.
+                continue
+            if "md" not in numbers or angle not in numbers:
+                empty.append(row)
+                continue
+            found.append(_Station(row.at, numbers, said))
+        if empty:
+            shown = ", ".join(one.at.rpartition(", ")[2] for one in empty[:_FEW])
+            text = f"{self.name}: {len(empty)} rows without depth or inclination are left out: {shown}"
+            self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(empty)))
+        if not found:
+            raise ListFileError(f"{self.name}: no station in it")
+        if angle == "dip":
+            found = self._from_horizontal(found)
+        return self._increasing(found)
+
+    def _name_nulls(self) -> None:
+        """Say which null values were read as no value."""
+        cells = [str(c) for what, one in self.columns.items() if what not in TEXTS for c in self._cells(one)]
+        nulls = [c.strip() for c in cells if number_cells.is_null(c) and any(s.isalnum() for s in c)]
+        if nulls:
+            quoted = ", ".join(map(repr, sorted(set(nulls))[:_FEW]))
+            text = f"{self.name}: {len(nulls)} cells have a null value ({quoted}) and are read as no value"
+            self._say(RemarkKind.NULL_VALUES, text, cells=float(len(nulls)))
+
+    def _refuse_radians(self, values: dict[str, Array], angle: str) -> None:
+        """Ask about angles without a unit that are all as small as radians are."""
+        columns = [self.columns[what] for what in (angle, "azimuth")]
+        if self.given.angle_unit or self.head.angle_unit or any(one.unit or self._cell_unit(one) for one in columns):
+            return
+        inc, azi = (np.degrees(values[what]) for what in (angle, "azimuth"))
+        azi = azi[np.isfinite(azi) & (np.abs(azi) > 0.0)]
+        if azi.size < 3 or inc.size < 3 or not np.any(np.abs(inc) > 0.0):
+            return
+        small = bool(np.nanmax(np.abs(inc)) <= math.pi and np.max(np.abs(azi)) <= math.tau)
+        if small and np.any(azi % 1.0 > 0.0) and np.any(inc % 1.0 > 0.0):
+            raise ListFileError(
+                f"{self.table.at}: no angle of the list is larger than {np.max(np.abs(azi)):.4g}, and no unit is named:"
+                " they may be radians; say it with --angle-unit rad or --angle-unit deg"
+            )
+
+    def _from_horizontal(self, found: list[_Station]) -> list[_Station]:
+        """Stations with inclinations for angles from the horizontal; the vertical depths or the caller say the sign."""
+        column = self.columns["dip"]
+        dips = np.array([one.numbers["dip"] for one in found])
+        if np.any(np.abs(dips) > math.pi / 2.0 + 1e-9):
+            raise ListFileError(
+                f"{self.table.at}: column {column.name!r}: an angle from the horizontal is within 90 deg"
+            )
+        md = np.array([one.numbers["md"] for one in found])
+        down = np.array([one.numbers.get("tvd", math.nan) for one in found])
+        ways = {"down": math.pi / 2.0 - dips, "up": math.pi / 2.0 + dips}
+        way = self.given.dip
+        why = "as the caller says"
+        if not way and np.isfinite(down).sum() > 1 and np.all(np.diff(md) > 0.0):
+            positions = np.column_stack([np.full_like(md, math.nan)] * 2 + [down])
+            good = [name for name, inc in ways.items() if fits((md, inc, np.zeros_like(md)), positions)]
+            if len(good) == 1:
+                way, why = good[0], "as its vertical depths say"
+        if not way:
+            raise ListFileError(
+                f"{self.table.at}: column {column.name!r} has angles from the horizontal, from"
+                f" {math.degrees(dips.min()):g} to {math.degrees(dips.max()):g} deg, and the list does not say whether"
+                " positive ones point down or up; say it with --dip down or --dip up. If they are inclinations from the"
+                f" vertical, say so with --columns inclination={column.name}"
+            )
+        text = (
+            f"{self.name}: column {column.name!r} has angles from the horizontal, positive {way} {why}; converted to"
+            " inclinations from the vertical"
+        )
+        self._say(RemarkKind.DIP_CONVERTED, text, first=float(dips[0]))
+        return [
+            dataclasses.replace(one, numbers={**one.numbers, "inclination": float(inc)})
+            for one, inc in zip(found, ways[way], strict=True)
+        ]
+
+    def _increasing(self, rows: list[_Station]) -> list[_Station]:
+        """The stations in range and in order of depth; a station written twice is taken once."""
+        kept: list[_Station] = []
+        for row in rows:
+            md, inclination, azimuth = (row.numbers.get(what, math.nan) for what in NEEDED)
+            if not -1e-9 <= inclination <= math.pi + 1e-9:
+                shown = math.degrees(inclination)
+                raise ListFileError(
+                    f"{row.at}: inclination {shown:g} deg is outside 0 to 180; is it in degrees, from the vertical?"
+                )
+            if not (math.isnan(azimuth) or -math.pi - 1e-9 <= azimuth <= math.tau + 1e-9):
+                raise ListFileError(f"{row.at}: azimuth {math.degrees(azimuth):g} deg is outside -180 to 360")
+            above = kept[-1] if kept else None
+            if above is not None and md <= above.numbers["md"]:
+                if all(above.numbers.get(what) == row.numbers.get(what) for what in NEEDED):
+                    text = f"{row.at}: the same station again, taken once"
+                    self._say(RemarkKind.STATION_REPEATED, text, measured_depth=md)
+                    continue
+                raise ListFileError(
+                    f"{row.at}: measured depth {md:g} m does not increase after {above.numbers['md']:g} m"
+                )
+            kept.append(row)
+        return kept
+
+    # The list
+
+    def list_of(self, rows: list[_Station]) -> StationList:
+        """The list of stations, checked."""
+
+        def column(what: str) -> Array:
+            return np.array([row.numbers.get(what, math.nan) for row in rows])
+
+        at = [row.at for row in rows]
+        md = column("md")
+        check_depths(md, at, self.given)
+        north = self._north(rows)
+        azimuth = column("azimuth") % math.tau
+        inclination = np.clip(column("inclination"), 0.0, math.pi)
+        self._without_azimuth(md, inclination, azimuth)
+        angles = md, inclination, _carried(azimuth)
+        self.remarks += check_doglegs(angles, at, self.given)
+        horizontal = self._horizontal(md, column)
+        positions = np.column_stack([*horizontal, column("tvd")])
+        if self.named_map and north in ("true", "magnetic"):
+            positions = self._unless_turned(angles, positions, north)
+        known = positions if not np.isnan(azimuth).any() else positions * np.array([math.nan, math.nan, 1.0])
+        check_positions(self.name, angles, known, at)
+        return StationList(
+            name=self.name,
+            north=north,
+            md=md,
+            inclination=inclination,
+            azimuth=azimuth,
+            positions=positions,
+            sigma_inclination=column("sigma_inclination"),
+            sigma_azimuth=column("sigma_azimuth"),
+            tool=tuple(row.texts.get("tool", "") for row in rows),
+            time=tuple(row.texts.get("time", "") for row in rows),
+            verdict=tuple(row.texts.get("verdict", "").lower() for row in rows),
+            figures={what: column(what) for what in FIGURES},
+            remarks=tuple(self.remarks),
+        )
+
+    def _north(self, rows: Sequence[_Station]) -> str:
+        """North of the azimuths: as the caller, the rows, the column or the head says."""
+        if self.given.north:
+            return self.given.north
+        said = {row.texts.get("azimuth_reference", "") for row in rows} - {""}
+        norths = {list_columns.north_of(word) for word in said}
+        if "" in norths:
+            strange = next(word for word in sorted(said) if not list_columns.north_of(word))
+            raise ListFileError(f"{self.name}: azimuths from {strange!r}: not understood; say their north with --north")
+        if len(norths) > 1:
+            words = " and ".join(sorted(norths))
+            raise ListFileError(f"{self.name}: azimuths from {words} north in one list; export it as one")
+        column = self.columns["azimuth"]
+        if column.strange and not (column.north or norths or self.given.angle_unit):
+            raise ListFileError(
+                f"{self.table.at}: {column.strange!r} in the name of column {column.name!r} is understood neither as a"
+                " unit nor as a north; say them with --north and --angle-unit"
+            )
+        own = norths.pop() if norths else column.north
+        if not own and self.head.strange_north:
+            raise ListFileError(
+                f"{self.name}: its head gives the north of the azimuths as {self.head.strange_north!r}, which is not"
+                f" understood; say {', '.join(NORTHS)} with --north"
+            )
+        if own and self.head.north and own != self.head.north and len(self.of["azimuth"]) == 1:
+            raise ListFileError(
+                f"{self.table.at}: column {column.name!r} has azimuths from {own} north, the head of the list says"
+                f" {self.head.north}; say which with --north"
+            )
+        return own or self.head.north
+
+    def _without_azimuth(self, md: Array, inclination: Array, azimuth: Array) -> None:
+        missing = np.flatnonzero(np.isnan(azimuth))
+        if missing.size:
+            deep = missing[np.argmax(inclination[missing])]
+            text = (
+                f"{self.name}: {missing.size} stations have no azimuth, the first at {md[missing[0]]:.2f} m; the"
+                f" largest inclination among them is {math.degrees(inclination[deep]):.2f} deg"
+            )
+            self._say(RemarkKind.AZIMUTH_MISSING, text, stations=float(missing.size))
+
+    @property
+    def named_map(self) -> bool:
+        """Whether north and east come from columns of map axes, or the list has a grid beside another north."""
+        return "map_north" in self.columns or self.head.wellhead is not None
+
+    def _horizontal(self, md: Array, column: Callable[[str], Array]) -> tuple[Array, Array]:
+        """North and east from the wellhead, m; map coordinates less those of the wellhead."""
+        local = all(what in self.columns for what in _LOCAL)
+        charted = all(what in self.columns for what in _MAP)
+        if not local and not charted:
+            return column("north"), column("east")
+        names = _LOCAL if local else _MAP
+        pair = np.column_stack([column(names[0]), column(names[1])])
+        inclination = float(column("inclination")[0])
+        shifted, remarks = offsets_from_wellhead(
+            self.name, md, pair, inclination, self.given, self.head.wellhead, charted=not local
+        )
+        self.remarks += remarks
+        if local and charted:
+            # The offsets are read; the map coordinates beside them say where the wellhead lies.
+            charts = np.column_stack([column(_MAP[0]), column(_MAP[1])])
+            beside, more = offsets_from_wellhead(
+                self.name, md, charts, inclination, self.given, self.head.wellhead, charted=True
+            )
+            if not any(one.kind == RemarkKind.MAP_SHIFTED for one in remarks):
+                self.remarks += more
+            apart = float(np.nanmax(np.hypot(*(beside - shifted).T), initial=0.0))
+            if apart > 2.0 + 0.002 * float(md[-1]):
+                raise ListFileError(
+                    f"{self.table.at}: north and east of the list and its map coordinates are {apart:.1f} m apart from"
+                    " each other; leave one pair out with --columns map_north=,map_east="
+                )
+        return shifted[:, 0], shifted[:, 1]
+
+    def _unless_turned(self, angles: tuple[Array, Array, Array], positions: Array, north: str) -> Array:
+        """Positions without north and east where these are turned from the azimuths as grid is from another north."""
+        if fits(angles, positions):
+            return positions
+        turn = turn_between(angles, positions)
+        md, inc, azi = angles
+        if abs(turn) > math.radians(6.0) or not fits((md, inc, azi + turn), positions):
+            return positions
+        text = (
+            f"{self.name}: its azimuths are from {north} north, its north and east columns turned by"
+            f" {math.degrees(turn):+.2f} deg from them, as a grid is: those columns are not read"
+        )
+        self._say(RemarkKind.COLUMN_NOT_READ, text, turn=float(turn))
+        return np.asarray(positions * np.array([math.nan, math.nan, 1.0]))

@@ -9,6 +9,7 @@ import time
 from mwd_sensors.core.input_files import without_contents
 from mwd_surface.clearance.clearance import Level
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.alarms import Severity
 from mwd_surface.nodes.plan_server import PlanServer
 from mwd_surface.ros.context import SurfaceContext
@@ -70,7 +71,7 @@ class ClearanceMonitor:
             return
         ahead = near.ahead()
         self._live.on_clearance(ahead, time.monotonic())
-        self._report_file(near.remarks)
+        self._report_file(sentences(near.remarks))
         if near.level == Level.CLEAR:
             log.clear_alarm(_SEPARATION)
             return

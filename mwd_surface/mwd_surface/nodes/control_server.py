@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from typing import Any
 
@@ -17,16 +18,18 @@ from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.control.set_point import LeaseLimits, SetPoint
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Achieved, ControlState, ControlStatus, Request
+from mwd_surface.control.status import Achieved, ControlState, ControlStatus, Permission, Request, Sender
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.latest_values import Freshness, LiveValue
 from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.ros.seal import SealChecker, SealError
 from mwd_surface.ros.topics import TOPICS
 from mwd_surface.surveys.message_conversion import stamp_of
 
 _RESTART = "then restart the surface"
 _PERIOD = 0.1  # s between commands to the rig
 _STATE_PERIOD = 0.5  # s between states that have not changed
+_INTERFACE = "ROS"
 _ALWAYS_CHANGING = ("heartbeat_age", "remaining", "achieved")
 
 
@@ -63,6 +66,7 @@ class ControlServer:
                 settings = dataclasses.replace(settings, enabled=False)
         self.authority = ControlAuthority(settings, first, self._unsafe)
         self.handlers = {"control/command": self._on_command, "rig/acknowledge": self._on_acknowledge}
+        self._seals = SealChecker()
         self._updated_at = self._published_at = 0.0
         self._shown: dict[str, Any] = {}
         self._reason = ""
@@ -70,6 +74,8 @@ class ControlServer:
     def open(self) -> None:
         """Open topics and services."""
         node = self._node
+        self._names = {name: node.resolve_topic_name(name) for name in ("control/command",)}
+        self._names |= {name: node.resolve_service_name(name) for name in ("request_control", "release_control")}
         self._state = node.add_publisher(msg.ControlState, "control/state", TOPICS["control/state"][1])
         self._commands = node.add_publisher(msg.RigCommand, "rig/command", TOPICS["rig/command"][1])
         node.add_service(srv.RequestControl, "request_control", self._request)
@@ -81,25 +87,37 @@ class ControlServer:
 
     # Services.
 
+    def _sender(self, name: str, sealed: Any) -> Sender:
+        """Return who sent a sealed message; raises SealError where nobody can tell."""
+        return Sender(_INTERFACE, self._seals.key_of(self._names[name], sealed))
+
     def _request(self, request: Any, response: Any) -> Any:
+        try:
+            sender = self._sender("request_control", request)
+        except SealError as error:
+            response.permission, response.message = int(Permission.DENIED), str(error)
+            return response
         limits = LeaseLimits(
-            request.speed_limit,
-            request.speed_rate_limit,
-            request.torque_limit,
-            request.turn_limit,
-            request.flow_limit,
+            **{field.name: getattr(request, f"{field.name}_limit") for field in dataclasses.fields(LeaseLimits)}
         )
-        decision = self.authority.request(
-            Request(request.controller, request.role, request.priority, request.wait, request.duration, limits),
-            time.monotonic(),
+        wish = Request(
+            sender, request.controller, request.role, request.priority, request.wait, request.duration, limits
         )
+        decision = self.authority.request(wish, time.monotonic())
         response.permission, response.lease = int(decision.permission), decision.lease
         response.success = decision.permission == srv.RequestControl.Response.GRANTED
         response.message = decision.message
         return response
 
     def _release(self, request: Any, response: Any) -> Any:
-        response.success, response.message = self.authority.release(request.lease, time.monotonic(), request.reason)
+        try:
+            sender = self._sender("release_control", request)
+        except SealError as error:
+            response.message = str(error)
+            return response
+        response.success, response.message = self.authority.release(
+            request.lease, time.monotonic(), sender, request.reason
+        )
         return response
 
     def judge(self, request: Any, response: Any) -> Any:
@@ -112,12 +130,15 @@ class ControlServer:
     # Messages.
 
     def _on_command(self, data: bytes) -> None:
-        message = deserialize_message(data, msg.RigCommand)
+        sealed = deserialize_message(data, msg.SealedCommand)
+        message = sealed.command
         names = ("mode", "lease", "sequence", "rotary_speed", "turn", "flow_rate", "valid_for", "returns")
-        values = {name: getattr(message, name) for name in names}
-        taken, why = self.authority.command(
-            SetPoint(**values, stamp_ns=stamp_of(message.header.stamp)), time.monotonic()
-        )
+        point = SetPoint(**{name: getattr(message, name) for name in names}, stamp_ns=stamp_of(message.header.stamp))
+        try:
+            taken, why = self.authority.command(point, time.monotonic(), self._sender("control/command", sealed))
+        except SealError as error:
+            self.authority.refused += 1
+            taken, why = False, str(error)
         if not taken:
             self._node.get_logger().warning(f"control/command not taken: {why}", throttle_duration_sec=5.0)
 
@@ -208,10 +229,13 @@ def _known(value: LiveValue) -> float | None:
     return value.value if value.state == Freshness.LIVE else None
 
 
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
 def state_message(status: ControlStatus) -> Any:
     """Message of the state of control, without its header."""
     limits, achieved = status.limits, status.achieved
-    silent = achieved.speed is None
     return msg.ControlState(
         state=int(status.state),
         enabled=status.enabled,
@@ -219,27 +243,23 @@ def state_message(status: ControlStatus) -> Any:
         owner=status.owner,
         role=status.role,
         priority=status.priority,
-        heartbeat_age=-1.0 if status.heartbeat_age is None else status.heartbeat_age,
-        remaining=-1.0 if status.remaining is None else status.remaining,
+        heartbeat_age=_or_nan(status.heartbeat_age),
+        remaining=_or_nan(status.remaining),
         pending=status.pending,
         pending_controller=status.pending_controller,
         pending_reason=status.pending_reason,
         reason=status.reason,
-        speed_limit=limits.speed,
-        speed_rate_limit=limits.speed_rate,
-        torque_limit=limits.torque,
-        turn_limit=limits.turn,
-        flow_limit=limits.flow,
+        **{f"{name}_limit": value for name, value in vars(limits).items()},
         mode=int(status.mode),
         rotary_speed=status.rotary_speed,
         turn=status.turn,
-        flow_rate=-1.0 if status.flow_rate is None else status.flow_rate,
+        flow_rate=_or_nan(status.flow_rate),
         sequence=status.sequence,
         acknowledged=status.acknowledged,
         refusal=status.refusal,
-        achieved_speed=-1.0 if achieved.speed is None else abs(achieved.speed),
-        achieved_torque=0.0 if silent or achieved.torque is None else achieved.torque,
-        achieved_flow=-1.0 if achieved.flow is None else achieved.flow,
+        achieved_speed=_or_nan(achieved.speed),
+        achieved_torque=_or_nan(achieved.torque),
+        achieved_flow=_or_nan(achieved.flow),
         mwd_alive=status.mwd_alive,
         **{name: int(reaction) for name, reaction in status.reactions.items()},
     )

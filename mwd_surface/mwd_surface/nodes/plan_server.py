@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from mwd_sensors.core.input_files import without_contents
-from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
 from mwd_surface.nodes.settings import PlanSettings

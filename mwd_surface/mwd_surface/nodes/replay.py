@@ -25,11 +25,11 @@ from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import LONG_QUEUE, STATE, STREAM, buffered
 from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
-from mwd_surface.bags.bag_files import TopicInfo
 from mwd_surface.bags.bag_metadata import parse_qos
-from mwd_surface.bags.bag_reader import Bag, BagError, Message
+from mwd_surface.bags.bag_reader import Bag, BagError, Message, TopicInfo
 from mwd_surface.bags.definitions import DefinitionError, installed
 from mwd_surface.bags.pace import Pace
+from mwd_surface.bags.topic_info import REMEDY
 from mwd_surface.ros.topics import message_class
 
 _TIMER_PERIOD = 0.002  # s
@@ -109,13 +109,15 @@ class ReplayNode(GraphNode[ReplaySettings]):
             self._bag = Bag(settings.bag)
             self._from_ns = self._bag.start_ns + round(settings.start_s * 1e9)
             self._to_ns = self._bag.start_ns + round(settings.end_s * 1e9) if settings.end_s > 0.0 else None
-            self._topic_publishers, self._left_out = self._add_publishers(self._bag)
+            chosen, self._left_out = published_topics(self._bag, settings)
         except BagError as error:
             raise ValueError(str(error)) from error
+        self._topic_publishers = {
+            about.name: self.add_publisher(message_class(about.type_name), about.name, profile(about.qos))
+            for about in chosen
+        }
         for sentence in (*self._bag.notes, *self._left_out):
             self.get_logger().warning(sentence)
-        if not self._topic_publishers:
-            raise ValueError(f"{settings.bag} has no topic that can be published here")
         self._clock_publisher = self.add_publisher(Clock, "/clock", STATE) if settings.clock_hz > 0.0 else None
         self.add_service(Trigger, "~/pause", self._on_pause)
         self.add_service(Trigger, "~/resume", self._on_resume)
@@ -123,29 +125,6 @@ class ReplayNode(GraphNode[ReplaySettings]):
         self.add_service(SetReplayRate, "~/set_rate", self._on_set_rate)
         self.add_service(StepReplay, "~/step", self._on_step)
         self.add_timer(_TIMER_PERIOD, self._on_timer)
-
-    def _add_publishers(self, bag: Bag) -> tuple[dict[str, Any], list[str]]:
-        publishers, left_out = {}, []
-        asked = set(self.settings.topics)
-        unknown = asked - bag.topics.keys()
-        if unknown:
-            raise BagError(f"{bag.path} has no topic {', '.join(sorted(unknown))}", f"it has {', '.join(bag.topics)}")
-        for about in bag.topics.values():
-            if (asked and about.name not in asked) or (self.settings.sensors_only and not _is_sensor(about.name)):
-                continue
-            if about.name == "/clock" and self.settings.clock_hz > 0.0:
-                left_out.append("/clock of the recording is not published: the replay has its own")
-                continue
-            kind = message_class(about.type_name)
-            if kind is None or about.serialization != "cdr":
-                left_out.append(f"{about.name} is not published: {about.type_name} is not installed")
-                continue
-            if _differs(about):
-                why = f"it was recorded with another definition of {about.type_name}"
-                left_out.append(f"{about.name} is not published: {why}")
-                continue
-            publishers[about.name] = self.add_publisher(kind, about.name, profile(about.qos))
-        return publishers, left_out
 
     def activate(self) -> None:
         """Start from the beginning as soon as there are subscribers."""
@@ -342,6 +321,42 @@ class ReplayNode(GraphNode[ReplaySettings]):
             remedy = "install the packages of their types, in the version of the recording"
             found.append(Diagnostic("topics", WARN, "; ".join(self._left_out), remedy))
         return found
+
+
+def published_topics(bag: Bag, settings: ReplaySettings) -> tuple[list[TopicInfo], list[str]]:
+    """
+    Return the topics of a bag that a replay publishes, and why others are not published.
+
+    Raises
+    ------
+    BagError
+        The bag does not have a topic that is asked for, or none can be published here.
+    """
+    chosen, left_out = [], []
+    asked = set(settings.topics)
+    unread = [bag.unreadable[name].described() for name in sorted(asked & bag.unreadable.keys())]
+    if unread:
+        raise BagError(f"{bag.path}: {'; '.join(unread)}", REMEDY)
+    unknown = asked - bag.topics.keys()
+    if unknown:
+        raise BagError(f"{bag.path} has no topic {', '.join(sorted(unknown))}", f"it has {', '.join(bag.topics)}")
+    for about in bag.topics.values():
+        if (asked and about.name not in asked) or (settings.sensors_only and not _is_sensor(about.name)):
+            continue
+        if about.name == "/clock" and settings.clock_hz > 0.0:
+            left_out.append("/clock of the recording is not published: the replay has its own")
+        elif message_class(about.type_name) is None:
+            left_out.append(f"{about.name} is not published: {about.type_name} is not installed")
+        elif _differs(about):
+            why = f"it was recorded with another definition of {about.type_name}"
+            left_out.append(f"{about.name} is not published: {why}")
+        else:
+            chosen.append(about)
+    if not chosen:
+        unread = [one.described() for one in bag.unreadable.values() if one.count]
+        why = "; ".join([*left_out, *unread]) or "sonde and rig publish none of its topics"
+        raise BagError(f"{bag.path} has no topic that can be published here: {why}")
+    return chosen, left_out
 
 
 def profile(recorded: str) -> QoSProfile:

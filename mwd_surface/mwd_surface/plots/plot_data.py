@@ -15,6 +15,7 @@ from mwd_sensors.calibration.allan import AllanCurve
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.topic_info import listed
 from mwd_surface.plots.envelope import Envelope
 from mwd_surface.plots.long_allan import LongAllan
 from mwd_surface.plots.spectrum import Spectrum
@@ -141,7 +142,9 @@ def gather(
     if not pens:
         asked = ", ".join(what)
         has = ", ".join(f"{topic.name} ({topic.type_name})" for topic in bag.topics.values())
-        raise BagError(f"{bag.path} has nothing to draw for {asked}", f"it has {has}")
+        unread = listed([topic for topic in bag.unreadable.values() if topic.count])
+        cannot = f"; not read: {unread}" if unread else ""
+        raise BagError(f"{bag.path} has nothing to draw for {asked}", f"it has {has}{cannot}")
     for block in bag.blocks(sorted({pen.topic for pen in pens}), first, last + 1):
         for pen in pens:
             if pen.topic in block:

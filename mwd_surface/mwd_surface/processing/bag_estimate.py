@@ -32,13 +32,12 @@ from mwd_surface.processing.bag_input import (
     check_units,
     find_topics,
     guesses,
-    in_si,
     mount_of,
     refuse_wrong_unit,
     tool_frame,
-    unstamped,
 )
 from mwd_surface.processing.imu_queue import ImuQueue
+from mwd_surface.processing.input_stream import InputStream, problems, refuse, repetitions
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.overlap import ahead, behind
@@ -119,7 +118,8 @@ class BagEstimate:
         self._start_ns = bag.start_ns + round(given.start_s * 1e9)
         self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
         self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
-        self._without_time = unstamped(bag, self.topics)
+        refuse(problems(bag, self.topics, given))
+        self._stream = InputStream(bag, self.topics, given)
         self._unchecked = {self.topics.imu, self.topics.mag}
         self._use_mag = self.topics.mag is not None
         self._noise = input_covariance.NoiseWatch()
@@ -152,8 +152,8 @@ class BagEstimate:
         return self._summary
 
     def _warn_of_input(self) -> None:
-        if self._without_time:
-            names = ", ".join(sorted(self._without_time))
+        if self._stream.without_time:
+            names = ", ".join(sorted(self._stream.without_time))
             self._summary.warnings.append(f"{names}: no time in the headers; the times of recording are used")
         unusable = self._pipeline.mount.unusable
         self._use_mag = self._use_mag and "mag" not in unusable
@@ -173,26 +173,37 @@ class BagEstimate:
 
     def _results(self, progress: Callable[[float], None]) -> Iterator[_Result]:
         with ahead(self._blocks()) as ready:
-            for block, originals in ready:
-                samples = in_si(block, self.topics, self._given, self._without_time)
-                self._check_units(samples)
-                self._judge_covariances(samples)
-                if self._compensation is not None:
-                    _compensate(self._compensation, samples, self.topics)
+            for recorded, originals in ready:
+                block = self._stream.take(recorded)
+                samples = self._checked(block)
                 # One block ahead of the IMU: where a block ends makes no difference to the pairing of a sample.
                 self._push_companions(samples, block)
-                logged = _last_log(block, originals)
+                logged = _last_log(recorded, originals)
                 for imu in self._queue.done():
                     yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
                 if self.topics.imu in samples:
                     self._queue.add(samples[self.topics.imu], block[self.topics.imu][0])
                 if self._merger is not None:
-                    until_ns = self._queue.first_log_ns - 1 if self._queue.waiting else logged
+                    waiting = [self._queue.first_log_ns] if self._queue.waiting else []
+                    waiting += [first] if (first := self._stream.first_log_ns) is not None else []
+                    until_ns = min(waiting) - 1 if waiting else logged
                     yield _Result(None, None, originals, until_ns)
                 progress(min(max((logged - self._start_ns) / max(self._last_ns - self._start_ns, 1), 0.0), 1.0))
+        rest = self._stream.finish()
+        if self.topics.imu in rest:
+            self._queue.add(self._checked(rest)[self.topics.imu], rest[self.topics.imu][0])
         for imu in self._queue.finish():
             yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
         yield _Result(self._pipeline.finish())
+
+    def _checked(self, block: Block) -> BlockSamples:
+        """Return the samples of a block, checked and calibrated."""
+        samples: BlockSamples = {name: part[1] for name, part in block.items()}
+        self._check_units(samples)
+        self._judge_covariances(samples)
+        if self._compensation is not None:
+            _compensate(self._compensation, samples, self.topics)
+        return samples
 
     def _check_units(self, samples: BlockSamples) -> None:
         """Check the units of the first samples of IMU and magnetometer; one that is none in any unit is not used."""
@@ -234,6 +245,7 @@ class BagEstimate:
         summary, pipeline, compensation = self._summary, self._pipeline, self._compensation
         if self._merger is not None:
             summary.warnings += self._merger.remarks
+        summary.warnings += repetitions(self._stream)
         summary.north = pipeline.north
         summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
         if compensation is not None and compensation.without_temperature:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,8 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.bags.mcap.records import MAGIC
 from mwd_surface.bags.mcap.writer import is_being_written
+from mwd_surface.bags.topic_info import REMEDY
+from mwd_surface.processing.half_imu import Kind, is_accelerometer, kind_of
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
 IMU_BURST, PRECISION_BURST = burst.TOPICS
@@ -49,6 +52,9 @@ FIELDS = {
 }
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
+_AVERAGED, _AVERAGED_NS = 10, 5e7  # most samples, and time, of a mean in which gravity shows
+# A smaller mean is no gravity in m/s2, g or mg; the least of `units`, which a turning tool's mean keeps.
+_LEAST_GRAVITY = 0.3
 _SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as none
 
 
@@ -70,6 +76,12 @@ class InputSettings:
     sensor_to_bit_m: float = setting(
         -1.0, "Sonde behind the bit; -1: as the recording says, else 0", unit="m", low=-1.0, high=100.0
     )
+    stamps: str = setting(
+        "header",
+        "Times of the samples: those of their headers, or headers brought to the clock of the recording, where the "
+        "sensors' clocks disagree or were not set",
+        choices=("header", "recording"),
+    )
     depths: str = setting("", "Table of depths, CSV; empty: the depths of the rig in the recording")
 
 
@@ -82,11 +94,16 @@ class Topics:
     precision: str | None
     temperature: str | None
     rig: str | None
+    #: topic of the accelerometer where `imu` is only the gyro
+    accelerometer: str | None = None
+    #: what the messages of `imu` carry
+    kind: Kind = Kind.WHOLE
 
     @property
     def all(self) -> list[str]:
         """Those that are there."""
-        return [name for name in dataclasses.astuple(self) if name is not None]
+        names = (self.imu, self.mag, self.precision, self.temperature, self.rig, self.accelerometer)
+        return [name for name in names if name is not None]
 
 
 def find_topics(bag: Bag, given: InputSettings) -> Topics:
@@ -98,7 +115,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     BagError
         There is no IMU, or more than one well and none named, or a topic named has another type.
     """
-    imu = _named(bag, given.imu_topic, wire.IMU) or _imu_of(bag)
+    imu, accelerometer = _halves(bag, _named(bag, given.imu_topic, wire.IMU) or _imu_of(bag))
     relative = next((name for name in (IMU, IMU_BURST) if imu.endswith(name)), None)
     namespace = imu.removesuffix(relative) if relative is not None else None
 
@@ -120,6 +137,8 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         _named(bag, given.gyro_topic, wire.IMU) or beside(wire.IMU, PRECISION, PRECISION_BURST),
         _named(bag, given.temperature_topic, wire.TEMPERATURE) or beside(wire.TEMPERATURE, TEMPERATURE),
         _named(bag, given.rig_topic, wire.RIG_STATE) or beside(wire.RIG_STATE, RIG, alone=True),
+        accelerometer,
+        Kind.GYRO if accelerometer else _kind(bag, imu),
     )
 
 
@@ -130,7 +149,11 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
         (topics.imu, given.imu_topic, (IMU, IMU_BURST), "IMU"),
         (topics.mag, given.mag_topic, (MAG,), "magnetometer"),
     ):
-        if taken is not None and not named and not taken.endswith(usual):
+        if taken == topics.imu and topics.accelerometer is not None:
+            remarks.append(
+                f"the gyro of {topics.imu} and the accelerometer of {topics.accelerometer} are joined by time"
+            )
+        elif taken is not None and not named and not taken.endswith(usual):
             remarks.append(f"{taken} is taken for the {what}: the recording has no other")
     if topics.mag is None:
         others = [name for name in bag.topics if _has(bag, name, wire.MAG)]
@@ -138,9 +161,16 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
             remarks.append(f"no magnetometer beside {topics.imu}; name it with --mag-topic: {', '.join(others)}")
     if topics.precision is None:
         wells = (IMU, IMU_BURST, PRECISION, PRECISION_BURST)
-        others = [n for n in bag.topics if n != topics.imu and _has(bag, n, wire.IMU) and not n.endswith(wells)]
+        used = (topics.imu, topics.accelerometer)
+        others = [n for n in bag.topics if n not in used and _has(bag, n, wire.IMU) and not n.endswith(wells)]
         if others:
             remarks.append(f"not used: {', '.join(others)}; name the precision unit with --gyro-topic")
+    if topics.kind in (Kind.IN_TURNS, Kind.SOME_EMPTY):
+        remarks.append(
+            f"{topics.imu}: gyro and accelerometer come in turns, with zeros for the other: joined by time"
+            if topics.kind == Kind.IN_TURNS
+            else f"{topics.imu}: messages of zeros among the readings are left out"
+        )
     rigs = [name for name in bag.topics if _has(bag, name, wire.RIG_STATE) and name != topics.rig]
     if rigs and topics.rig is None:
         remarks.append(f"no depth: name the topic of the rig with --rig-topic: {', '.join(rigs)}")
@@ -184,13 +214,17 @@ def in_si(
     return samples
 
 
+class OptionNeededError(ValueError):
+    """Samples that can be used with options of `mwd process`, which the sentence names."""
+
+
 def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[str]:
     """
     Warnings of readings that are implausible in any unit; samples: some of the IMU and of the magnetometer, in SI.
 
     Raises
     ------
-    ValueError
+    OptionNeededError
         Readings that look like another unit, all of them in one sentence with the options that say so.
     """
     warnings, words, options = [], [], []
@@ -204,18 +238,18 @@ def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[s
             remedy = "; not used: look at the magnetometer or its driver" if name == "mag" else ""
             warnings.append(f"{topic}: {found[0]}{remedy}")
     if options:
-        raise ValueError(f"{'; '.join(words)}; say so with {' '.join(options)}")
+        raise OptionNeededError(f"{'; '.join(words)}; say so with {' '.join(options)}")
     return warnings
 
 
 def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
-    """Raise ValueError where the motion showed another unit to the end, with the option that says so."""
+    """Raise OptionNeededError where the motion showed another unit to the end, with the option that says so."""
     last = {fault.check: fault for fault in faults if fault.unit == Unit.CONVENTIONAL}
     for fault in last.values():
         if fault.code == FaultCode.UNIT and not fault.cleared_ns:
             option, unit = QUANTITIES[(1, 0, 2)[fault.place // 3]][3], unit_words(fault)
             topic = topics.mag if fault.place == 6 else topics.imu
-            raise ValueError(f"{topic}: {describe(fault).message}; say so with {option} {unit}")
+            raise OptionNeededError(f"{topic}: {describe(fault).message}; say so with {option} {unit}")
 
 
 def mount_of(bag: Bag, topics: Topics, given: MountSettings) -> Mount:
@@ -304,6 +338,8 @@ def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
     if not name:
         return None
     for candidate in (name, f"/{name}"):
+        if candidate in bag.unreadable:
+            raise BagError(f"{bag.path}: {bag.unreadable[candidate].described()}", REMEDY)
         about = bag.topics.get(candidate)
         if about is None:
             continue
@@ -320,6 +356,8 @@ def _imu_of(bag: Bag) -> str:
     if not usual and any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values()):
         return bag.find_topic(burst.TYPE_NAME, IMU_BURST)
     candidates = usual or [topic.name for topic in here if topic.count and not topic.name.endswith(PRECISION)]
+    if len(candidates) > 1 and not usual:
+        candidates = _likely(bag, candidates)
     if len(candidates) == 1:
         return candidates[0]
     if candidates:
@@ -329,6 +367,68 @@ def _imu_of(bag: Bag) -> str:
             "name the one you mean with --imu-topic",
         )
     return bag.find_topic(wire.IMU.type_name, IMU)
+
+
+def _likely(bag: Bag, candidates: list[str]) -> list[str]:
+    """Return the topics that may be the IMU by their readings: not a half beside its other, none without gravity."""
+    first = {name: first_samples(bag, name) for name in candidates}
+    whole = [name for name in candidates if kind_of(first[name]) != Kind.GYRO and not is_accelerometer(first[name])]
+    if whole:
+        return [name for name in whole if not without_gravity(first[name])] or whole
+    gyros = [name for name in candidates if kind_of(first[name]) == Kind.GYRO]
+    return gyros if len(gyros) == 1 and len(candidates) == 2 else candidates
+
+
+def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
+    """Return the topics of gyro and accelerometer; one topic, and None, where the IMU is whole."""
+    kind, alone = _kind(bag, imu), is_accelerometer(first_samples(bag, imu))
+    if kind != Kind.GYRO and not alone:
+        return imu, None
+    others = [name for name in bag.topics if name != imu and _has(bag, name, wire.IMU)]
+    if alone:
+        gyro = _nearest(imu, [name for name in others if _kind(bag, name) == Kind.GYRO])
+        return (gyro, imu) if gyro is not None else (imu, None)
+    return imu, _nearest(imu, [name for name in others if is_accelerometer(first_samples(bag, name))])
+
+
+def _nearest(name: str, others: list[str]) -> str | None:
+    """Return the topic that shares the most of its name with this one; None where there is none, or several do."""
+    pairs = {other: zip(name, other, strict=False) for other in others}
+    shared = {
+        other: sum(1 for _ in itertools.takewhile(lambda two: two[0] == two[1], pairs[other])) for other in others
+    }
+    best = [other for other in others if shared[other] == max(shared.values())]
+    return best[0] if len(best) == 1 else None
+
+
+def _kind(bag: Bag, imu: str) -> Kind:
+    return kind_of(first_samples(bag, imu))
+
+
+def first_samples(bag: Bag, name: str) -> Samples:
+    """Return the first samples of a topic of an IMU, with the fields of `FIELDS`; empty where none can be read."""
+    layout = wire.IMU.dtype_of(FIELDS[wire.IMU.type_name])
+    for block in bag.blocks([name], block_messages=_LOOKED_AT, fields=FIELDS):
+        return np.asarray(block[name][1][: 2 * _LOOKED_AT], dtype=layout)
+    return np.empty(0, dtype=layout)
+
+
+def without_gravity(samples: Samples) -> bool:
+    """
+    Whether a driver has taken gravity off its specific force: the mean of some moment is far below any unit's gravity.
+
+    Even of a shaken and turning tool a mean over some samples is near gravity, in whatever unit.
+    """
+    force = samples["linear_acceleration"]
+    if len(force) < _SAME_AT_LEAST or not np.any(force):
+        return False
+    interval_ns = float(np.median(np.diff(samples["stamp_ns"])))
+    # Within so short a time a tool hardly turns.
+    each = min(max(int(_AVERAGED_NS / interval_ns), 1), _AVERAGED) if interval_ns > 0.0 else 1
+    count = len(force) // each
+    means = force[: count * each].reshape(count, each, 3).mean(axis=1)
+    strength = np.linalg.norm(means[np.isfinite(means).all(axis=1)], axis=1)
+    return len(strength) > 0 and float(np.percentile(strength, 10.0)) < _LEAST_GRAVITY
 
 
 def _has(bag: Bag, name: str, layout: wire.Layout) -> bool:

@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.core.fault_messages import describe, unit_words
+from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
+from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.health import monitor
 from mwd_estimation.health.motion_window import TURNING
 from mwd_estimation.settings import derivation
@@ -28,26 +30,29 @@ from mwd_sensors.core import mount as mounts
 from mwd_sensors.core import settings, units, wire
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.mount import Mount
-from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.processing.bag_input import (
-    FIELDS,
     QUANTITIES,
     InputSettings,
     Topics,
     find_topics,
     frame_names,
     guesses,
-    in_si,
     mount_of,
-    unstamped,
+)
+from mwd_surface.processing.input_stream import (
+    CLOCK_SET_NS,
+    InputStream,
+    clock_was_set,
+    problems,
+    repetitions,
 )
 from mwd_surface.processing.mag_mount import mag_mounts, reference_of
+from mwd_surface.processing.process import estimate
 from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.stream_times import StreamTimes
 
 _UNIT_OPTIONS = {"accel_unit": "--accel-unit", "gyro_unit": "--gyro-unit", "mag_unit": "--mag-unit"}
-# Least days since 1970 of a clock that was set.
-_CLOCK_SET_NS = 7000 * 86400 * wire.NANOSECONDS
 _PASSES = 6
 _ASKEW = (
     "the unit is mounted askew: its mount follows from the axis that the string turns about, which does not show the "
@@ -82,8 +87,12 @@ class Inspection:
     remarks : list of str
         What is unusual.
     missing : list of (result, what it needs)
+    surveys : list of str
+        Verdicts of the surveys that the command gives.
+    refusal : str
+        Why `mwd process` refuses the recording; empty where it does not.
     command : str
-        That processes it.
+        That processes it; empty where `mwd process` refuses the recording.
     """
 
     topics: Topics
@@ -97,6 +106,8 @@ class Inspection:
     faults: list[SensorFault]
     remarks: list[str]
     missing: list[tuple[str, str]]
+    surveys: list[str]
+    refusal: str
     command: str
 
 
@@ -108,6 +119,7 @@ class _Reading:
     estimator: EstimatorSettings
     times: dict[str, StreamTimes]
     rests: Rests
+    remarks: list[str] = dataclasses.field(default_factory=list)
     turn: list[str] = dataclasses.field(default_factory=list)
     turned: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
@@ -138,7 +150,7 @@ def inspect(
     BagError
         There is no IMU, or several; as `bag_input.find_topics`.
     """
-    topics = find_topics(bag, given)
+    topics, given, refusal = _readable(bag, given, estimator)
     start = given, estimator
     given = _with_units(bag, topics, given)
     reading = _read(bag, topics, given, estimator, progress)
@@ -155,6 +167,10 @@ def inspect(
             named = settings.changed(reading.estimator, {"tool.mount.mag": turned[0]})
             reading = _read(bag, topics, reading.given, named, progress)
     mount = mount_of(bag, topics, reading.estimator.tool.mount)
+    verdicts: list[str] = []
+    doubts: list[str] = []
+    if not refusal:
+        verdicts, doubts, refusal = _processed(bag, reading)
     return Inspection(
         topics,
         reading.times,
@@ -165,15 +181,51 @@ def inspect(
         reading.rests.count,
         reading.rests.longest_s,
         reading.faults,
-        _remarks(bag, topics, reading, start[1]),
+        _remarks(bag, topics, reading, start[1]) + doubts,
         _missing(topics, reading, mount),
-        _command(bag, topics, reading, start, output),
+        verdicts,
+        refusal,
+        "" if refusal else _command(bag, topics, reading, start, output),
     )
+
+
+def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> tuple[Topics, InputSettings, str]:
+    """Return the topics and settings that a recording can be read with, and why `mwd process` would refuse it still."""
+    topics = find_topics(bag, given)
+    place = estimator.place
+    if place.model and not place.date and not clock_was_set(bag, topics):
+        # The day of the model is known to the recorder alone.
+        given = dataclasses.replace(given, stamps="recording")
+    for _ in range(_PASSES):
+        found = problems(bag, topics, given)
+        changes: dict[str, Any] = dict(one.option for one in found if one.option)
+        if not changes:
+            return topics, given, "; ".join(one.sentence for one in found)
+        given = dataclasses.replace(given, **changes)
+        topics = find_topics(bag, given)
+    return topics, given, "; ".join(one.sentence for one in problems(bag, topics, given))
+
+
+def _processed(bag: Bag, reading: _Reading) -> tuple[list[str], list[str], str]:
+    """Return verdicts and doubts of the surveys by the code of `mwd process`, and why it refuses the recording."""
+    given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
+    try:
+        summary = estimate(bag, reading.estimator, given, lambda _output: None)
+    except (BagError, ValueError) as error:
+        return [], [], str(error)
+    stations = [survey.station for survey, _ in summary.surveys]
+    doubted = [one for one in stations if one.verdict != ACCEPT and one.reasons]
+    doubts = dict.fromkeys(f"surveys: {one.verdict}: {text(one.reasons[0])}" for one in doubted)
+    return [one.verdict for one in stations], list(doubts), ""
 
 
 def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:
     """The settings with the units that the first readings are plausible in."""
-    first = next(bag.blocks([name for name in (topics.imu, topics.mag) if name], fields=FIELDS), {})
+    first: Block = {}
+    for block in InputStream(bag, topics, given).blocks():
+        first = {**block, **first}
+        if first.keys() >= {topics.imu, topics.mag} - {None}:
+            break
     changes: dict[str, Any] = {}
     for (name, field, quantity, _), option in zip(QUANTITIES, _UNIT_OPTIONS, strict=True):
         part = first.get(getattr(topics, name) or "")
@@ -194,10 +246,10 @@ def _read(
     state = monitor.initial()
     rests = Rests(estimator.survey)
     reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
-    without_time = unstamped(bag, topics)
+    stream = InputStream(bag, topics, given)
     first = True
-    for block in bag.blocks(topics.all, fields=FIELDS):
-        samples = in_si(block, topics, given, without_time)
+    for block in stream.blocks():
+        samples = {name: part[1] for name, part in block.items()}
         for name, (log_ns, _) in block.items():
             reading.times[name].take(samples[name]["stamp_ns"], log_ns)
         if topics.mag in samples and "mag" not in mount.unusable:
@@ -215,6 +267,10 @@ def _read(
         if block:
             done = max(int(log_ns[-1]) for log_ns, _ in block.values())
             progress((done - bag.start_ns) / max(bag.end_ns - bag.start_ns, 1))
+    reading.remarks = [
+        *(f"{name}: no time in the headers; the times of recording are used" for name in sorted(stream.without_time)),
+        *repetitions(stream),
+    ]
     reading.faults = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
     return reading
 
@@ -276,8 +332,7 @@ def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettin
     remarks = guesses(bag, topics, reading.given)
     if reading.estimator.tool.mount.imu not in (start.tool.mount.imu, *mounts.PRESETS):
         remarks.append(_ASKEW)
-    for name in unstamped(bag, topics):
-        remarks.append(f"{name}: no time in the headers; the times of recording are used")
+    remarks += reading.remarks
     for name, times in reading.times.items():
         remarks += [f"{name}: {text}" for text in times.remarks(name != topics.rig)]
     remarks += [f"{text.message}; {text.remedy}" for text in map(describe, reading.faults)]
@@ -298,7 +353,7 @@ def _missing(topics: Topics, reading: _Reading, mount: Mount) -> list[tuple[str,
         missing.append(("true north, checks of the field", "the place: --lat and --lon, or --field"))
     elif place.model:
         first = reading.times[topics.imu].first_ns
-        if not place.date and first < _CLOCK_SET_NS:
+        if not place.date and first < CLOCK_SET_NS:
             missing.append(("the field of the model", "the day: --date YYYY-MM-DD, for the clock was not set"))
     if topics.precision is None:
         missing.append(("gyro azimuth", "a high-precision unit: --gyro-topic"))
@@ -318,6 +373,8 @@ def _command(
     for name, option in (("imu", "imu_topic"), ("mag", "mag_topic"), ("precision", "gyro_topic"), ("rig", "rig_topic")):
         if getattr(start[0], option):
             words += [f"--{option.replace('_', '-')}", str(getattr(topics, name))]
+    if given.stamps != InputSettings().stamps:
+        words += ["--stamps", given.stamps]
     for name, option in _UNIT_OPTIONS.items():
         if getattr(given, name) != getattr(InputSettings(), name):
             words += [option, getattr(given, name)]
@@ -331,7 +388,7 @@ def _command(
     if place.model:
         words += ["--lat", f"{place.lat_deg:g}", "--lon", f"{place.lon_deg:g}"]
         first = reading.times[topics.imu].first_ns
-        if place.date or first >= _CLOCK_SET_NS:
+        if place.date or first >= CLOCK_SET_NS:
             day = place.date or f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
             words += ["--date", day]
     elif place.field == "fixed":

@@ -13,7 +13,8 @@ from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import mount as mounts
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.processing.bag_input import FIELDS, InputSettings, Topics, in_si, mount_of
+from mwd_surface.processing.bag_input import InputSettings, Topics, mount_of
+from mwd_surface.processing.input_stream import InputStream
 
 # Of the magnetic samples, those that its mount is looked for with; what gravity and field may differ by, sine and rad.
 _EVERY, _STEADY, _DIP = 7, 0.01, 0.05
@@ -36,8 +37,8 @@ def mag_mounts(bag: Bag, topics: Topics, given: InputSettings, estimator: Estima
     """
     mount = mount_of(bag, topics, estimator.tool.mount)
     up, field, first_ns = [], [], 0
-    for block in bag.blocks([name for name in (topics.imu, topics.mag) if name], fields=FIELDS):
-        samples = in_si(block, topics, given)
+    for block in InputStream(bag, topics, given).blocks():
+        samples = {name: part[1] for name, part in block.items()}
         if topics.imu not in samples or topics.mag not in samples:
             continue
         imu, mag = mount.imu_in_tool(samples[topics.imu]), samples[topics.mag][::_EVERY]

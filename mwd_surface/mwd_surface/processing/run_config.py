@@ -14,6 +14,7 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core.input_files import read_yaml
 from mwd_surface.processing.bag_input import InputSettings, Topics
+from mwd_surface.processing.half_imu import Kind
 from mwd_surface.processing.run_output import CONFIG, INPUT, OutputSettings
 from mwd_surface.surveys.recorded_settings import kept
 
@@ -21,7 +22,7 @@ from mwd_surface.surveys.recorded_settings import kept
 def config_text(estimator: EstimatorSettings, given: InputSettings, wanted: OutputSettings, topics: Topics) -> str:
     """config.yaml: every setting in force, ready for --config; what was read and how stands in comments."""
     head = ["# Settings in force; use them again with: mwd process BAG --config config.yaml"]
-    head += [f"# {name}: {value}" for name, value in dataclasses.asdict(topics).items() if value]
+    head += [f"# {name}: {value}" for name, value in vars(topics).items() if value and value != Kind.WHOLE]
     for used, default in ((given, InputSettings()), (wanted, OutputSettings())):
         head += [
             f"# {field.name}: {getattr(used, field.name)}"

@@ -7,10 +7,13 @@ import math
 
 import numpy as np
 
-from mwd_sensors.core.arrays import Stamps
+from mwd_sensors.core.arrays import Array, Stamps
 
 # A gap is longer than so many intervals, and than so long, s.
 _INTERVALS, _SHORTEST_S = 5.0, 0.1
+# Samples in a row whose mean interval is that of the stream, however they come in bursts; a step that is so many times
+# the mean interval begins a burst, and one of so many bursts is a gap.
+_RATED, _BURSTS = 64, 3.0
 # A clock off the recorder's by more is worth a word, s; a drift, as a share of time.
 _OFFSET_S, _DRIFT = 1.0, 1e-4
 _FEW = 10
@@ -34,7 +37,7 @@ class StreamTimes:
         self.count = self.gaps = self.backwards = 0
         self.first_ns = self.last_ns = 0
         self.longest_gap_s = self.gap_at_s = 0.0
-        self._interval_s = math.nan
+        self._interval_s = self._burst_s = math.nan
         self._offsets: list[tuple[int, float]] = []
 
     def take(self, stamp_ns: Stamps, log_ns: Stamps) -> None:
@@ -47,8 +50,8 @@ class StreamTimes:
         forward = steps[1:] if self.count == 0 else steps
         self.backwards += int(np.count_nonzero(forward <= 0.0))
         if math.isnan(self._interval_s) and (forward > 0.0).any():
-            self._interval_s = float(np.median(forward[forward > 0.0]))
-        limit = max(_INTERVALS * self._interval_s, _SHORTEST_S)
+            self._interval_s, self._burst_s = _intervals(forward[forward > 0.0])
+        limit = max(_INTERVALS * self._interval_s, _BURSTS * self._burst_s, _SHORTEST_S)
         # Of a clock that is set while it records nothing is known.
         long = np.flatnonzero(steps > limit)
         self.gaps += len(long)
@@ -63,8 +66,13 @@ class StreamTimes:
 
     @property
     def rate(self) -> float:
-        """Samples a second, by the median interval of the first of them; nan for a single one."""
+        """Samples a second, by the first of them; nan for a single one."""
         return 1.0 / self._interval_s if self._interval_s > 0.0 else math.nan
+
+    @property
+    def bursts(self) -> bool:
+        """Whether stamps come in bursts, as those of messages stamped when they arrive."""
+        return self._burst_s > _BURSTS * self._interval_s
 
     @property
     def offset_s(self) -> float:
@@ -85,6 +93,12 @@ class StreamTimes:
         if self.gaps and regular:
             often = "a gap" if self.gaps == 1 else f"{self.gaps} gaps, the longest"
             found.append(f"{often} of {self.longest_gap_s:.2f} s, {self.gap_at_s:.1f} s after the start")
+        if self.bursts and regular:
+            each = round(self._burst_s / self._interval_s)
+            found.append(
+                f"samples are stamped in bursts of {each} every {self._burst_s:.3g} s, as when they arrive; stamp them "
+                "when they are measured"
+            )
         if self.backwards:
             one = self.backwards == 1
             found.append(
@@ -98,3 +112,18 @@ class StreamTimes:
         if abs(self.drift) > _DRIFT:
             found.append(f"its clock drifts from the recorder's by {1e6 * self.drift:+.0f} us a second")
         return found
+
+
+def _intervals(steps: Array) -> tuple[float, float]:
+    """
+    Return the interval of a stream and the usual time from one burst to the next, s, by its first steps, shape (n,).
+
+    The median of the longest steps among some samples in a row is that of a burst, or of a regular stream its interval.
+    The mean interval of a stream in bursts leaves out gaps; of a regular stream it is the median, for some may be lost.
+    """
+    count = min(_RATED, len(steps))
+    rows = np.lib.stride_tricks.sliding_window_view(steps, count)[:: max(count // 2, 1)]
+    usual, longest = float(np.median(steps)), float(np.median(rows.max(axis=1)))
+    if longest <= _BURSTS * usual:
+        return usual, longest
+    return float(steps[steps < _BURSTS * longest].mean()), longest

@@ -27,7 +27,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "imu/temperature": (Temperature, STREAM),
     "truth": (msg.Truth, STREAM),
     "rig/state": (msg.RigState, EVENT),
-    "control/command": (msg.RigCommand, STATE),
+    "control/command": (msg.SealedCommand, STATE),
     "control/state": (msg.ControlState, STATE),
     "rig/command": (msg.RigCommand, STATE),
     "rig/acknowledge": (msg.RigAcknowledge, STATE),

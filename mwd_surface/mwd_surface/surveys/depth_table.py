@@ -16,8 +16,8 @@ from pathlib import Path
 
 from mwd_sensors.core import utc
 from mwd_surface.list_files import list_columns
-from mwd_surface.list_files.list_columns import ListFileError
-from mwd_surface.list_files.station_file import read_table
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.table import read_table
 from mwd_surface.surveys.depth import DepthReading
 
 _TIMES = ("time", "time_utc", "dtim", "dtim_utc", "stamp_ns", "timestamp", "utc", "date_time")
@@ -70,7 +70,7 @@ def read_depths(path: Path) -> DepthTable:
     OSError
         It cannot be read.
     """
-    table = read_table(path)
+    table = read_table(path).columns()
     plain = {name: "_".join(name.lower().replace("(", " ").replace(")", " ").split()) for name in table}
     time = next((name for name in table if plain[name] in _TIMES), None)
     number = next((name for name in table if plain[name] in _NUMBERS), None)
@@ -99,8 +99,10 @@ def _depth_column(names: list[str], path: Path) -> tuple[str, bool, float]:
             lower = "_".join("".join(c if c.isalpha() else " " for c in name.lower()).split())
             for word in words:
                 if lower == word or lower.startswith(word + "_"):
-                    unit = lower.removeprefix(word).strip("_")
-                    return name, of_bit, list_columns.factor("md", unit, f"{path}: {name}")
+                    rest = lower.removeprefix(word).replace("_", " ").strip()
+                    unit = list_columns.unit_word(rest)
+                    column = list_columns.Column(0, name, "md", unit, strange="" if unit else rest)
+                    return name, of_bit, list_columns.factor(column, str(path))
     raise ListFileError(f"{path}: no column of depths; expected bit_depth_m or md_m, got {', '.join(names)}")
 
 

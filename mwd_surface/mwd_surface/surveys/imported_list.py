@@ -2,8 +2,8 @@
 """
 A list of stations that others measured as a survey list: path, reports and exports then work as for one of our own.
 
-Its first station is the tie-on where it lies at the datum or the file has its position; otherwise the path begins
-vertically at the wellhead. Stations whose own verdict is not "accept" are listed, not used.
+Where its path starts is decided by `station_list.start_of`, as for plans and offset wells. Stations whose own verdict
+is not "accept" are listed, not used.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core import utc
-from mwd_surface.list_files.list_file import StationList
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.station_list import StationList, start_of
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Nine, Survey, SurveyRecord, Verdict
@@ -44,9 +43,9 @@ def survey_list(
     tie_on: TieOn | None = None,
     reference: Reference | None = None,
     every: bool = False,
-) -> tuple[SurveyList, tuple[str, ...]]:
+) -> SurveyList:
     """
-    The survey list of an imported list of stations, and what people must know about it.
+    The survey list of an imported list of stations; its remarks are those of the reader and of this conversion.
 
     Parameters
     ----------
@@ -68,28 +67,33 @@ def survey_list(
     remarks = list(stations.remarks)
     north = stations.north or (well or Well()).north_reference
     if not stations.north:
-        remarks.append(f"the list does not say which north its azimuths are from: taken as {north}; say it by --north")
+        text = f"{stations.name} does not say which north its azimuths are from: taken as {north}; --north says it"
+        remarks.append(Remark(RemarkKind.NORTH_ASSUMED, text))
     well = dataclasses.replace(well or Well(), north_reference=north)
     code = tool_code(stations)
     if code:
         well = dataclasses.replace(well, error_model=code)
-    start = tie_on or _first(stations)
-    if start.source == "wellhead" and stations.md[0] > 0.0:
-        remarks.append(f"the list begins at {stations.md[0]:.2f} m: the hole above is taken as leaving the wellhead")
+    start = tie_on
+    if start is None:
+        first = start_of(stations)
+        start = TieOn(first.md, first.inclination, first.azimuth, *first.position, first.source)
+        remarks += first.remarks
     below = [k for k in range(stations.md.size) if stations.md[k] > start.measured_depth]
     records = [_record(stations, k, North[north.upper()], reference, every=every) for k in below]
     if not records and stations.md.size > 1:
         raise ValueError(f"{stations.name}: no station lies below the tie-on at {start.measured_depth:g} m")
     left = sum(not record.in_use for record in records)
     if left:
-        remarks.append(f"{left} of {len(records)} stations are not used, their verdict is not accept; --all uses them")
+        text = f"{left} of {len(records)} stations are not used, their verdict is not accept; --all uses them"
+        remarks.append(Remark(RemarkKind.STATIONS_NOT_USED, text, {"stations": left}))
     bare = SurveyList(
         well=well,
         legs=(Leg(tie_on=start),),
         records=tuple(records),
         changed_ns=max((record.survey.stamp_ns for record in records), default=0),
+        remarks=tuple(remarks),
     )
-    return SurveyList.from_mapping(bare.to_mapping()), tuple(remarks)
+    return SurveyList.from_mapping(bare.to_mapping())
 
 
 def reference_in(surveys: SurveyList) -> Reference | None:
@@ -116,18 +120,6 @@ def tool_code(stations: StationList) -> str:
     known = set(tool_codes())
     codes = {word if word in known else TOOL_CODES.get(word.lower(), "") for word in named}
     return codes.pop() if len(codes) == 1 else ""
-
-
-def _first(stations: StationList) -> TieOn:
-    md, inclination = float(stations.md[0]), float(stations.inclination[0])
-    azimuth = 0.0 if math.isnan(stations.azimuth[0]) else float(stations.azimuth[0])
-    north, east, down = (float(v) for v in stations.positions[0])
-    if math.isnan(down):
-        if md > 0.0:
-            return TieOn()
-        down = md
-    source = "wellhead" if md == 0.0 and inclination == 0.0 else "first station of the list"
-    return TieOn(md, inclination, azimuth, float(np.nan_to_num(north)), float(np.nan_to_num(east)), down, source)
 
 
 def _record(stations: StationList, k: int, north: North, reference: Reference | None, *, every: bool) -> SurveyRecord:

@@ -18,6 +18,7 @@ from typing import Any
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.surveys.leg import MAIN, Leg, TieOn
 from mwd_surface.surveys.list_rules import DEEPEST, LAST_SEQUENCE, ListRules
 from mwd_surface.surveys.station_checks import (
@@ -46,6 +47,8 @@ class SurveyList:
     leg: str = MAIN
     tool: str = ""
     changed_ns: int = 0
+    #: Assumptions behind the list, such as those of the reader that imported it.
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def north(self) -> North:

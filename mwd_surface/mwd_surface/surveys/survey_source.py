@@ -8,12 +8,14 @@ Only reads: a list that a running surface node keeps can be exported at the same
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_file
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.list_files.list_file import is_list, read_list
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.message_conversion import record_of, stamp_of
@@ -51,9 +53,9 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
         There is nothing at the path, or the recording has no survey list.
     """
     if path.is_file() and path.suffix == ".json":
-        return decoded(read_file(path, budgets.JSON)), ()
+        return _remarked(decoded(read_file(path, budgets.JSON)))
     if is_list(path):
-        return survey_list(read_list(path))
+        return _remarked(survey_list(read_list(path)))
     folders = _folders(path) if path.is_dir() else []
     if len(folders) > 1:
         raise ValueError(f"{path} has survey lists of several wells: {', '.join(str(f) for f in folders)}; name one")
@@ -88,6 +90,8 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
         It has none, lists of several wells, or a list of several legs, whose tie-ons are not in a recording.
     """
     if all(topic.type_name != LIST_TYPE for topic in bag.topics.values()):
+        if unread := bag.unread(LIST_TYPE):
+            raise BagError(f"{bag.path} has no survey list that can be read: {unread}")
         hint = f"`mwd process {bag.path} -o out` makes one in the folder out"
         raise BagError(f"{bag.path} has no survey list: no surface unit recorded it", hint)
     topic = bag.find_topic(LIST_TYPE, "surveys")
@@ -135,8 +139,13 @@ def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
             continue
         if name != FILES[0]:
             why.append(f"surveys taken from {name}: the last change may be missing")
-        return surveys, tuple(why)
+        return _remarked(surveys, why)
     raise ValueError("; ".join(why))
+
+
+def _remarked(surveys: SurveyList, notes: Sequence[str] = ()) -> tuple[SurveyList, tuple[str, ...]]:
+    """The list, and the sentences of its remarks before other notes."""
+    return surveys, (*sentences(surveys.remarks), *notes)
 
 
 def _start(bag: Bag, topic: str) -> tuple[TieOn, North]:

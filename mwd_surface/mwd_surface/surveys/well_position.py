@@ -119,6 +119,7 @@ def uncertain_well(
         programme.errors(programme_stations(path, records)),
         error_reference(surveys.well, reference),
         radius,
+        remarks=surveys.remarks,
     )
 
 

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.settings import setting
-from mwd_surface.trajectory.plan import Plan, nearest, steering_to
+from mwd_surface.trajectory.plan import Plan, azimuth_at, nearest, steering_to
 from mwd_surface.trajectory.slide_sheet import Yield
 from mwd_surface.trajectory.well_path import Definitive
 
@@ -195,7 +195,7 @@ def _to_plan(
         advice,
         mode=AdviceMode.SLIDE,
         # Near vertical the high side turns with the azimuth; from north the two add up.
-        toolface=(arc.toolface + (azimuth if known.magnetic else 0.0)) % math.tau,
+        toolface=(arc.toolface + (azimuth_at(inclination, azimuth) if known.magnetic else 0.0)) % math.tau,
         sigma=sigma,
         confidence=None if sigma is None else math.erf(base.limit / (math.sqrt(2.0) * max(sigma, 1e-12))),
         slide_to_depth=depth + min(slide, interval),

@@ -11,6 +11,7 @@ import dataclasses
 
 import numpy as np
 
+from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.trajectory.well_path import Definitive
@@ -28,7 +29,8 @@ class PathDifference:
     inclination, azimuth : ndarray, shape (n, 2)
         Of the first and the second path, rad.
     turn : ndarray, shape (n, 2)
-        Difference of inclination, and of azimuth the short way round, rad.
+        Difference of inclination, and of azimuth the short way round, rad; nan where a path is vertical and has no
+        azimuth.
     position : ndarray, shape (n, 3)
         Difference north, east, down, m.
     sigma : ndarray, shape (n, 3)
@@ -83,7 +85,9 @@ def difference(
     inclination = np.column_stack([first.inclination[common], [a[0] for a in at]])
     azimuth = np.column_stack([first.azimuth[common], [a[1] for a in at]])
     position = first.positions[common] - np.array([a[2] for a in at])
-    turn = np.column_stack([inclination[:, 0] - inclination[:, 1], wrap_pi(azimuth[:, 0] - azimuth[:, 1])])
+    vertical = np.any(np.sin(inclination) < mc.VERTICAL, axis=1)
+    turned = np.where(vertical, np.nan, wrap_pi(azimuth[:, 0] - azimuth[:, 1]))
+    turn = np.column_stack([inclination[:, 0] - inclination[:, 1], turned])
     covariance = np.full((md.size, 3, 3), np.nan)
     if covariances[0] is not None and covariances[1] is not None:
         covariance = covariances[0][common] + _between(second.md, covariances[1], md)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_tau
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.trajectory.well_path import Definitive
 
 DRAWN_STEP = 10.0  # m between the points of the plan that the page draws
@@ -28,7 +29,7 @@ class Plan:
     Stations of a plan and their positions.
 
     md, inclination, azimuth: shape (n,), n >= 2, m and rad. positions: shape (n, 3), m. north: "magnetic", "true",
-    "grid" or "" where the file did not say. name: for people.
+    "grid" or "" where the file did not say. name: for people. remarks: assumptions of its reader.
     """
 
     md: Array
@@ -37,6 +38,7 @@ class Plan:
     positions: Array
     north: str = ""
     name: str = ""
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def target(self) -> Array:
@@ -119,7 +121,7 @@ def interpolated(plan: Plan, step: float) -> Plan:
     between = np.arange(plan.md[0], plan.md[-1], step)
     md = np.unique(np.concatenate([plan.md, between]))
     inc, azi, positions = mc.interpolate(plan.md, plan.inclination, plan.azimuth, plan.positions, md)
-    return Plan(md, inc, azi, positions, plan.north, plan.name)
+    return dataclasses.replace(plan, md=md, inclination=inc, azimuth=azi, positions=positions)
 
 
 def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: float) -> Offset:
@@ -226,10 +228,10 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
 
 def _toolface_of(direction_n: Array, inclination: float, azimuth: float) -> float:
     """Toolface whose steering plane contains a direction; rad from the high side, or from north where vertical."""
-    mat = mat_nt(inclination, _azimuth_at(inclination, azimuth), 0.0)
+    mat = mat_nt(inclination, azimuth_at(inclination, azimuth), 0.0)
     return float(wrap_tau(math.atan2(-float(direction_n @ mat[:, 1]), float(direction_n @ mat[:, 2]))))
 
 
-def _azimuth_at(inclination: float, azimuth: float) -> float:
-    # Straight down the high side has no direction; with azimuth 0 the angle counts from north.
-    return 0.0 if math.sin(inclination) < 1e-9 else azimuth
+def azimuth_at(inclination: float, azimuth: float) -> float:
+    """Return the azimuth of the high side, rad; 0 in a vertical hole, so that a toolface there counts from north."""
+    return 0.0 if math.sin(inclination) < mc.VERTICAL else azimuth

@@ -3,20 +3,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
-from mwd_surface.list_files.list_columns import ListFileError
-from mwd_surface.list_files.list_file import StationList, read_list
+from mwd_surface.list_files.list_columns import Given
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.list_file import read_list
+from mwd_surface.list_files.station_list import StationList, completed
 from mwd_surface.trajectory.plan import Plan, plan_of
 
 
-def read_plan(path: str | Path, north: str = "") -> Plan:
+def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> Plan:
     """
     The plan of a file: a table, LAS or WITSML.
 
-    north: "magnetic", "true" or "grid", which its azimuths must be from; empty: any.
+    north: "magnetic", "true" or "grid", which its azimuths must be from; empty: any. given: what the
+    caller says of the file.
 
     Raises
     ------
@@ -24,7 +28,7 @@ def read_plan(path: str | Path, north: str = "") -> Plan:
         The file is missing, unreadable, too large, not a plan, or from another north; the message gives file, line and
         rule.
     """
-    plan = plan_from_list(read_list(path))
+    plan = plan_from_list(read_list(path, given))
     check_north(plan, path, north)
     return plan
 
@@ -44,7 +48,7 @@ def check_north(plan: Plan, path: str | Path, north: str) -> None:
 
 def plan_from_list(stations: StationList) -> Plan:
     """
-    The plan through a list of stations. Where the list has vertical depths it starts at its own first position.
+    The plan through a list of stations; it starts where `station_list.start_of` says, as the path of every list.
 
     Raises
     ------
@@ -56,7 +60,6 @@ def plan_from_list(stations: StationList) -> Plan:
     without = np.isnan(stations.azimuth)
     if without.any():
         raise ListFileError(f"{stations.name}: no azimuth at {stations.md[without][0]:g} m; a plan needs each")
-    north, east, down = (float(v) for v in stations.positions[0])
-    start = None if np.isnan(down) else (np.nan_to_num(north), np.nan_to_num(east), down)
-    angles = stations.inclination, stations.azimuth
-    return plan_of(stations.md, *angles, start, stations.north, stations.name)
+    md, inclination, azimuth, start, remarks = completed(stations)
+    plan = plan_of(md, inclination, azimuth, start, stations.north, stations.name)
+    return dataclasses.replace(plan, remarks=remarks)

@@ -98,7 +98,8 @@ def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
     ahead = bit_depth - float(path.md[-1])
     if ahead <= 0.0:
         return path
-    inc, azi = float(path.inclination[-1]), float(path.azimuth[-1])
+    # Checked, a vertical end has the azimuth of the hole above it.
+    inc, azi = (float(row[-1]) for row in mc.checked_stations(path.md, path.inclination, path.azimuth)[1:])
     bend = float(path.dogleg_severity[-1]) * ahead
     # A longer reach than a quarter turn says nothing about the hole.
     if how == "curve" and 1e-9 < bend < math.pi / 2:

@@ -6,6 +6,11 @@ The codes with their weighting functions and magnitudes are those of `welleng` (
 5.13; OWSG sets A and B). Each tool is evaluated on its own stations, with the stations before and after them, so that
 an interval between two tools has a part from each (Williamson, SPE 67616, equations A-4 and A-14). The library is
 imported when first asked for, because it is slow to import and nothing else needs it.
+
+In a vertical hole the library replaces weighting functions that have 1 / sin(inclination) by weights of its own. Some
+of these are wrong: XYM3E and XYM4E are multiplied by the squared cosine of the azimuth, the last station and the first
+leg miss parts. Here every vertical station is evaluated by the ordinary weighting functions next to the vertical, whose
+errors of position have a limit (ISCWSA error model definition 5.13, section 11.5, states the same limits).
 """
 
 from __future__ import annotations
@@ -32,6 +37,8 @@ RANDOM = "random"
 _WHOLE_WELL = ("well", "global", "within_pad")
 # Nearer to the vertical than this no tool gives an azimuth, rad.
 _VERTICAL = math.radians(1.0)
+# Inclination that a vertical station is evaluated at, rad: its shifts differ from their limit by this share.
+_NEXT_TO_VERTICAL = 1e-7
 # Errors of the depth and of the course of the hole between stations: those that do not belong to the angles measured.
 _NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")
 
@@ -80,8 +87,8 @@ class ErrorTerm:
     own : ndarray, shape (n, 3)
         Shift of the station itself, m.
     measured : ndarray, shape (n, 3)
-        Error of measured depth, m, inclination and azimuth, rad, behind both; 0 in a vertical hole, and for the course
-        of the hole between stations, whose errors are those of the position.
+        Error of measured depth, m, inclination and azimuth, rad, behind both; 0 for the course of the hole between
+        stations, whose errors are those of the position. That of the azimuth grows without bounds towards the vertical.
     """
 
     name: str
@@ -206,19 +213,38 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
     first, last = max(0, int(rows[0]) - 1), min(n, int(rows[-1]) + 2)
     # Stations of others that lie between only shape the path; their angles need not be within the limits.
     shape = np.where(own, whole.inclination, np.clip(whole.inclination, low, np.nextafter(high, 0.0)))
-    errors = _evaluated(whole.cut(first, last, shape), tool.code, reference)
+    part = whole.cut(first, last, shape)
+    errors, tortuosity = _evaluated(part, tool.code, reference)
     if _needs_latitude(tool.code):
         _check_azimuth(tool.code, errors, whole, own, first)
     for name, source in errors.items():
         counted = own if name.startswith(_NOT_OF_ANGLES) else own & ~bare
-        for part, active in enumerate(_realisations(source)):
+        scale = _vertical_scale(name, part, tortuosity)
+        for number, active in enumerate(_realisations(source)):
             kept = np.zeros(n, dtype=bool)
             kept[first:last] = counted[first:last] & active[: last - first]
             arrays = [np.zeros((n, 3)) for _ in range(3)]
             for array, values in zip(arrays, (source.e_NEV, source.e_NEV_star, source.e_DIA), strict=True):
-                array[kept] = np.asarray(values)[: last - first][kept[first:last]]
-            shared = _shared(source.propagation, tool) + (f", part {part}" if part else "")
+                array[kept] = (np.asarray(values)[: last - first] * scale[:, None])[kept[first:last]]
+            shared = _shared(source.propagation, tool) + (f", part {number}" if number else "")
             yield ErrorTerm(name, shared, *arrays)
+
+
+def _vertical_scale(name: str, stations: _Stations, tortuosity: float) -> Array:
+    """Factor of a source's errors at each station, shape (n,), from next to the vertical to its limit."""
+    s_inc = np.sin(stations.inclination)
+    scale = np.ones(s_inc.size)
+    if name.startswith("SAGE"):
+        # The fourth root of the sine is the only weight that falls slower than the inclination itself.
+        low = s_inc < math.sin(_NEXT_TO_VERTICAL)
+        scale[low] = (np.maximum(s_inc[low], 0.0) / math.sin(_NEXT_TO_VERTICAL)) ** 0.25
+        scale[s_inc < mc.VERTICAL] = 0.0
+    elif name.startswith("XCLA"):
+        # From a vertical station the hole does not turn: what is left is the tortuosity (definition 5.13, XCLA).
+        turn = np.abs(s_inc[1:] * np.sin(np.diff(stations.azimuth)))
+        least = tortuosity * np.diff(stations.md)
+        scale[1:] = np.where(s_inc[:-1] < mc.VERTICAL, least / np.maximum(turn, least), 1.0)
+    return scale
 
 
 def _check_azimuth(code: str, errors: dict[str, Any], whole: _Stations, own: Mask, first: int) -> None:
@@ -255,11 +281,16 @@ def _realisations(source: Any) -> list[Mask]:
     return [active & (number == k) for k in range(1, int(number.max(initial=0)) + 1)]
 
 
-def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> dict[str, Any]:
-    """Error sources by name, as the library has them; each with at least as many rows as there are stations."""
+def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> tuple[dict[str, Any], float]:
+    """
+    Error sources by name, as the library has them, and the code's tortuosity, rad/m.
+
+    Each source has at least as many rows as there are stations.
+    """
     from welleng.survey import Survey, SurveyHeader
 
-    md, inc, azi = stations.md, stations.inclination, stations.azimuth
+    md, azi = stations.md, stations.azimuth
+    inc = np.clip(stations.inclination, _NEXT_TO_VERTICAL, math.pi - _NEXT_TO_VERTICAL)
     if md.size < 3:
         # welleng's singular terms look at a third station; one straight ahead does not change the two above it.
         ahead = md[-1] + (md[-1] - md[0] if md.size > 1 else 30.0)
@@ -278,6 +309,8 @@ def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> dic
         declination=math.degrees(reference.declination),
         convergence=0.0,
         azi_reference="true",
+        # No station is vertical for the library: see the head of this file.
+        vertical_inc_limit=0.0,
     )
     try:
         with warnings.catch_warnings():
@@ -296,7 +329,7 @@ def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> dic
     dropped = survey.err.errors.dropped_terms
     if dropped:
         raise ValueError(f"{code} has terms that cannot be evaluated, {dropped}: its covariance would be too small")
-    return dict(survey.err.errors.errors)
+    return dict(survey.err.errors.errors), float(survey.err.errors.tortuosity)
 
 
 @functools.cache

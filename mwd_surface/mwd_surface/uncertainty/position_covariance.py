@@ -5,6 +5,11 @@ How well the position of each station is known: the error terms of its survey to
 Errors of one run are the same at all its stations, those of the well and of the Earth's field in all runs; random ones
 are new at each station (ISCWSA error model definition 5.13; Williamson, SPE 67616, equations A-12 to A-15).
 Covariances are m^2 at 1 sigma.
+
+A vertical hole has no azimuth, and next to the vertical the azimuth of a list is noise. Many error sources act along
+the azimuth or across it, so that the model needs one: `minimum_curvature.directions` gives the azimuth of the hole next
+to it as far as there is one. Where there is none, such an error points in any direction: it counts with the same
+variance in each, and as independent of the errors of the hole whose azimuth is known.
 """
 
 from __future__ import annotations
@@ -14,6 +19,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core import minimum_curvature as mc
@@ -22,10 +28,18 @@ from mwd_sensors.core.frames import wrap_tau
 from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTerm, Mask, Tool, error_terms
 
+# Inclination from which the azimuth of a station counts in full, rad: the 1 sigma by which a single station's direction
+# differs from that of the hole in the OWSG codes (XYM3E, XYM4E).
+AZIMUTH_KNOWN_FROM = math.radians(0.3)
+
 
 @dataclasses.dataclass(frozen=True)
 class Ellipse:
-    """Semi-axes, m, largest first, and the angle of the larger one from the first axis towards the second, rad."""
+    """
+    Semi-axes, m, largest first, and the angle of the larger one from the first axis towards the second, rad.
+
+    A circle has angle 0.
+    """
 
     major: float
     minor: float
@@ -135,15 +149,64 @@ def well_terms(
     if depth.size == 1:
         return []
     turn = to_true[north]
-    true = (depth, inc, wrap_tau(azi + turn))
+    true = wrap_tau(azi + turn)
     own = np.full((depth.size, 2), np.nan) if errors.sigmas is None else np.asarray(errors.sigmas, dtype=float)
     bare = np.all(np.isfinite(own), axis=1)
-    terms = error_terms(true, errors.tools, reference, first_tvd=first_tvd, without_angles=bare)
-    terms += _own_terms(true, errors.tools, own, bare)
+
+    def terms_at(azimuths: Array) -> list[ErrorTerm]:
+        stations = (depth, inc, azimuths)
+        model = error_terms(stations, errors.tools, reference, first_tvd=first_tvd, without_angles=bare)
+        return model + _own_terms(stations, errors.tools, own, bare)
+
+    known = mc.directions(inc, true, AZIMUTH_KNOWN_FROM)
+    steep = np.sin(inc) < math.sin(AZIMUTH_KNOWN_FROM)
+    true = np.where(steep, wrap_tau(np.angle(known)), true)
+    terms = terms_at(true)
+    if np.any(np.abs(known[steep]) < 1.0 - 1e-9):
+        turned = terms_at(np.where(steep, wrap_tau(true + math.pi), true))
+        terms = [part for pair in zip(terms, turned, strict=True) for part in _split(*pair, known, steep)]
     c, s = math.cos(turn), math.sin(turn)
     # Rows: the well's north and east in true axes.
     mat = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     return [dataclasses.replace(t, error=t.error @ mat.T, own=t.own @ mat.T) for t in terms]
+
+
+def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128], steep: Mask) -> list[ErrorTerm]:
+    """
+    Divide an error into the part whose direction is known and two parts at right angles for the rest.
+
+    Parameters
+    ----------
+    term, turned : ErrorTerm
+        At the stations' azimuths, and with the azimuths of the steep stations turned half round. What changes its sign
+        has the direction of the azimuth; what does not is fixed in the map.
+    known : ndarray of complex, shape (n,)
+        As from `minimum_curvature.directions`, in true axes.
+    steep : ndarray of bool, shape (n,)
+        Stations to divide.
+
+    Returns
+    -------
+    list of ErrorTerm
+        At every station the part with the azimuth's direction keeps the sum of its variances over all directions.
+    """
+    share = np.minimum(np.abs(known), 1.0)
+    rest = np.where(steep, np.sqrt(0.5 * (1.0 - share**2)), 0.0)
+    c, s = np.cos(np.angle(known)), np.sin(np.angle(known))
+    shifts, across = [], []
+    for one, other in ((term.error, turned.error), (term.own, turned.own)):
+        odd = 0.5 * (one - other)
+        shifts.append(np.where(steep[:, None], one - (1.0 - share)[:, None] * odd, one))
+        # Along and across the azimuth instead of north and east: the same in every direction of the hole.
+        along, right = c * odd[:, 0] + s * odd[:, 1], c * odd[:, 1] - s * odd[:, 0]
+        zero = np.zeros(along.size)
+        across.append([rest[:, None] * np.stack(v, axis=-1) for v in ((along, right, zero), (-right, along, zero))])
+    parts = [dataclasses.replace(term, error=shifts[0], own=shifts[1])]
+    for number, (error, own) in enumerate(zip(*across, strict=True), start=1):
+        if np.any(error) or np.any(own):
+            shared = RANDOM if term.shared == RANDOM else f"{term.shared}, unknown direction {number}"
+            parts.append(dataclasses.replace(term, shared=shared, error=error, own=own, measured=0.0 * term.measured))
+    return parts
 
 
 def covariance_of(terms: Sequence[ErrorTerm], n: int) -> Array:
@@ -175,18 +238,22 @@ def _own_terms(
 ) -> list[ErrorTerm]:
     """Terms of the stations' own sigmas, one of inclination and one of azimuth for each run; balanced tangents."""
     md, inc, azi = stations
+    s_inc = np.sin(inc)
+    # Next to the vertical the sigma of azimuth ends at pi. The direction is then as uncertain across as along.
+    least = np.maximum(1.0 - (s_inc / math.sin(AZIMUTH_KNOWN_FROM)) ** 2, 0.0) * sigmas[:, 0]
+    sideways = np.maximum(s_inc * sigmas[:, 1], least)
     half = 0.5 * np.diff(md)
     above, below = np.append(0.0, half), np.append(half, 0.0)
     weights = (
         np.stack([np.cos(inc) * np.cos(azi), np.cos(inc) * np.sin(azi), -np.sin(inc)], axis=-1),
-        np.stack([-np.sin(inc) * np.sin(azi), np.sin(inc) * np.cos(azi), np.zeros(md.size)], axis=-1),
+        np.stack([-np.sin(azi), np.cos(azi), np.zeros(md.size)], axis=-1),
     )
     terms = []
     for run in dict.fromkeys(t.run for t, b in zip(tools, bare, strict=True) if t is not None and b):
         rows = bare & np.array([t is not None and t.run == run for t in tools])
         for k, (name, weight) in enumerate(zip(("inclination", "azimuth"), weights, strict=True)):
             sigma = np.where(rows, np.nan_to_num(sigmas[:, k]), 0.0)
-            shift = weight * sigma[:, None]
+            shift = weight * np.where(rows, np.nan_to_num((sigmas[:, 0], sideways)[k]), 0.0)[:, None]
             measured = np.zeros((md.size, 3))
             measured[:, k + 1] = sigma
             terms.append(
@@ -217,7 +284,8 @@ def ellipse(covariance: ArrayLike, sigmas: float = 2.0) -> Ellipse:
         )
     values, vectors = np.linalg.eigh(0.5 * (cov + cov.T))
     small, large = np.sqrt(np.maximum(values, 0.0)) * sigmas
-    angle = math.atan2(vectors[1, 1], vectors[0, 1]) % math.pi
+    # The axes of a circle, as those of a vertical well, are rounding.
+    angle = math.atan2(vectors[1, 1], vectors[0, 1]) % math.pi if large - small > 1e-7 * large else 0.0
     return Ellipse(float(large), float(small), angle)
 
 

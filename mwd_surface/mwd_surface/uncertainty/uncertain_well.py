@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.position_covariance import StationErrors, position_covariance
@@ -20,7 +22,8 @@ class UncertainWell:
     Stations, what measured them, and the size of the hole.
 
     md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: of azimuths
-    and axes. radius: of the open hole, m.
+    and axes. radius: of the open hole, m. surveyed: measured depth of the last survey, m; below it the path is
+    projected or planned. remarks: assumptions behind its list.
     """
 
     name: str
@@ -32,6 +35,8 @@ class UncertainWell:
     errors: StationErrors
     reference: ErrorReference
     radius: float = 0.0
+    surveyed: float = math.inf
+    remarks: tuple[Remark, ...] = ()
 
     def covariance(self) -> Array:
         """

@@ -94,7 +94,7 @@ def test_sqlite_storage_is_opened_through_rosbags_and_says_so(tmp_path, opened):
             writer.write(connection, START + k, b"\0\1\0\0\1\0\0\0\0")
     bag = opened(tmp_path / "old")
     assert bag.storage == "sqlite3"
-    assert bag.rosbags is not None
+    assert bag.other is not None
     assert bag.topics["/a"].count == 3
     assert (bag.start_ns, bag.end_ns) == (START, START + 2)
     assert any("read through rosbags, which is slower" in note for note in bag.notes)

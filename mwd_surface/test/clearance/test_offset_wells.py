@@ -9,6 +9,9 @@ import pytest
 
 from mwd_surface.clearance.clearance import Level
 from mwd_surface.clearance.offset_wells import OffsetWell, OffsetWellError, clearances, offset_well, read_offset_wells
+from mwd_surface.list_files.list_file import read_list
+from mwd_surface.list_files.remark import RemarkKind, sentences
+from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.well_position import uncertain_well
 from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import ErrorReference
@@ -47,7 +50,8 @@ wells:
   - {name: A-5, file: straight.csv}
 """,
     )
-    found, refused = clearances(drilled(), read_offset_wells(path))
+    found, remarks = clearances(drilled(), read_offset_wells(path))
+    refused = sentences(one for one in remarks if one.kind in (RemarkKind.NOT_COMPARED, RemarkKind.SPARSE))
     assert [c.name for c in found] == ["A-3", "A-2"]
     assert found[0].factor[found[0].least] < found[1].factor[found[1].least]
     assert any("A-4" in text and "lost.csv" in text for text in refused)
@@ -107,3 +111,35 @@ def test_a_file_that_cannot_be_used_is_told_in_a_sentence(tmp_path, text, words)
         read_offset_wells(written(tmp_path, text))
     with pytest.raises(OffsetWellError, match="No such file"):
         read_offset_wells(tmp_path / "none.yaml")
+
+
+def test_a_list_that_begins_at_depth_is_compared_with_the_hole_above_as_mwd_path_adds_it(tmp_path):
+    """300 m of hole without stations beside the well: the same factor as with the vertical rows written out."""
+    listed(tmp_path)
+    rows = [f"{30 * k},0.0,79" for k in range(11)] + [f"{300 + 30 * k},{3.0 * k},259" for k in range(1, 12)]
+    for name, kept in (("whole", rows), ("cut", rows[10:])):
+        (tmp_path / f"{name}.csv").write_text("md_m,inc_deg,azi_grid_deg\n" + "\n".join(kept) + "\n")
+    text = "wells:\n" + "".join(
+        f"  - {{name: {name}, file: {name}.csv, north_m: 0.3, code: GYRO-NS}}\n" for name in ("whole", "cut")
+    )
+    path = written(tmp_path, text)
+    found, remarks = clearances(drilled(), read_offset_wells(path))
+    whole, cut = (next(one for one in found if one.name == name) for name in ("whole", "cut"))
+    # An assumed hole is known no better than a surveyed one.
+    assert cut.factor[cut.least] <= whole.factor[whole.least] + 0.01
+    assert [one.kind for one in remarks if "cut" in one.text] == [RemarkKind.HOLE_ABOVE_ASSUMED]
+    read = survey_list(read_list(tmp_path / "cut.csv")).definitive()
+    used = offset_well(OffsetWell("cut", "cut.csv"), tmp_path, North.GRID, REFERENCE)
+    np.testing.assert_array_equal(used.positions, read.positions)
+    np.testing.assert_array_equal(used.md, read.md)
+
+
+def test_a_list_whose_hole_above_is_not_known_says_from_where_it_is_compared(tmp_path):
+    listed(tmp_path)
+    (tmp_path / "deep.csv").write_text(
+        "md_m,inc_deg,azi_grid_deg,tvd_m,north_m,east_m\n300,30,79,250,80,10\n330,30,79,275.98,82.86,24.72\n"
+    )
+    path = written(tmp_path, "wells: [{name: A-6, file: deep.csv, north_m: 60.0}]")
+    _, remarks = clearances(drilled(), read_offset_wells(path))
+    not_compared = [one for one in remarks if one.kind == RemarkKind.NOT_COMPARED]
+    assert [one.values for one in not_compared] == [{"from": 0.0, "to": 300.0}]

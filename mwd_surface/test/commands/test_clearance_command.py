@@ -55,6 +55,15 @@ def test_wells_far_apart_end_with_no_error(folder):
     assert done.exit_code == 0, done.output
 
 
+def test_a_well_that_cannot_be_compared_is_not_clear(folder):
+    """Map coordinates instead of distances from the wellhead: the other well is clear, and the status still 1."""
+    map_coordinates = "{name: A-4, file: straight.csv, north_m: 6478566.0, east_m: 435050.0, planned: true}"
+    (folder / "map.yaml").write_text(f"wells:\n  - {FAR}\n  - {map_coordinates}\n")
+    done = mwd(folder / "run", "--offsets", folder / "map.yaml", "-o", folder / "out")
+    assert done.exit_code == 1
+    assert "A-4 starts 6493 km from the wellhead" in " ".join(done.output.split())
+
+
 def test_the_plan_ahead_is_compared_too_and_a_programme_counts(folder):
     ends, allowed = [], []
     for extra in ((), ("--plan", folder / "beside.csv"), ("--programme", folder / "programme.yaml")):

@@ -13,7 +13,7 @@ from lxml import etree
 
 from mwd_surface.exports.export_witsml import NAMESPACE, witsml
 from mwd_surface.exports.survey_table import survey_table, table_of
-from mwd_surface.list_files.list_file import list_from_witsml
+from mwd_surface.list_files.list_file import list_of
 from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
@@ -134,7 +134,7 @@ def test_an_empty_list_and_equal_uuids_are_valid():
 
 def test_what_is_exported_comes_back_as_a_list():
     table = example.table()
-    read = list_from_witsml(witsml(table).encode())
+    read = list_of(witsml(table).encode())
     assert read.north == "grid"
     np.testing.assert_allclose(read.positions, table.path.positions[: read.md.size], atol=2e-3)
     np.testing.assert_allclose(read.md, table.path.md[: read.md.size], atol=1e-3)

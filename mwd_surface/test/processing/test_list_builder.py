@@ -12,7 +12,7 @@ from mwd_sensors.core import settings, wire
 from mwd_sensors.core.earth import grid_convergence
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.processing import process
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.list_builder import ListBuilder
@@ -214,7 +214,7 @@ def test_depths_come_from_a_table_by_time_or_number(tmp_path, live):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("time,depth\n2026-03-01T00:00:00,1\n", "md has no unit"),
+        ("time,depth\n2026-03-01T00:00:00,1\n", "md .* has no unit"),
         ("time,tvd_m\n2026-03-01T00:00:00,1\n", "no column of depths; expected bit_depth_m or md_m"),
         ("when,md_m\n1,1\n", "no column time or survey"),
         ("time,md_m\nnoon,1\n", "expected a time such as"),

@@ -300,7 +300,7 @@ def test_a_stream_of_one_hertz_is_named_as_the_reason_for_no_survey(tmp_path):
 def test_a_slow_stream_whose_time_went_back_to_its_begin_is_processed(tmp_path):
     imu = wire.IMU.empty(5)
     imu["stamp_ns"] = START + np.array([0, 2, 4, 6, 0]) * 1_000_000_000
-    imu["linear_acceleration"][:, 0] = -9.81
+    imu["linear_acceleration"][:, 0] = -9.81 + 1e-3 * np.arange(5)
     with BagWriter(tmp_path / "bag") as writer:
         topic = writer.topic("/imu/data_raw", wire.IMU.type_name)
         writer.write_rows(topic, wire.IMU.encode(imu, "x"), START + np.arange(5) * 1_000_000_000)
@@ -621,6 +621,6 @@ def test_a_doubled_message_beside_a_precision_unit_is_left_out_and_the_rest_stay
                 bag.write(topics[name], log_ns, data)
     whole = run(tmp_path / "plain", tmp_path / "out")
     found = [run(tmp_path / folder, tmp_path / f"out_{folder}") for folder in ("bag", "reverse")]
-    assert [one.rows for one in found] == [len(imu) + (doubled == "imu/data_raw")] * 2
+    assert [one.rows for one in found] == [len(imu)] * 2
     assert [len(one.surveys) for one in found] == [len(whole.surveys)] * 2
     assert surveys(tmp_path / "out_bag") == surveys(tmp_path / "out_reverse")

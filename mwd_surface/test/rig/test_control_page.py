@@ -17,9 +17,10 @@ from example_rig import certified, control, started, values
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.settings import ControlSettings
-from mwd_surface.control.status import Achieved, ControlState, Judgement, Request
+from mwd_surface.control.status import Achieved, ControlState, Judgement, Request, Sender
 from mwd_surface.rig.modbus.server import ModbusServer
 from mwd_surface.rig.modbus.settings import ModbusSettings
+from mwd_surface.rig.opcua.address_space import NAMESPACE
 from mwd_surface.rig.opcua.server import OpcuaServer
 from mwd_surface.rig.opcua.settings import OpcuaSettings
 
@@ -79,7 +80,7 @@ def test_the_modbus_controller_of_the_page_rotates_and_gives_back(tmp_path):
         log = " | ".join(authority.take_events())
         assert "modbus 7 has control" in log
         assert "modbus 7 gave control back" in log
-        authority.request(Request("another", priority=5), time.monotonic())
+        authority.request(Request(Sender("test", "another"), "another", priority=5), time.monotonic())
         assert play(tmp_path, "Modbus", "127.0.0.1", server.port, 7) == "no control: permission 0\n"
         assert authority.status(time.monotonic()).owner == "another"
 
@@ -110,9 +111,64 @@ def test_the_opcua_controller_of_the_page_rotates_and_gives_back(tmp_path):
         assert '[True, "top drive and pumps are the driller\'s"]' in play(tmp_path, "OPC UA", *ends)
         assert next(point.mode for point in sent if point.mode != Mode.RELEASE) == Mode.ROTATE
         assert "my_opcua_controller gave control back: done" in " | ".join(authority.take_events())
-        authority.request(Request("another", priority=5), time.monotonic())
+        authority.request(Request(Sender("test", "another"), "another", priority=5), time.monotonic())
         assert "another has control" in play(tmp_path, "OPC UA", *ends)
         authority.judge(Judgement.ABORT, "driller", time.monotonic())
+
+
+@pytest.mark.slow
+def test_an_opcua_lease_is_of_its_session_and_its_certificate(tmp_path):
+    from asyncua import Client, ua
+    from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+
+    (tmp_path / "trusted").mkdir()
+    pairs = {name: asyncio.run(certified(tmp_path, name)) for name in ("controller", "other")}
+    for certificate, _ in pairs.values():
+        shutil.copy(certificate, tmp_path / "trusted")
+    authority = ControlAuthority(SETTINGS)
+    server = OpcuaServer(OpcuaSettings(port=0, allow_control=True), "Well 1", None, tmp_path, authority)
+    kinds = ua.VariantType
+
+    @contextlib.asynccontextmanager
+    async def session(name):
+        client = Client(server.address)
+        client.application_uri = f"urn:test:{name}"
+        own = tmp_path / "own.der"
+        await client.set_security(SecurityPolicyBasic256Sha256, *pairs[name], server_certificate=own)
+        async with client:
+            index = await client.get_namespace_index(NAMESPACE)
+            well = await client.nodes.objects.get_child([f"{index}:Well 1"])
+
+            async def call(method, *arguments):
+                return await well.call_method(f"{index}:{method}", *arguments)
+
+            yield call
+
+    async def ask(call, name, priority=5):
+        wish = ua.Variant(priority, kinds.Byte), ua.Variant(False, kinds.Boolean), ua.Variant(0.0, kinds.Double)
+        return await call("request_control", name, "", *wish)
+
+    async def point(call, lease, sequence):
+        numbers = ((lease, kinds.UInt32), (sequence, kinds.UInt32), (1, kinds.Byte))
+        values = [ua.Variant(value, kinds.Double) for value in (1.0, 0.0, 0.0, 2.0)]
+        return await call("set_point", *(ua.Variant(v, k) for v, k in numbers), *values)
+
+    async def play():
+        async with session("controller") as owner, session("controller") as again, session("other") as other:
+            _, permission, lease = await ask(owner, "autodriller")
+            assert permission == 2
+            assert (await point(owner, lease, 1))[0]
+            for thief in (again, other):
+                assert (await ask(thief, "autodriller", 255))[1] == 0
+                for sequence in (0, 2):
+                    done, why = await point(thief, lease, sequence)
+                    assert (done, why) == (False, f"lease {lease} is autodriller's, who alone commands under it")
+                assert not (await thief("release_control", ua.Variant(lease, kinds.UInt32), ""))[0]
+            assert not (await point(owner, lease, 1))[0]
+            assert (await point(owner, lease, 2))[0]
+
+    with started(server):
+        asyncio.run(play())
 
 
 def test_the_example_of_the_rig_interfaces_has_an_owner():

@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 
 from mwd_estimation.core.reference_field import Reference
+from mwd_surface.exports.export_csv import definitive_csv
+from mwd_surface.exports.export_las import las
+from mwd_surface.exports.export_witsml import witsml
+from mwd_surface.exports.report_content import content
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.list_files.list_file import list_from_table, read_list
+from mwd_surface.list_files.list_file import list_of, read_list
+from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import reference_in, survey_list
 from mwd_surface.surveys.leg import TieOn
 from mwd_surface.surveys.survey_source import surveys_of
+from mwd_surface.surveys.survey_store import decoded, encoded
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 from project import REFERENCE_DATA
@@ -23,7 +29,7 @@ FIELD = Reference(total=50e-6, dip=1.2, declination=0.02, convergence=-0.01)
 
 def test_the_gyro_list_of_volve_f4_has_its_published_path():
     """Published to a micrometre, of stations that are rounded likewise; the errors of 87 arcs add up to two."""
-    surveys, remarks = survey_list(read_list(F4))
+    surveys = survey_list(read_list(F4))
     path = surveys.definitive()
     with F4.open() as file:
         rows = [{k: float(v) for k, v in row.items() if k.endswith(("_m", "30m"))} for row in csv.DictReader(file)]
@@ -31,35 +37,33 @@ def test_the_gyro_list_of_volve_f4_has_its_published_path():
     np.testing.assert_allclose(path.positions, published, atol=2e-6)
     dogleg = np.degrees(path.dogleg_severity) * 30.0
     np.testing.assert_allclose(dogleg, [row["dls_deg_per_30m"] for row in rows], atol=1.1e-6)
-    assert (path.north, surveys.well.error_model, remarks) == (North.TRUE, "GYRO-NS", ())
+    assert (path.north, surveys.well.error_model, surveys.remarks) == (North.TRUE, "GYRO-NS", ())
     assert all(record.in_use and not record.flags[1:] for record in surveys.records)
 
 
 def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_says():
-    whole = list_from_table(b"md_m,inc,azi_true,tvd_m,north_m,east_m\n500,10,0,495,20,-3\n600,12,0,593.2,39,-3\n")
-    assert survey_list(whole)[0].definitive().positions[0].tolist() == [20.0, -3.0, 495.0]
-    bare = list_from_table(b"md_m,inc,azi_true\n500,10,0\n600,12,0\n")
-    surveys, remarks = survey_list(bare)
+    whole = list_of(b"md_m,inc,azi_true,tvd_m,north_m,east_m\n500,10,0,495,20,-3\n600,12,0,593.2,39,-3\n")
+    assert survey_list(whole).definitive().positions[0].tolist() == [20.0, -3.0, 495.0]
+    bare = list_of(b"md_m,inc,azi_true\n500,10,0\n600,12,0\n")
+    surveys = survey_list(bare)
     assert surveys.definitive().md.tolist() == [0.0, 500.0, 600.0]
-    assert any("begins at 500.00 m" in remark for remark in remarks)
-    tied, _ = survey_list(bare, tie_on=TieOn(550.0, 0.2, 0.0, 30.0, 0.0, 545.0, "given"))
+    assert RemarkKind.HOLE_ABOVE_ASSUMED in {remark.kind for remark in surveys.remarks}
+    tied = survey_list(bare, tie_on=TieOn(550.0, 0.2, 0.0, 30.0, 0.0, 545.0, "given"))
     assert tied.definitive().md.tolist() == [550.0, 600.0]
     with pytest.raises(ValueError, match="no station lies below the tie-on at 900 m"):
         survey_list(bare, tie_on=TieOn(900.0))
 
 
 def test_stations_whose_verdict_is_not_accept_are_listed_and_used_only_on_demand():
-    stations = list_from_table(
-        b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n"
-    )
-    surveys, remarks = survey_list(stations)
+    stations = list_of(b"md_m,inc,azi_true,verdict\n0,0,0,accept\n100,5,0,accept\n200,9,0,doubtful\n300,9,0,reject\n")
+    surveys = survey_list(stations)
     assert [record.in_use for record in surveys.records] == [True, False, False]
-    assert "2 of 3 stations are not used" in remarks[0]
-    assert all(record.in_use for record in survey_list(stations, every=True)[0].records)
+    assert "2 of 3 stations are not used" in surveys.remarks[0].text
+    assert all(record.in_use for record in survey_list(stations, every=True).records)
 
 
 def test_with_a_reference_the_tool_code_gives_each_station_its_uncertainty():
-    surveys, _ = survey_list(read_list(F4), Well(latitude_deg=58.44, longitude_deg=1.88), reference=FIELD)
+    surveys = survey_list(read_list(F4), Well(latitude_deg=58.44, longitude_deg=1.88), reference=FIELD)
     table = survey_table(surveys, 0)
     assert table.covariance is not None
     # GYRO-NS and MWD+SRGM are different models.
@@ -75,3 +79,19 @@ def test_a_station_without_readings_shows_none():
     assert surveys.records[5].survey.sigma_azimuth == -1.0
     assert not surveys.records[5].survey.has_readings
     assert surveys.records[5].survey.azimuth_from(North.MAGNETIC) is None
+
+
+def test_remarks_stay_with_the_list_into_its_file_and_every_export():
+    surveys = survey_list(list_of(b"md_m,inc,azi\n300,1,10\n330,2,12\n"))
+    kept = decoded(encoded(surveys))
+    kinds = {remark.kind for remark in kept.remarks}
+    assert kept.remarks == surveys.remarks
+    assert kinds == {RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.NORTH_ASSUMED}
+    table = survey_table(kept, 0)
+    assert len(table.remarks) == 2
+    for remark in table.remarks:
+        assert remark in definitive_csv(table)
+        assert remark in witsml(table)
+        assert remark in content(table).notes
+        # A colon parts the fields of LAS.
+        assert remark.partition(":")[0] in las(table)

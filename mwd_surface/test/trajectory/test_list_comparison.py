@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mwd_surface.exports.comparison_csv import comparison_csv
-from mwd_surface.list_files.list_file import list_from_table
+from mwd_surface.list_files.list_file import list_of
 from mwd_surface.plots.path_comparison import picture
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.trajectory.list_comparison import difference
@@ -15,7 +15,7 @@ from mwd_surface.trajectory.list_comparison import difference
 
 def path(*rows, north="true"):
     text = f"md_m,inc,azi_{north}\n" + "".join(f"{md},{inc},{azi}\n" for md, inc, azi in rows)
-    return survey_list(list_from_table(text.encode()))[0].definitive()
+    return survey_list(list_of(text.encode())).definitive()
 
 
 STRAIGHT = ((0, 30, 10), (100, 30, 10), (200, 30, 10), (300, 30, 10))
@@ -52,5 +52,6 @@ def test_lists_that_cannot_be_compared_say_why():
 
 
 def _from(md):
-    text = f"md_m,inc,azi_true,tvd_m,north_m,east_m\n{md},0,0,{md},0,0\n{md + 100},0,0,{md + 100},0,0\n"
-    return survey_list(list_from_table(text.encode()))[0].definitive()
+    # A hole from the wellhead does not reach so far away: the path starts at its first station.
+    text = f"md_m,inc,azi_true,tvd_m,north_m,east_m\n{md},0,0,{md},{md},0\n{md + 100},0,0,{md + 100},{md},0\n"
+    return survey_list(list_of(text.encode())).definitive()

@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.list_files.list_columns import ListFileError
+from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.trajectory import plan as planning
 from mwd_surface.trajectory.plan_file import read_plan
 

@@ -2,25 +2,24 @@
 """
 Holding registers through which a controller takes control: its request at 110, its set-points at 120.
 
-Each block is written whole by function 16. The command block is the heartbeat too: written again with the same sequence
-it changes nothing and keeps the lease.
+Each block is written whole by function 16. A lease belongs to the connection that asked for it. The command block is
+the heartbeat too, with sequence 0.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import SetPoint
-from mwd_surface.control.status import Decision, Permission, Request
+from mwd_surface.control.status import Decision, Permission, Request, Sender
 from mwd_surface.rig.modbus.map import CONTROLLER, ModbusForm, float_of, long_of, long_words
 from mwd_surface.signals.units import UNITS
 
 REQUEST, REQUEST_COUNT, ANSWER_COUNT = 110, 4, 4
 COMMAND, COMMAND_COUNT = 120, 12
 _ASK, _RELEASE = 1, 2
-_FACE = "Modbus"
+_INTERFACE = "Modbus"
 
 
 class ControlRegisters:
@@ -59,7 +58,7 @@ class ControlRegisters:
         if address == REQUEST and len(words) == REQUEST_COUNT:
             return self._ask(tuple(words), connection)
         if address == COMMAND and len(words) == COMMAND_COUNT:
-            return self._set(tuple(words))
+            return self._set(tuple(words), connection)
         return False
 
     def _ask(self, words: tuple[int, ...], connection: int) -> bool:
@@ -70,12 +69,11 @@ class ControlRegisters:
             mine = f"{CONTROLLER}{number}"
             lease = status.lease if status.owner == mine else 0
             lease = status.pending if status.pending_controller == mine else lease
-            done, message = self._authority.release(lease, self._clock())
+            done, message = self._authority.release(lease, self._clock(), _sender(connection))
             decision = Decision(Permission.DENIED, 0, message)
         elif action == _ASK and number:
-            request = Request(
-                f"{CONTROLLER}{number}", "Modbus", min(priority, 255), duration=float(duration), face=_FACE
-            )
+            name = f"{CONTROLLER}{number}"
+            request = Request(_sender(connection), name, _INTERFACE, priority, duration=float(duration))
             decision = self._authority.request(request, self._clock())
             done = True
         else:
@@ -85,11 +83,9 @@ class ControlRegisters:
         self._last = self._asked[connection] = (*words, number, int(decision.permission), *lease_words)
         return done
 
-    def _set(self, words: tuple[int, ...]) -> bool:
-        """Lease (u32), sequence, mode, then f32: speed r/min, turn deg, flow L/min, validity s."""
+    def _set(self, words: tuple[int, ...], connection: int) -> bool:
+        """Lease (u32), sequence, mode, then f32: speed r/min, turn deg, flow L/min, validity s; not of a heartbeat."""
         speed, turn, flow, valid_for = (float_of(words[k : k + 2], self._form) for k in (4, 6, 8, 10))
-        if not all(map(math.isfinite, (speed, turn, flow, valid_for))):
-            return False
         point = SetPoint(
             words[3],
             long_of(words[:2], self._form),
@@ -99,7 +95,11 @@ class ControlRegisters:
             flow_rate=flow / UNITS["m^3/s"].modbus.factor,
             valid_for=valid_for,
         )
-        taken, _ = self._authority.command(point, self._clock(), _FACE)
+        taken, _ = self._authority.command(point, self._clock(), _sender(connection))
         if taken:
             self._command = words
         return taken
+
+
+def _sender(connection: int) -> Sender:
+    return Sender(_INTERFACE, f"connection {connection}")

@@ -12,6 +12,7 @@ import asyncio
 import contextlib
 import contextvars
 import dataclasses
+import itertools
 import math
 import struct
 import time
@@ -91,6 +92,7 @@ class ModbusServer(LoopInterface):
         self._block = registers(nothing_yet(), settings.form)
         self._connections: dict[int, _Connection] = {}
         self._gone = 0
+        self._numbers = itertools.count(1)
         self._written = (0, 0)
         # Of the request that is being answered.
         self._asking = contextvars.ContextVar("connection", default=0)
@@ -245,7 +247,8 @@ class ModbusServer(LoopInterface):
         """A connection of pymodbus that is counted, limited in number and known by its last request."""
         made, lost, received = handler.connection_made, handler.connection_lost, handler.data_received
         handle = handler.handle_request
-        number = id(handler)
+        # Counted: the address of an object that is gone is used again.
+        number = next(self._numbers)
 
         async def handle_request() -> None:
             self._asking.set(number)

@@ -9,7 +9,10 @@ with a certificate that lies in the folder of trusted ones.
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import datetime as dt
+import hashlib
+import itertools
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -39,6 +42,8 @@ class Access:
 
     def __init__(self, settings: OpcuaSettings, folder: Path | None, ua: Any) -> None:
         self.settings, self._folder, self._ua = settings, folder, ua
+        self._sessions = itertools.count(1)
+        self._asking: contextvars.ContextVar[str] = contextvars.ContextVar("asking", default="")
 
     @property
     def anyone(self) -> bool:
@@ -86,7 +91,12 @@ class Access:
         return kinds
 
     def _rules(self, types: set[int]) -> Services:
-        return Services(self._ua, {self._ua.NodeId(number) for number in types})
+        return Services(self._ua, {self._ua.NodeId(number) for number in types}, self._asking)
+
+    @property
+    def identity(self) -> str:
+        """Session and certificate behind the request that is being answered, in its task or a copy of its context."""
+        return self._asking.get()
 
     async def _certify(self, server: Any, folder: Path) -> None:
         trusted = folder / "trusted"
@@ -107,7 +117,11 @@ class Access:
         await server.load_private_key(key)
 
     def user(self, certificate: bytes | None) -> Any:
-        """Return the user of a session, by the certificate of its channel; None refuses it."""
+        """
+        Return the user of a session, by the certificate of its channel; None refuses it.
+
+        Its name is the identity of session and certificate: asyncua asks once for each activation.
+        """
         rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
         if not certificate:
             return rules.User(role=rules.UserRole.Anonymous) if self.anyone else None
@@ -118,7 +132,8 @@ class Access:
         # Read for each session: a certificate that is removed from the folder counts no more.
         known = shown in _certificates(self._folder / "trusted", x509)
         valid = shown.not_valid_before_utc <= now <= shown.not_valid_after_utc
-        return rules.User(role=rules.UserRole.User, name="trusted") if known and valid else None
+        identity = f"session {next(self._sessions)} of {hashlib.sha256(certificate).hexdigest()}"
+        return rules.User(role=rules.UserRole.User, name=identity) if known and valid else None
 
 
 class Services:
@@ -126,13 +141,16 @@ class Services:
     Rules of asyncua: the services that a channel may ask for, whoever the user is.
 
     Where methods may not be called, ConditionRefresh still may: it changes nothing, and shows a late client the alarms.
+
+    asking: gets the identity of the user, for what is called in the task of the request.
     """
 
-    def __init__(self, ua: Any, allowed: set[Any]) -> None:
-        self._ua, self._allowed = ua, allowed
+    def __init__(self, ua: Any, allowed: set[Any], asking: contextvars.ContextVar[str]) -> None:
+        self._ua, self._allowed, self._asking = ua, allowed, asking
 
-    def check_validity(self, _user: Any, action_type_id: Any, body: Any) -> bool:
+    def check_validity(self, user: Any, action_type_id: Any, body: Any) -> bool:
         """Return whether the service may be asked for."""
+        self._asking.set(getattr(user, "name", None) or "")
         if action_type_id in self._allowed:
             return True
         ids = self._ua.ObjectIds

@@ -9,9 +9,10 @@ from typing import Any
 
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.control.set_point import SetPoint
-from mwd_surface.control.status import Request
+from mwd_surface.control.status import Request, Sender
 from mwd_surface.rig.interface import OnCommand
 
+_INTERFACE = "OPC UA"
 Argument = tuple[str, str, str]
 """Name, type and description of an argument."""
 
@@ -25,11 +26,11 @@ _DECISION: tuple[Argument, ...] = (
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """A method: its arguments, its results, and what carries it out, in any thread."""
+    """A method: its arguments, its results, and what carries it out for an identity of `Access`, in any thread."""
 
     name: str
     inputs: tuple[Argument, ...]
-    call: Callable[[dict[str, Any]], Sequence[Any]]
+    call: Callable[[dict[str, Any], str], Sequence[Any]]
     outputs: tuple[Argument, ...] = _DONE
 
 
@@ -41,8 +42,8 @@ def survey_methods(on_command: OnCommand) -> list[Method]:
         "reject_survey": _DECISION,
     }
 
-    def asking(name: str) -> Callable[[dict[str, Any]], Sequence[Any]]:
-        return lambda arguments: on_command(name, arguments)
+    def asking(name: str) -> Callable[[dict[str, Any], str], Sequence[Any]]:
+        return lambda arguments, _identity: on_command(name, arguments)
 
     return [Method(name, inputs, asking(name)) for name, inputs in table.items()]
 
@@ -50,15 +51,15 @@ def survey_methods(on_command: OnCommand) -> list[Method]:
 def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> list[Method]:
     """Return the methods of control; clock: steady seconds, that of the authority."""
 
-    def request(given: dict[str, Any]) -> Sequence[Any]:
-        decision = authority.request(Request(**given, face="OPC UA"), clock())
+    def request(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        decision = authority.request(Request(Sender(_INTERFACE, identity), **given), clock())
         return decision.message, int(decision.permission), decision.lease
 
-    def command(given: dict[str, Any]) -> Sequence[Any]:
-        return authority.command(SetPoint(**given), clock(), "OPC UA")
+    def command(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        return authority.command(SetPoint(**given), clock(), Sender(_INTERFACE, identity))
 
-    def release(given: dict[str, Any]) -> Sequence[Any]:
-        return authority.release(given["lease"], clock(), given["reason"])
+    def release(given: dict[str, Any], identity: str) -> Sequence[Any]:
+        return authority.release(given["lease"], clock(), Sender(_INTERFACE, identity), given["reason"])
 
     lease = ("lease", "UInt32", "number of the lease")
     return [
@@ -82,7 +83,7 @@ def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> 
             "set_point",
             (
                 lease,
-                ("sequence", "UInt32", "counts set-points; the same again is a heartbeat alone"),
+                ("sequence", "UInt32", "grows with each set-point; 0 is a heartbeat alone"),
                 ("mode", "Byte", "0 hold, 1 rotate, 2 orient, 3 pump, 4 release"),
                 ("rotary_speed", "Double", "rotate: rad/s"),
                 ("turn", "Double", "orient: rad from where the top drive stands"),

@@ -237,8 +237,8 @@ class OpcuaServer(LoopInterface):
         wanted = [getattr(ua.VariantType, kind) for _, kind, _ in method.inputs]
         kinds = [getattr(ua.VariantType, kind) for _, kind, _ in method.outputs]
 
-        def call(_parent: Any, *given: Any) -> Any:
-            # Called in the thread pool of the server: the node may take its time.
+        async def call(_parent: Any, *given: Any) -> Any:
+            # A coroutine is called in the task of its request, where it is known who asks.
             self._commands += 1
             if len(given) != len(names):
                 return ua.StatusCode(ua.StatusCodes.BadArgumentsMissing)
@@ -247,7 +247,9 @@ class OpcuaServer(LoopInterface):
             arguments = {key: argument.Value for key, argument in zip(names, given, strict=True)}
             if any(value is None for value in arguments.values()):
                 return ua.StatusCode(ua.StatusCodes.BadInvalidArgument)
-            return [ua.Variant(value, kind) for value, kind in zip(method.call(arguments), kinds, strict=True)]
+            # In a thread: the node may take its time.
+            results = await asyncio.to_thread(method.call, arguments, self._access.identity)
+            return [ua.Variant(value, kind) for value, kind in zip(results, kinds, strict=True)]
 
         return call
 

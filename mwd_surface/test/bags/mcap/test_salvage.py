@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
@@ -122,6 +122,8 @@ def missing(kind: str, begin: int, end: int, data: bytes, folder: Path) -> Count
 def test_one_flipped_bit_costs_the_record_it_is_in_and_nothing_else(kind, tmp_path):
     data, _ = FILES[kind]
 
+    # In the file of lz4, bit 3320 belongs to the end mark of a frame.
+    @example(bit=3320)
     @given(st.integers(0, 8 * len(data) - 1))
     @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
     def flip(bit):

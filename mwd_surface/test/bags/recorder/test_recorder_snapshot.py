@@ -7,11 +7,11 @@ from mwd_surface.bags.definitions import installed
 from mwd_surface.bags.recorder.message_queue import OVERHEAD, Item
 from mwd_surface.bags.recorder.snapshot import SnapshotRing
 
-TYPE = "sensor_msgs/msg/Temperature"
+TYPE = "std_msgs/msg/String"
 
 
 def item(k, size=40):
-    return Item("/t", TYPE, bytes([k]) * size, k, k, "", "")
+    return Item("/t", TYPE, b"\0\1\0\0" + bytes([k]) * (size - 4), k, k, "", "")
 
 
 def test_the_oldest_go_when_the_bytes_are_used_up(tmp_path):
@@ -22,7 +22,7 @@ def test_the_oldest_go_when_the_bytes_are_used_up(tmp_path):
     with BagWriter(tmp_path / "s", installed()) as writer:
         ring.write(writer)
     with Bag(tmp_path / "s") as bag:
-        assert [data[0] for _, _, _, data in bag.messages(["/t"])] == [7, 8, 9]
+        assert [data[4] for _, _, _, data in bag.messages(["/t"])] == [7, 8, 9]
 
 
 def test_a_message_larger_than_all_room_is_not_kept():

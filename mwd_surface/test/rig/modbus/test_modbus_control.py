@@ -123,7 +123,7 @@ def test_no_request_but_a_whole_block_changes_who_has_control_or_what_is_command
             )
 
         attack()
-        assert owner.rotate(lease, 1)[0] == WRITE
+        assert owner.rotate(lease, 2)[0] == WRITE
         owner.close()
 
 
@@ -158,6 +158,30 @@ def test_the_answer_to_a_master_that_hung_up_at_once_is_not_kept_for_another():
         others = [Master(s.port) for _ in range(12)]
         assert {master.answer()[0] for master in others} == {99}
         for master in (last, *others):
+            master.close()
+
+
+def test_a_lease_is_of_its_connection_and_its_number_opens_nothing_to_another():
+    with serving() as (s, authority):
+        owner, other = Master(s.port), Master(s.port)
+        lease = owner.ask_for_control(1)
+        refused = bytes((WRITE | 0x80, 3))
+        assert owner.rotate(lease, 1)[0] == WRITE
+        # As the owner, by its number, at any priority; its lease and its release.
+        assert [other.ask_for_control(1, priority) for priority in (0, 255)] == [None, None]
+        assert other.rotate(lease, 2) == refused
+        assert other.rotate(lease, 0) == refused
+        assert other.write(REQUEST, 2, 1, 0, 0) == refused
+        # The owner itself repeats no number, and is no other master.
+        assert owner.rotate(lease, 1) == refused
+        assert owner.ask_for_control(2) is None
+        assert owner.rotate(lease, 0)[0] == WRITE
+        status = authority.status(time.monotonic())
+        assert (status.owner, status.sequence) == ("modbus 1", 1)
+        # A connection that is made again is another one.
+        owner.close()
+        assert owner.rotate(lease, 2) == refused
+        for master in (owner, other):
             master.close()
 
 

@@ -3,7 +3,7 @@
 
 import pytest
 
-from mwd_surface.list_files.station_file import read_table
+from mwd_surface.list_files.table import read_table
 
 
 def written(folder, text):
@@ -15,26 +15,33 @@ def written(folder, text):
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
 def test_the_separator_is_found_by_itself(tmp_path, separator):
     path = written(tmp_path, separator.join(["md_m", "gx"]) + "\r\n" + separator.join(["1.5", "2"]) + "\r\n")
-    assert read_table(path) == {"md_m": ["1.5"], "gx": ["2"]}
+    assert read_table(path).columns() == {"md_m": ["1.5"], "gx": ["2"]}
 
 
 def test_marks_comments_and_empty_lines_are_left_out(tmp_path):
-    assert read_table(written(tmp_path, "\ufeff# from the tool\nmd,gx\n\n1,2\n")) == {"md": ["1"], "gx": ["2"]}
+    assert read_table(written(tmp_path, "\ufeff# from the tool\nmd,gx\n\n1,2\n")).columns() == {
+        "md": ["1"],
+        "gx": ["2"],
+    }
 
 
 def test_missing_cells_are_empty(tmp_path):
-    assert read_table(written(tmp_path, "a,b,c\n1,2\n,,3,\n")) == {"a": ["1", ""], "b": ["2", ""], "c": ["", "3"]}
+    assert read_table(written(tmp_path, "a,b,c\n1,2\n,,3,\n")).columns() == {
+        "a": ["1", ""],
+        "b": ["2", ""],
+        "c": ["", "3"],
+    }
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "is empty"),
-        ("md,gx\n", "no station"),
+        ("", "empty"),
+        ("md,gx\n", "no row below"),
         ("md,gx,md\n1,2,3\n", "column md is there twice"),
         ("md,gx\n1,2\n1,2,3\n", "line 3: 3 cells, but 2 columns"),
-        ('md,gx\n"1,2\n', "is not CSV"),
-        (b"md,gx\n\xff\xfe,1\n", "is not a text file"),
+        ('md,gx\n"1,2\n', "line 2: unexpected end of data"),
+        (b"%PDF-1.7", "is a PDF"),
     ],
 )
 def test_what_is_wrong_is_reported(tmp_path, text, sentence):

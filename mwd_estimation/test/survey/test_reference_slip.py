@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A reference given with a usual slip: the readings name what was meant, and a sound reference is never doubted."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from mwd_estimation.core import reason_text
+from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place, reference_of
+from mwd_estimation.survey.totals import reference_slip
+from mwd_sensors.core import wire
+from mwd_sensors.core.frames import mat_nt
+from mwd_sensors.core.settings import SettingsError, changed
+
+DAY_NS = 1_772_323_200 * 10**9  # 2026-03-01
+SIGMAS = np.array([6e-3, 2e-7, math.radians(0.3)])
+COVARIANCE = np.diag(SIGMAS**2)
+angles = st.tuples(st.floats(0.01, 3.1), st.floats(0.0, 6.28), st.floats(0.0, 6.28))
+latitudes = st.floats(15.0, 80.0) | st.floats(-80.0, -15.0)
+longitudes = st.floats(-85.0, 85.0)
+SLIPS = {
+    "latitude": lambda lat, lon: (-lat, lon),
+    "longitude": lambda lat, lon: (lat, -lon),
+    "both": lambda lat, lon: (-lat, -lon),
+    "exchanged": lambda lat, lon: (lon, lat),
+}
+
+
+def place(lat, lon, **given):
+    return Place(field="model", lat_deg=lat, lon_deg=lon, date="2026-03-01", **given)
+
+
+def readings(reference, attitude):
+    """Gravity and field of a reference in tool axes at an attitude."""
+    mat = mat_nt(*attitude)
+    field = [reference.horizontal * math.cos(0.1), reference.horizontal * math.sin(0.1), reference.vertical]
+    return mat.T @ [0.0, 0.0, -9.81], mat.T @ np.array(field)
+
+
+@pytest.mark.parametrize("slip", SLIPS)
+@given(lat=latitudes, lon=longitudes, attitude=angles)
+def test_the_slip_that_was_made_is_named_at_every_place_and_attitude(slip, lat, lon, attitude):
+    wrong, meant = reference_of(place(*SLIPS[slip](lat, lon)), DAY_NS), reference_of(place(lat, lon), DAY_NS)
+    apart = np.array([wrong.total - meant.total, wrong.dip - meant.dip]) / SIGMAS[1:]
+    assume(float(apart @ apart) > 40.0)
+    found = reference_slip(*readings(meant, attitude), wrong, COVARIANCE)
+    assert found is not None
+    # Two slips may mean fields that no reading tells apart.
+    assert abs(found.total - meant.total) < 3.0 * SIGMAS[1]
+    assert abs(found.dip - meant.dip) < 3.0 * SIGMAS[2]
+
+
+@given(lat=latitudes, lon=longitudes, attitude=angles, seed=st.integers(0, 2**31))
+def test_a_sound_reference_is_not_doubted(lat, lon, attitude, seed):
+    reference = reference_of(place(lat, lon), DAY_NS)
+    f_t, b_t = readings(reference, attitude)
+    b_t = b_t + 1e-7 * np.random.default_rng(seed).normal(size=3)
+    assert reference_slip(f_t, b_t, reference, COVARIANCE) is None
+
+
+@given(total=st.floats(25_000.0, 65_000.0), dip=st.floats(5.0, 85.0) | st.floats(-85.0, -5.0), attitude=angles)
+def test_a_dip_with_the_wrong_sign_or_from_the_vertical_is_named(total, dip, attitude):
+    meant = reference_of(Place(field="fixed", total_nt=total, dip_deg=dip), DAY_NS)
+    for given_deg in (-dip, 90.0 - dip if dip > 0.0 else -dip):
+        assume(abs(given_deg - dip) > 3.0)
+        wrong = reference_of(Place(field="fixed", total_nt=total, dip_deg=given_deg), DAY_NS)
+        found = reference_slip(*readings(meant, attitude), wrong, COVARIANCE)
+        assert found is not None
+        assert found.dip == pytest.approx(meant.dip, abs=1e-9)
+
+
+@pytest.mark.parametrize("day", ["1926-03-01", "1980-03-01"])
+def test_a_day_of_another_decade_is_named(day):
+    meant = reference_of(place(58.4, 1.88), DAY_NS)
+    wrong = reference_of(dataclasses.replace(place(58.4, 1.88), field="igrf", date=day), DAY_NS)
+    found = reference_slip(*readings(meant, (0.5, 0.7, 0.3)), wrong, COVARIANCE)
+    assert found is not None
+    assert day in found.words
+
+
+@pytest.mark.parametrize(("figure", "unit"), [(0.508, "G"), (508.0, "mG"), (50.8, "uT")])
+def test_a_fixed_field_in_another_unit_is_refused_with_the_figure_in_nt(figure, unit):
+    with pytest.raises(SettingsError, match=rf"{figure:g} {unit} are 50800 nT"):
+        reference_of(Place(field="fixed", total_nt=figure, dip_deg=70.0), DAY_NS)
+
+
+def test_a_station_names_the_slip_first_and_not_a_casing():
+    meant = reference_of(place(58.4, 1.88), DAY_NS)
+    f_t, b_t = readings(meant, (0.5, 0.7, 0.3))
+    n, rng = 2000, np.random.default_rng(3)
+    imu, mag = wire.IMU.empty(n), wire.MAG.empty(n)
+    imu["stamp_ns"] = mag["stamp_ns"] = DAY_NS + 10**7 * np.arange(n)
+    imu["angular_velocity"] = 1e-3 * rng.normal(size=(n, 3))
+    imu["linear_acceleration"] = f_t * meant.gravity / 9.81 + 5e-3 * rng.normal(size=(n, 3))
+    mag["magnetic_field"] = b_t + 5e-8 * rng.normal(size=(n, 3))
+    for lat, wrong in ((-58.4, True), (58.4, False)):
+        given_place = {"place.field": "model", "place.lat_deg": lat, "place.lon_deg": 1.88, "place.date": "2026-03-01"}
+        pipeline = Pipeline(changed(EstimatorSettings(), given_place))
+        pipeline.push_mag(mag)
+        (survey,) = pipeline.push_imu(imu).surveys + pipeline.finish().surveys
+        codes = [reason.code for reason in survey.station.reasons]
+        assert (ReasonCode.REFERENCE_SLIP in codes) == wrong
+        if wrong:
+            assert codes[0] == ReasonCode.REFERENCE_SLIP
+            assert survey.station.verdict == "doubtful"
+            assert "latitude 58.4 instead of -58.4" in reason_text.text(survey.station.reasons[0])

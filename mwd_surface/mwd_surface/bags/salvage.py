@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Saves what can be read of a recording that is not MCAP: a ROS 1 bag that was cut, a database that was not closed.
+
+The messages are written to a new bag of MCAP storage; the recording is left as it is.
+"""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from mwd_surface.bags.bag_files import BagError, files_of, storage_of
+from mwd_surface.bags.bag_metadata import FILE_NAME
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.bags.mcap import recovery
+from mwd_surface.bags.mcap.recovery_report import RecoveryReport
+from mwd_surface.bags.topic_info import TopicInfo
+
+# Rows of a damaged database asked for at once, and how many times in a row none comes before the search ends.
+_STEP, _BARREN = 1000, 50
+# A head that claims more than so many times the bytes that are there is damaged itself.
+_LONGEST = 100
+
+
+def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
+    """
+    Recover a recording of any storage.
+
+    An MCAP file or a folder of them is recovered by `mcap.recovery`. Any other recording is copied to a new bag
+    (by default ``<name>.recovered`` beside it), unless it is in order.
+
+    Raises
+    ------
+    OSError
+        `path` cannot be read or the disk refuses the new bag.
+    ValueError
+        `output` exists, or was given for a folder of MCAP files; or the recording goes on.
+    BagError
+        Nothing there is a recording.
+    """
+    files = files_of(path)
+    kinds = {storage_of(file) for file in files}
+    if not kinds & {"sqlite3", "ros1"}:
+        return recovery.recover(path, output)
+    target = output if output is not None else path.with_name(f"{path.name.partition('.')[0]}.recovered")
+    if target.exists():
+        raise ValueError(f"output: {target} exists already")
+    logs = [log for file in files for log in file.parent.glob(f"{file.name}-*") if log.stat().st_size]
+    try:
+        with Bag(path) as bag:
+            listed = path.is_file() or (path / FILE_NAME).is_file()
+            if bag.complete and listed and not logs:
+                return [RecoveryReport(path, sound=True, messages=bag.message_count)]
+            return [_copied(bag, target)]
+    except BagError as error:
+        if kinds != {"sqlite3"}:
+            lost = sum(file.stat().st_size for file in files)
+            return [RecoveryReport(path, damages=1, lost_bytes=lost, notes=(error.sentence,))]
+        return [_saved(path, files, target, error.sentence)]
+
+
+def _copied(bag: Bag, target: Path) -> RecoveryReport:
+    """Copy all messages that a bag gives."""
+    messages = ((log_ns, name, data) for log_ns, name, _, data in bag.messages())
+    counts = _write(target, dict(bag.topics), messages)
+    return RecoveryReport(
+        bag.path,
+        target,
+        messages=sum(counts.values()),
+        topics=counts,
+        damages=int(not bag.complete),
+        lost_bytes=bag.lost_bytes,
+        start_ns=bag.start_ns,
+        end_ns=bag.end_ns,
+        notes=tuple(bag.notes),
+    )
+
+
+def _write(target: Path, topics: dict[str, TopicInfo], messages: Iterator[tuple[int, str, bytes]]) -> dict[str, int]:
+    """Write messages to a new bag; return how many of each topic."""
+    counts: dict[str, int] = {}
+    with BagWriter(target) as writer:
+        channels = {
+            one.name: writer.copy_topic(
+                one.name, one.type_name, one.schema_encoding, one.schema, one.type_hash, one.qos, one.serialization
+            )
+            for one in topics.values()
+        }
+        for log_ns, name, data in messages:
+            writer.write(channels[name], data, log_ns)
+            counts[name] = counts.get(name, 0) + 1
+    return counts
+
+
+def _saved(path: Path, files: list[Path], target: Path, reason: str) -> RecoveryReport:
+    """Save the rows that can be read of damaged databases."""
+    with tempfile.TemporaryDirectory(prefix="mwd_recover_") as scratch:
+        databases = [_Database(file, Path(scratch) / f"{number}.db3") for number, file in enumerate(files)]
+        topics = {name: TopicInfo(name, kind, 1) for one in databases for name, kind in one.topics.values()}
+        first = next((row for one in databases for row in one.messages()), None)
+        if first is None:
+            return RecoveryReport(path, damages=1, lost_bytes=sum(f.stat().st_size for f in files), notes=(reason,))
+        times: list[int] = []
+
+        def messages() -> Iterator[tuple[int, str, bytes]]:
+            for row in (row for one in databases for row in one.messages()):
+                times.append(row[0])
+                yield row
+
+        counts = _write(target, topics, messages())
+        lost = sum(one.lost for one in databases)
+    notes = (reason, f"{lost} rows of messages could not be read") if lost else (reason,)
+    saved = sum(counts.values())
+    return RecoveryReport(
+        path, target, messages=saved, topics=counts, damages=1, start_ns=min(times), end_ns=max(times), notes=notes
+    )
+
+
+class _Database:
+    """
+    A damaged database.
+
+    Attributes
+    ----------
+    topics : dict of int to (name, type)
+        By the number of the topic.
+    lost : int
+        Rows that could not be read, by the last call of `messages`.
+    """
+
+    def __init__(self, file: Path, copy: Path) -> None:
+        for source in (file, *file.parent.glob(f"{file.name}-wal"), *file.parent.glob(f"{file.name}-journal")):
+            shutil.copyfile(source, copy.with_name(copy.name + source.name.removeprefix(file.name)))
+        self._copy, self._bytes = copy, copy.stat().st_size
+        with copy.open("r+b") as opened:
+            # SQLite opens no file that is shorter than its head says: the pages that were cut off become empty ones.
+            head = opened.read(100)
+            page = int.from_bytes(head[16:18], "big")
+            whole = (page if page != 1 else 65536) * int.from_bytes(head[28:32], "big")
+            if self._bytes < whole <= _LONGEST * max(self._bytes, 1):
+                opened.truncate(whole)
+        self.lost = 0
+        self.topics: dict[int, tuple[str, str]] = {}
+        try:
+            rows = self._ask("SELECT id, name, type FROM topics WHERE serialization_format = 'cdr'")
+            self.topics = {int(number): (str(name), str(kind)) for number, name, kind in rows}
+        except sqlite3.DatabaseError:
+            pass
+
+    def messages(self) -> Iterator[tuple[int, str, bytes]]:
+        """Yield the log time, topic and bytes of the messages whose rows can be read."""
+        self.lost = barren = 0
+        most = self._bytes // 16
+        for begin in itertools.count(1, _STEP):
+            if begin > most or barren > _BARREN:
+                break
+            before = self.lost
+            rows = self._rows(begin, begin + _STEP - 1)
+            barren = 0 if rows else barren + 1
+            if not rows:
+                # Whether rows are missing there, or there are none, nobody can tell.
+                self.lost = before
+            for topic, log_ns, data in rows:
+                if topic in self.topics and isinstance(log_ns, int) and log_ns >= 0 and isinstance(data, bytes):
+                    yield log_ns, self.topics[topic][0], data
+
+    def _rows(self, low: int, high: int) -> list[tuple[int, object, object]]:
+        """Return the rows of a range of numbers; a range that cannot be read is halved."""
+        try:
+            return self._ask(
+                "SELECT topic_id, timestamp, data FROM messages WHERE id BETWEEN ? AND ? ORDER BY id", (low, high)
+            )
+        except sqlite3.DatabaseError:
+            if low == high:
+                self.lost += 1
+                return []
+        middle = (low + high) // 2
+        return self._rows(low, middle) + self._rows(middle + 1, high)
+
+    def _ask(self, query: str, values: tuple[int, ...] = ()) -> list[tuple[int, object, object]]:
+        connection = sqlite3.connect(self._copy)
+        try:
+            return connection.execute(query, values).fetchall()
+        finally:
+            connection.close()

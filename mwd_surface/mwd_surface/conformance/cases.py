@@ -1,0 +1,518 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Cases that every interface of a control authority must pass: each misuses it in one way and looks at what all can see.
+
+A case is a function that takes a `Bench` and returns whether the authority behaved and what was observed.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import math
+import time
+from collections.abc import Callable, Iterator
+
+from mwd_surface.conformance.bench import HEARTBEAT, Bench, CaseError, Interface, NotPossibleError, Person, Point
+from mwd_surface.control.set_point import Mode
+from mwd_surface.control.status import Permission
+
+Case = Callable[[Bench], tuple[bool, str]]
+CASES: list[tuple[str, str, Case]] = []
+_OBEYS = (Mode.ROTATE, Mode.ORIENT, Mode.PUMP)
+_FAR = 1e6  # beyond every limit, in any unit
+
+
+@dataclasses.dataclass(frozen=True)
+class Result:
+    """Result of one case; passed None: the interface cannot express the misuse, or nobody could decide."""
+
+    case: str
+    interface: str
+    expected: str
+    observed: str
+    passed: bool | None
+
+
+def case(title: str, expected: str) -> Callable[[Case], Case]:
+    """Add a case to the list."""
+
+    def add(function: Case) -> Case:
+        CASES.append((title, expected, function))
+        return function
+
+    return add
+
+
+def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iterator[Result]:
+    """Try every case on an interface, one after the other."""
+    bench = Bench(interface, person, heartbeat_s)
+    for title, expected, function in (*CASES, *interface.attacks()):
+        passed: bool | None
+        try:
+            bench.reset()
+            passed, observed = function(bench)
+        except NotPossibleError as error:
+            passed, observed = None, str(error)
+        except CaseError as error:
+            passed, observed = False, str(error)
+        yield Result(title, interface.name, expected, observed, passed)
+    bench.reset()
+
+
+def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[bool, str]:
+    """Whether what all can see is still what the owner asked for under a number."""
+    view = bench.view()
+    same = (view.lease, view.sequence) == (lease, sequence)
+    if taken or not same:
+        return False, f"taken: lease {view.lease}, set-point {view.sequence} in force"
+    return True, f"refused; set-point {sequence} stays in force"
+
+
+# A contract.
+
+
+@case("an honest controller", "granted, obeyed, given back")
+def _honest(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    bench.lives(bench.one(), lease, bench.heartbeat_s + 0.5)
+    kept = bench.view().lease == lease
+    given = bench.one().release(lease) and bench.ends(lease)
+    return kept and given, f"heartbeats {'kept' if kept else 'lost'} the lease; {'' if given else 'not '}given back"
+
+
+def _renewal(bench: Bench, granted: dict[str, object], more: dict[str, object]) -> tuple[bool, str]:
+    lease = bench.take(bench.one(), **granted)
+    bench.turning(bench.one(), lease)
+    answer = bench.ask(bench.one(), **{**granted, **more})
+    if answer.permission == Permission.GRANTED:
+        return False, f"granted: lease {answer.lease}"
+    same, observed = _refused(bench, lease, taken=False)
+    return same, f"{'denied' if answer.permission == Permission.DENIED else 'waits for a person'}; {observed}"
+
+
+@case("renewal with a higher priority", "denied, or a person decides")
+def _renewal_priority(bench: Bench) -> tuple[bool, str]:
+    return _renewal(bench, {"priority": 1}, {"priority": 255})
+
+
+@case("renewal for a longer time", "denied, or a person decides")
+def _renewal_longer(bench: Bench) -> tuple[bool, str]:
+    return _renewal(bench, {"duration": 20.0}, {"duration": 30.0})
+
+
+@case("renewal for the longest time, by 0", "denied, or a person decides")
+def _renewal_longest(bench: Bench) -> tuple[bool, str]:
+    return _renewal(bench, {"duration": 20.0}, {"duration": 0.0})
+
+
+@case("renewal with a wider limit", "denied, or a person decides; the limit holds")
+def _renewal_wider(bench: Bench) -> tuple[bool, str]:
+    passed, observed = _renewal(bench, {"speed": 1.0}, {"speed": 2.0})
+    lease = bench.view().lease
+    return (passed and not bench.one().send(lease, 2, Point(speed=1.5))), observed
+
+
+@case("renewal with the limits of the rig, by 0", "denied, or a person decides")
+def _renewal_site(bench: Bench) -> tuple[bool, str]:
+    return _renewal(bench, {"speed": 1.0}, {"speed": 0.0})
+
+
+@case("renewal as it was granted", "the same lease, prolonged")
+def _renewal_same(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one(), duration=3.0)
+    bench.lives(bench.one(), lease, 1.5)
+    answer = bench.ask(bench.one(), duration=3.0)
+    bench.lives(bench.one(), lease, 2.0)
+    view = bench.view()
+    passed = (answer.permission, answer.lease, view.lease) == (Permission.GRANTED, lease, lease)
+    return passed, f"permission {answer.permission}, lease {answer.lease}; in force 2 s later: {view.lease}"
+
+
+@case("renewal after expiry", "a new lease with a higher number, or none")
+def _renewal_late(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one(), duration=1.0)
+    bench.lives(bench.one(), lease, 1.5)
+    answer = bench.ask(bench.one(), duration=1.0)
+    return answer.lease == 0 or answer.lease > lease, f"lease {lease} ended, answer: lease {answer.lease}"
+
+
+@case("set-point after expiry", "refused")
+def _late(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one(), duration=1.0)
+    bench.turning(bench.one(), lease)
+    bench.lives(bench.one(), lease, 1.3)
+    taken = bench.one().send(lease, 2, Point())
+    view = bench.view()
+    return not taken and view.lease == 0 and view.mode not in _OBEYS, f"lease {view.lease}, mode {view.mode}"
+
+
+@case("the owner asks under a second name", "denied")
+def _second_name(bench: Bench) -> tuple[bool, str]:
+    bench.take(bench.one())
+    answer = bench.ask(bench.one(), name="conformance two", priority=200)
+    return answer.permission == Permission.DENIED, f"permission {answer.permission}"
+
+
+# Numbers.
+
+
+@case("a repeated number, turn", "refused; the turn is made once")
+def _repeated_turn(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease, mode=Mode.ORIENT, turn=0.2, speed=0.0)
+    return _refused(bench, lease, bench.one().send(lease, 1, Point(Mode.ORIENT, 0.0, 0.2)))
+
+
+@case("a repeated number, rotation", "refused")
+def _repeated(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    return _refused(bench, lease, bench.one().send(lease, 1, Point()))
+
+
+@case("a repeated number with another content", "refused")
+def _repeated_other(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    return _refused(bench, lease, bench.one().send(lease, 1, Point(Mode.ORIENT, 0.0, 0.2)))
+
+
+@case("an older number", "refused")
+def _older(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease, 5)
+    return _refused(bench, lease, bench.one().send(lease, 3, Point(speed=0.2)), 5)
+
+
+@case("the largest number, and what comes after it", "taken, then only refusals; given back")
+def _overflow(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease, bench.interface.largest)
+    passed, observed = _refused(bench, lease, bench.one().send(lease, 1, Point()), bench.interface.largest)
+    return passed and bench.one().release(lease), observed
+
+
+@case("numbers of a new lease", "count from 1 again")
+def _new_numbers(bench: Bench) -> tuple[bool, str]:
+    first = bench.take(bench.one())
+    bench.turning(bench.one(), first, 7)
+    bench.one().release(first)
+    second = bench.take(bench.one())
+    bench.turning(bench.one(), second, 1)
+    return second > first, f"leases {first}, {second}"
+
+
+# Heartbeats.
+
+
+@case("silence", "the lease ends in the declared reaction")
+def _silence(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease, mode=Mode.ORIENT, turn=0.2, speed=0.0)
+    ended = bench.ends(lease)
+    return ended, f"the lease {'ended' if ended else 'goes on'}; mode {bench.view().mode}"
+
+
+def _no_heartbeat(bench: Bench, send: Callable[[int], object]) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    end = time.monotonic() + bench.heartbeat_s + 1.5
+    while time.monotonic() < end and bench.interface.view().lease == lease:
+        send(lease)
+        time.sleep(0.1)
+    ended = bench.view().lease != lease
+    return ended, f"the lease {'ended' if ended else 'was kept alive'}"
+
+
+@case("refused set-points alone: not a number", "no heartbeat: the lease ends")
+def _refused_nan(bench: Bench) -> tuple[bool, str]:
+    return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 2, Point(speed=math.nan)))
+
+
+@case("refused set-points alone: beyond a limit", "no heartbeat: the lease ends")
+def _refused_limit(bench: Bench) -> tuple[bool, str]:
+    return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 2, Point(speed=_FAR)))
+
+
+@case("refused set-points alone: a repeated number", "no heartbeat: the lease ends")
+def _refused_repeated(bench: Bench) -> tuple[bool, str]:
+    return _no_heartbeat(bench, lambda lease: bench.one().send(lease, 1, Point()))
+
+
+@case("refused renewals alone", "no heartbeat: the lease ends")
+def _refused_renewals(bench: Bench) -> tuple[bool, str]:
+    return _no_heartbeat(bench, lambda _lease: bench.ask(bench.one(), priority=250))
+
+
+@case("heartbeats of another client under the lease", "no heartbeat: the lease ends")
+def _foreign_heartbeat(bench: Bench) -> tuple[bool, str]:
+    return _no_heartbeat(bench, lambda lease: bench.other().send(lease, HEARTBEAT, Point()))
+
+
+@case("a set-point that is valid for 0.4 s, without a heartbeat", "the string is held; the lease stays")
+def _validity(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.one().send(lease, 1, Point(valid_for=0.4))
+    held = bench.until(lambda: bench.interface.view().mode == Mode.HOLD, bench.heartbeat_s)
+    return held, f"mode {bench.view().mode}"
+
+
+@case("a set-point that is valid for 1e30 s, then silence", "the lease ends all the same")
+def _valid_for_ever(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease, valid_for=1e30)
+    return bench.ends(lease), f"lease {bench.view().lease}"
+
+
+# Two controllers.
+
+
+@case("a second controller of the same priority", "denied")
+def _tie(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    answer = bench.ask(bench.other(), name="conformance two")
+    view = bench.view()
+    passed = answer.permission == Permission.DENIED and view.lease == lease
+    return passed, f"permission {answer.permission}, lease {view.lease}"
+
+
+@case("a second controller of a lower priority", "denied")
+def _lower(bench: Bench) -> tuple[bool, str]:
+    bench.take(bench.one())
+    answer = bench.ask(bench.other(), name="conformance two", priority=4)
+    return answer.permission == Permission.DENIED, f"permission {answer.permission}"
+
+
+@case("a second controller of a higher priority", "takes over, or a person decides; the first is refused then")
+def _higher(bench: Bench) -> tuple[bool, str]:
+    first = bench.take(bench.one())
+    second = bench.take(bench.other(), name="conformance two", priority=9)
+    taken = bench.one().send(first, 1, Point())
+    view = bench.view()
+    return second > first and not taken and view.lease == second, f"lease {view.lease}, set-point {view.sequence}"
+
+
+@case("another client commands under the lease it has read", "refused")
+def _thief(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    taken = bench.other().send(bench.view().lease, 2, Point(speed=0.9))
+    return _refused(bench, lease, taken)
+
+
+@case("another client releases the lease it has read", "refused")
+def _thief_releases(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    return _refused(bench, lease, bench.other().release(bench.view().lease))
+
+
+@case("another client asks under the owner's name", "denied")
+def _impostor(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    answers = [bench.ask(bench.other(), priority=priority).permission for priority in (5, 255)]
+    passed, observed = _refused(bench, lease, taken=False)
+    return passed and set(answers) == {Permission.DENIED}, f"permissions {answers}; {observed}"
+
+
+@case("another client asks under the name of a request that waits", "denied")
+def _impostor_waits(bench: Bench) -> tuple[bool, str]:
+    bench.take(bench.one())
+    waits = bench.ask(bench.other(), name="conformance two", wait=True)
+    if waits.permission != Permission.PENDING:
+        raise CaseError(f"a request that waits has permission {waits.permission}")
+    answer = bench.ask(bench.interface.peer(2), name="conformance two", wait=True)
+    return answer.permission == Permission.DENIED, f"permission {answer.permission}"
+
+
+@case("eight clients ask at once", "at most one has control")
+def _at_once(bench: Bench) -> tuple[bool, str]:
+    peers = [bench.interface.peer(number) for number in range(8)]
+    with concurrent.futures.ThreadPoolExecutor(len(peers)) as pool:
+        asked = [pool.submit(bench.ask, peer, name=f"conformance {k}") for k, peer in enumerate(peers)]
+        answers = [one.result() for one in asked]
+    granted = sum(answer.permission == Permission.GRANTED for answer in answers)
+    waiting = {answer.lease for answer in answers if answer.permission == Permission.PENDING}
+    return granted + len(waiting) == 1, f"{granted} granted, {len(waiting)} wait"
+
+
+@case("owner and another client send at once", "only the owner is obeyed")
+def _both(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    with concurrent.futures.ThreadPoolExecutor(1) as pool:
+        theft = pool.submit(lambda: [bench.other().send(lease, k, Point(speed=0.9)) for k in range(2, 9, 2)])
+        for sequence in (1, 3, 5):
+            bench.turning(bench.one(), lease, sequence)
+        stolen = sum(theft.result())
+    view = bench.view()
+    return stolen == 0 and view.sequence == 5, f"{stolen} of 4 taken of another, set-point {view.sequence}"
+
+
+# Limits.
+
+
+def _beyond(title: str, expected: str, point: Point) -> None:
+    @case(title, expected)
+    def beyond(bench: Bench) -> tuple[bool, str]:
+        lease = bench.take(bench.one())
+        bench.turning(bench.one(), lease)
+        return _refused(bench, lease, bench.one().send(lease, 2, point))
+
+
+for _title, _point in (
+    ("a speed beyond its limit", Point(speed=_FAR)),
+    ("left-hand rotation", Point(speed=-0.5)),
+    ("left-hand rotation, ever so slow", Point(speed=-0.01)),
+    ("a left-hand turn", Point(Mode.ORIENT, 0.0, -0.5)),
+    ("a turn beyond its limit", Point(Mode.ORIENT, 0.0, _FAR)),
+    ("a flow beyond its limit", Point(Mode.PUMP, 0.0, 0.0, _FAR)),
+    ("a flow below zero", Point(Mode.PUMP, 0.0, 0.0, -0.01)),
+    ("a speed that is not a number", Point(speed=math.nan)),
+    ("an infinite speed", Point(speed=math.inf)),
+    ("an infinite speed to the left", Point(speed=-math.inf)),
+    ("a turn that is not a number", Point(Mode.ORIENT, 0.0, math.nan)),
+    ("a flow that is not a number", Point(Mode.PUMP, 0.0, 0.0, math.nan)),
+    ("an unknown mode", Point(9)),
+    ("the largest mode", Point(255)),
+    ("valid for 0 s", Point(valid_for=0.0)),
+    ("valid for less than nothing", Point(valid_for=-5.0)),
+    ("valid for not a number", Point(valid_for=math.nan)),
+    ("valid for ever", Point(valid_for=math.inf)),
+):
+    _beyond(_title, "refused; what was in force stays", _point)
+
+
+# Leases that are not in force.
+
+
+def _not_in_force(bench: Bench, peer_lease: Callable[[], int]) -> tuple[bool, str]:
+    taken = bench.one().send(peer_lease(), 1, Point())
+    view = bench.view()
+    return not taken and view.mode not in _OBEYS, f"lease {view.lease}, mode {view.mode}"
+
+
+@case("a set-point before any request", "refused")
+def _no_lease(bench: Bench) -> tuple[bool, str]:
+    return _not_in_force(bench, lambda: 1)
+
+
+@case("a set-point under lease 0", "refused")
+def _lease_zero(bench: Bench) -> tuple[bool, str]:
+    return _not_in_force(bench, lambda: 0)
+
+
+@case("a set-point under the next lease", "refused")
+def _lease_next(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    return _refused(bench, lease, bench.one().send(lease + 1, 2, Point()))
+
+
+@case("a set-point under a lease that was given back", "refused")
+def _lease_old(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    bench.one().release(lease)
+    return _not_in_force(bench, lambda: lease)
+
+
+@case("a set-point under the lease before", "refused")
+def _lease_before(bench: Bench) -> tuple[bool, str]:
+    before = bench.take(bench.one())
+    bench.one().release(before)
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease)
+    return _refused(bench, lease, bench.one().send(before, 2, Point()))
+
+
+@case("a lease given back twice", "the second time refused")
+def _released_twice(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one())
+    done = [bench.one().release(lease), bench.one().release(lease)]
+    return done == [True, False], f"{done}"
+
+
+# Requests.
+
+
+def _denied(title: str, **wish: object) -> None:
+    @case(title, "denied")
+    def denied(bench: Bench) -> tuple[bool, str]:
+        answer = bench.ask(bench.one(), **wish)
+        return answer.permission == Permission.DENIED and answer.lease == 0, f"permission {answer.permission}"
+
+
+_denied("a request without a name", name="")
+_denied("a request with a name of 101 characters", name="x" * 101)
+_denied("a request with control characters in its name", name="x\n[driller] took control back")
+_denied("a request for less than no time", duration=-1.0)
+_denied("a request for a time that is not a number", duration=math.nan)
+_denied("a request for ever", duration=math.inf)
+_denied("a request with a limit below zero", speed=-1.0)
+_denied("a request with a limit that is not a number", speed=math.nan)
+_denied("a request with a priority above 255", priority=256)
+
+
+@case("a request for more left-hand rotation than the rig allows", "no left-hand rotation")
+def _asks_left(bench: Bench) -> tuple[bool, str]:
+    lease = bench.take(bench.one(), left_speed=_FAR)
+    taken = bench.one().send(lease, 1, Point(speed=-100.0))
+    return not taken, "refused" if not taken else "taken"
+
+
+# A person takes back.
+
+
+def _abort(title: str, before: Callable[[Bench], object]) -> None:
+    @case(f"abort: {title}", "top drive and pumps are the driller's")
+    def abort(bench: Bench) -> tuple[bool, str]:
+        before(bench)
+        done = bench.person.abort()
+        bench.until(lambda: bench.interface.view().mode == Mode.RELEASE)
+        time.sleep(0.5)  # nobody follows by himself
+        view = bench.view()
+        passed = done and (view.lease, view.mode, view.pending) == (0, Mode.RELEASE, 0)
+        return passed, f"lease {view.lease}, mode {view.mode}, waits {view.pending}"
+
+
+def _commanded(bench: Bench, **point: object) -> int:
+    lease = bench.take(bench.one())
+    bench.turning(bench.one(), lease, **point)  # type: ignore[arg-type]
+    return lease
+
+
+def _fault(bench: Bench) -> None:
+    lease = _commanded(bench, mode=Mode.ORIENT, turn=0.2, speed=0.0)
+    bench.ends(lease)
+
+
+def _one_waits(bench: Bench) -> None:
+    bench.take(bench.one())
+    bench.ask(bench.other(), name="conformance two", wait=True)
+
+
+_abort("nobody has control", lambda _bench: None)
+_abort("a controller has control", lambda bench: bench.take(bench.one()))
+_abort("a controller rotates", _commanded)
+_abort("a controller turns", lambda bench: _commanded(bench, mode=Mode.ORIENT, turn=0.2, speed=0.0))
+_abort("a controller pumps", lambda bench: _commanded(bench, mode=Mode.PUMP, flow=0.01, speed=0.0))
+_abort("a dead controller left the string held", _fault)
+_abort("another one waits", _one_waits)
+
+
+@case("abort without a name", "works all the same")
+def _abort_nameless(bench: Bench) -> tuple[bool, str]:
+    _commanded(bench)
+    done = bench.person.abort("")
+    return done and bench.until(lambda: bench.interface.view().lease == 0), f"lease {bench.view().lease}"
+
+
+@case("a set-point after an abort", "refused")
+def _after_abort(bench: Bench) -> tuple[bool, str]:
+    lease = _commanded(bench)
+    bench.person.abort()
+    taken = bench.one().send(lease, 2, Point())
+    view = bench.view()
+    return not taken and view.lease == 0, f"lease {view.lease}, mode {view.mode}"

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Conformance over Modbus TCP: the blocks of docs/rig/control.md, each client with a connection of its own."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mwd_surface.conformance.bench import Answer, Bench, CaseError, NotPossibleError, Point, View, Wish
+from mwd_surface.control.set_point import Mode
+
+_REQUEST, _COMMAND, _STATE = 110, 120, 38
+_ASK, _RELEASE = 1, 2
+_RPM, _DEGREE, _LITRE_PER_MINUTE = math.pi / 30.0, math.pi / 180.0, 1e-3 / 60.0
+_LAG_S = 0.5  # values are sent ten times a second
+_LARGEST = 3e38  # of a float32
+
+
+class ModbusConformance:
+    """
+    A Modbus server under test.
+
+    Parameters
+    ----------
+    host : str
+    port : int
+    unit : int
+    """
+
+    name, largest, lag_s = "Modbus", 0xFFFF, _LAG_S
+
+    def __init__(self, host: str, port: int, unit: int = 1) -> None:
+        self._where = host, port
+        self.unit = unit
+        self._peers: dict[int, ModbusPeer] = {}
+        self._numbers: dict[str, int] = {}
+        self._reader = self.connect()
+
+    def connect(self) -> Any:
+        """Return a connected client of pymodbus."""
+        from pymodbus.client import ModbusTcpClient
+
+        client: Any = ModbusTcpClient(self._where[0], port=self._where[1], timeout=10)
+        if not client.connect():
+            raise ValueError(f"Modbus {self._where[0]} port {self._where[1]} does not answer")
+        return client
+
+    def peer(self, number: int) -> ModbusPeer:
+        """Return one of the clients."""
+        if number not in self._peers:
+            self._peers[number] = ModbusPeer(self, self.connect())
+        return self._peers[number]
+
+    def number_of(self, name: str) -> int:
+        """Return the number of a controller's name, which Modbus has in its place; 0 for none."""
+        if not name:
+            return 0
+        if len(name) > 100 or not name.isprintable():
+            raise NotPossibleError("a controller has a number, no name")
+        return self._numbers.setdefault(name, 7001 + len(self._numbers))
+
+    def view(self) -> View:
+        """Read what all can see."""
+        words = self._reader.read_input_registers(_STATE, count=22, device_id=self.unit).registers
+        speed, turn = (struct.unpack(">f", struct.pack(">2H", *words[k : k + 2]))[0] for k in (14, 16))
+        return View(words[2] << 16 | words[3], words[7], words[5], speed * _RPM, turn * _DEGREE, int(words[0] == 1))
+
+    def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
+        """Return cases of this interface alone."""
+        return [
+            ("a part of a block", "exception; what was in force stays", _part),
+            ("a single register", "exception; what was in force stays", _single),
+            ("a connection made again", "refused: another client", _again),
+        ]
+
+    def close(self) -> None:
+        """End all clients."""
+        for peer in self._peers.values():
+            peer.client.close()
+        self._reader.close()
+
+
+class ModbusPeer:
+    """One connection."""
+
+    def __init__(self, interface: ModbusConformance, client: Any) -> None:
+        self._interface, self.client = interface, client
+        self._names: dict[int, int] = {}
+
+    def write(self, address: int, words: Sequence[int]) -> bool:
+        """Write registers by function 16; returns whether there was no exception."""
+        return not self.client.write_registers(address, list(words), device_id=self._interface.unit).isError()
+
+    def ask(self, wish: Wish) -> Answer:
+        """Ask for control; Modbus has no place for limits, and for whole seconds only."""
+        if wish.wait or wish.speed or wish.left_speed:
+            raise NotPossibleError("a request has no such field")
+        if not (math.isfinite(wish.duration) and 0.0 <= wish.duration <= 0xFFFF):
+            raise NotPossibleError("a duration is a whole number of seconds")
+        number = self._interface.number_of(wish.name)
+        if not self.write(_REQUEST, (_ASK, number, wish.priority, int(wish.duration))):
+            return Answer(0, 0, "exception")
+        words = self.client.read_holding_registers(_REQUEST + 4, count=4, device_id=self._interface.unit).registers
+        if words[0] != number:
+            raise CaseError(f"the answer to {number} is for {words[0]}")
+        answer = Answer(words[1], words[2] << 16 | words[3])
+        if answer.lease:
+            self._names[answer.lease] = number
+        return answer
+
+    def send(self, lease: int, sequence: int, point: Point) -> bool:
+        """Send the command block."""
+        return self.write(_COMMAND, block(lease, sequence, point))
+
+    def release(self, lease: int) -> bool:
+        """Give the lease back by the number it was asked under, or by the one that all can read."""
+        own = self.client.read_input_registers(_STATE + 4, count=1, device_id=self._interface.unit).registers[0]
+        return self.write(_REQUEST, (_RELEASE, self._names.get(lease, own), 0, 0))
+
+
+def block(lease: int, sequence: int, point: Point) -> list[int]:
+    """Return the words of a command block."""
+    if not 0 <= point.mode <= 0xFFFF:
+        raise NotPossibleError("a mode is a register")
+    values = (point.speed / _RPM, point.turn / _DEGREE, point.flow / _LITRE_PER_MINUTE, point.valid_for)
+    floats = [v if not math.isfinite(v) else max(-_LARGEST, min(_LARGEST, v)) for v in values]
+    words = struct.unpack(">8H", struct.pack(">4f", *floats))
+    return [lease >> 16 & 0xFFFF, lease & 0xFFFF, sequence, point.mode, *words]
+
+
+def _in_force(bench: Bench) -> tuple[ModbusPeer, int]:
+    peer = bench.one()
+    if not isinstance(peer, ModbusPeer):
+        raise NotPossibleError("a case of Modbus")
+    lease = bench.take(peer)
+    bench.turning(peer, lease)
+    return peer, lease
+
+
+def _stays(bench: Bench, lease: int, done: bool) -> tuple[bool, str]:
+    view = bench.view()
+    return not done and (view.lease, view.sequence) == (lease, 1), f"set-point {view.sequence}"
+
+
+def _part(bench: Bench) -> tuple[bool, str]:
+    peer, lease = _in_force(bench)
+    return _stays(bench, lease, peer.write(_COMMAND, block(lease, 2, Point(speed=0.9))[:6]))
+
+
+def _single(bench: Bench) -> tuple[bool, str]:
+    peer, lease = _in_force(bench)
+    done = not peer.client.write_register(_COMMAND + 2, 2).isError()
+    return _stays(bench, lease, done)
+
+
+def _again(bench: Bench) -> tuple[bool, str]:
+    peer, lease = _in_force(bench)
+    peer.client.close()
+    peer.client.connect()
+    return _stays(bench, lease, peer.write(_COMMAND, block(lease, 2, Point(Mode.ROTATE, 0.9))))

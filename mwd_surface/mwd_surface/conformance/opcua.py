@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Conformance over OPC UA: the methods of docs/rig/control.md, each client with a session of its own."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mwd_surface.conformance.bench import Answer, Bench, NotPossibleError, Point, View, Wish
+
+_LAG_S = 0.5  # values are sent ten times a second
+_NAMESPACE = "http://ddhub.no/MWDSurveyManifest/Variables/"
+
+
+class OpcuaKeys(NamedTuple):
+    """Certificate and private key of the client, certificate of the server, and the URI in the client's."""
+
+    certificate: Path
+    private_key: Path
+    server_certificate: Path
+    application: str
+
+
+class OpcuaConformance:
+    """
+    An OPC UA server under test.
+
+    Parameters
+    ----------
+    url : str
+    keys : OpcuaKeys
+    well : str
+        Name of the object with the methods.
+    """
+
+    name, largest, lag_s = "OPC UA", 2**32 - 1, _LAG_S
+
+    def __init__(self, url: str, keys: OpcuaKeys, well: str) -> None:
+        self.url, self.keys, self.well = url, keys, well
+        # What the server refuses is what is tried here.
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+        self._peers: dict[int, OpcuaPeer] = {}
+        self._reader = OpcuaPeer(self)
+
+    def peer(self, number: int) -> OpcuaPeer:
+        """Return one of the clients."""
+        if number not in self._peers:
+            self._peers[number] = OpcuaPeer(self)
+        return self._peers[number]
+
+    def view(self) -> View:
+        """Read what all can see."""
+        names = ("ControlLease", "SetPointMode", "SetPointSequence", "TopDriveSpeedSetPoint", "TurnSetPoint")
+        lease, mode, sequence, speed, turn, pending = self._reader.read((*names, "ControlPending"))
+        return View(lease, mode, sequence, speed, turn, pending)
+
+    def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
+        """Return cases of this interface alone."""
+        return [
+            ("a variable of control is written", "refused by the server", self._write),
+            ("a method with an argument missing", "refused by the server", self._missing),
+            ("a session that is opened again with the same certificate", "refused: another client", self._again),
+        ]
+
+    def _write(self, bench: Bench) -> tuple[bool, str]:
+        lease = bench.take(bench.one())
+        bench.turning(bench.one(), lease)
+        from asyncua import ua
+        from asyncua.ua.uaerrors import UaError
+
+        try:
+            self._reader.variable("TopDriveSpeedSetPoint").write_value(ua.Variant(5.0, ua.VariantType.Double))
+        except UaError as error:
+            return True, type(error).__name__
+        return False, "written"
+
+    def _missing(self, bench: Bench) -> tuple[bool, str]:
+        from asyncua import ua
+        from asyncua.ua.uaerrors import UaError
+
+        lease = bench.take(bench.one())
+        try:
+            self.peer(0).call("set_point", ua.Variant(lease, ua.VariantType.UInt32))
+        except UaError as error:
+            return bench.view().sequence == 0, type(error).__name__
+        return False, "called"
+
+    def _again(self, bench: Bench) -> tuple[bool, str]:
+        lease = bench.take(bench.one())
+        bench.turning(bench.one(), lease)
+        self.peer(0).close()
+        self.peer(0).open()
+        taken = self.peer(0).send(lease, 2, Point(speed=0.9))
+        return not taken, "taken" if taken else "refused"
+
+    def close(self) -> None:
+        """End all clients."""
+        for peer in (*self._peers.values(), self._reader):
+            peer.close()
+
+
+class OpcuaPeer:
+    """One session."""
+
+    def __init__(self, interface: OpcuaConformance) -> None:
+        from asyncua import ua
+
+        self._interface = interface
+        self._kinds, self._variant = ua.VariantType, ua.Variant
+        self.open()
+
+    def open(self) -> None:
+        """Open a session."""
+        from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
+        from asyncua.sync import Client
+
+        keys = self._interface.keys
+        self._client = Client(self._interface.url, timeout=20)
+        self._client.aio_obj.session_timeout = 600_000
+        self._client.application_uri = keys.application
+        own = str(keys.certificate), str(keys.private_key)
+        self._client.set_security(SecurityPolicyBasic256Sha256, *own, server_certificate=str(keys.server_certificate))
+        self._client.connect()
+        self._index = self._client.get_namespace_index(_NAMESPACE)
+        self._well = self._client.nodes.objects.get_child([f"{self._index}:{self._interface.well}"])
+        self._variables: dict[str, Any] = {}
+
+    def variable(self, name: str) -> Any:
+        """Return a variable of the well."""
+        if name not in self._variables:
+            self._variables[name] = self._well.get_child([f"{self._index}:{name}"])
+        return self._variables[name]
+
+    def read(self, names: tuple[str, ...]) -> list[Any]:
+        """Read variables at one moment, whatever their status."""
+        from asyncua.ua.attribute_ids import AttributeIds
+
+        nodes = [self.variable(name) for name in names]
+        found = self._client.read_attributes(nodes, AttributeIds.Value)
+        return [one.Value.Value for one in found]
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Call a method of the well."""
+        return self._well.call_method(f"{self._index}:{name}", *arguments)
+
+    def ask(self, wish: Wish) -> Answer:
+        """Ask for control; the method has no argument for limits."""
+        if wish.speed or wish.left_speed:
+            raise NotPossibleError("a request has no such argument")
+        if not 0 <= wish.priority <= 255:
+            raise NotPossibleError("a priority is a byte")
+        message, permission, lease = self.call(
+            "request_control",
+            wish.name,
+            "conformance",
+            self._variant(wish.priority, self._kinds.Byte),
+            self._variant(wish.wait, self._kinds.Boolean),
+            self._variant(wish.duration, self._kinds.Double),
+        )
+        return Answer(permission, lease, message)
+
+    def send(self, lease: int, sequence: int, point: Point) -> bool:
+        """Send a set-point."""
+        whole = ((lease, self._kinds.UInt32), (sequence, self._kinds.UInt32), (int(point.mode), self._kinds.Byte))
+        floats = (point.speed, point.turn, point.flow, point.valid_for)
+        arguments = [self._variant(value, kind) for value, kind in whole]
+        arguments += [self._variant(value, self._kinds.Double) for value in floats]
+        return bool(self.call("set_point", *arguments)[0])
+
+    def release(self, lease: int) -> bool:
+        """Give a lease back."""
+        return bool(self.call("release_control", self._variant(lease, self._kinds.UInt32), "conformance")[0])
+
+    def close(self) -> None:
+        """End the session."""
+        self._client.disconnect()

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of a LAS file: its curves (LAS 1.2, 2.0), or the section ~Inclinometry of LAS 3."""
+
+from __future__ import annotations
+
+import csv
+import io
+import logging
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from mwd_sensors.core import budgets
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.number_cells import Cell
+from mwd_surface.list_files.table import Row, Table
+
+_LINE = re.compile(r"^\s*(?P<name>[^.:\s]+)\s*\.(?P<unit>\S*)\s*(?P<value>.*?)\s*:\s*(?P<words>.*)$")
+_DELIMITERS = {"COMMA": ",", "TAB": "\t"}
+
+
+def is_las(text: str) -> bool:
+    """Return whether a text begins as LAS files do: with a section, or comments before one."""
+    for line in text.splitlines()[:50]:
+        if line.strip() and not line.lstrip().startswith("#"):
+            return bool(re.match(r"\s*~\s*[VvWwCcPpAaOo]", line))
+    return False
+
+
+def las_table(text: str, name: str) -> Table:
+    """
+    Return the table of a LAS file.
+
+    Raises
+    ------
+    ListFileError
+        It cannot be read as LAS.
+    """
+    return _inclinometry(text, name) or _curves(text, name)
+
+
+def _curves(text: str, name: str) -> Table:
+    import lasio
+
+    # Its log would quote lines of the file on the terminal and in the logs of the nodes.
+    log = logging.getLogger("lasio")
+    log.addHandler(logging.NullHandler())
+    log.propagate = False
+    try:
+        # lasio looks for the name of each curve among all others.
+        budgets.LIST.check("columns", re.split(r"(?m)^\s*~A", text, maxsplit=1)[0].count("\n"))
+        file = lasio.read(io.StringIO(text), ignore_header_errors=True)
+        data = np.atleast_2d(file.data)
+    except Exception as error:  # lasio raises whatever its parsing meets
+        raise ListFileError(f"{name}: cannot be read as LAS: {error}") from error
+    names = [curve.mnemonic for curve in file.curves]
+    # Our own export says with KIND 2 that a row is a projection to the bit.
+    kind = names.index("KIND") if "KIND" in names else None
+    rows = []
+    for k, row in enumerate(data, start=1):
+        if kind is None or str(row[kind]) not in ("2", "2.0"):
+            rows.append(Row(f"{name}, row {k}", tuple(_cell(value) for value in row)))
+    head = [f"{item.descr}: {item.value}" for item in (*file.well, *file.params)]
+    units = tuple(str(curve.unit or "") for curve in file.curves)
+    return Table(name, name, tuple(names), units, tuple(rows), tuple(head))
+
+
+def _cell(value: object) -> Cell:
+    return float(value) if isinstance(value, (int, float, np.number)) else str(value).strip()
+
+
+def _inclinometry(text: str, name: str) -> Table | None:
+    """The section ~Inclinometry of LAS 3; None where the file has none."""
+    sections = list(_sections(text))
+    definition = next((lines for title, lines in sections if re.match(r"inclinometry_?def", title)), None)
+    titled = re.compile(r"inclinometry(_data)?\s*(\[1\])?\s*(\||$)")
+    data = next((lines for title, lines in sections if titled.match(title)), None)
+    if definition is None or data is None:
+        return None
+    found = [match for _, line in definition if (match := _LINE.match(line))]
+    head, separator = [], ","
+    for title, lines in sections:
+        if not re.match(r"v|w|p|inclinometry_?par", title):
+            continue
+        for _, line in lines:
+            match = _LINE.match(line)
+            if match:
+                head.append(f"{re.sub(r'{.*}', '', match['words']).strip()}: {match['value']}")
+                if match["name"].upper() == "DLM":
+                    separator = _DELIMITERS.get(match["value"].strip().upper(), " ")
+    rows = []
+    for number, line in data:
+        cells = line.split() if separator == " " else next(csv.reader([line], delimiter=separator))
+        rows.append(Row(f"{name}, line {number}", tuple(cell.strip() for cell in cells)))
+    names, units = tuple(match["name"] for match in found), tuple(match["unit"] for match in found)
+    return Table(name, name, names, units, tuple(rows), tuple(head))
+
+
+def _sections(text: str) -> Iterator[tuple[str, list[tuple[int, str]]]]:
+    """Title in lower case and numbered lines of each section, without comments."""
+    title = ""
+    lines: list[tuple[int, str]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.lstrip().startswith("~"):
+            yield title, lines
+            title, lines = line.strip()[1:].strip().lower(), []
+        elif line.strip() and not line.lstrip().startswith("#"):
+            lines.append((number, line))
+    yield title, lines

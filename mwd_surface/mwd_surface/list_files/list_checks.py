@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Checks of a list against itself: what no hole does, and angles that contradict its own vertical depth, north and east.
+
+A contradiction is refused with its likely cause: each usual mistake is undone in turn, and the one that makes angles
+and positions agree is named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files.list_columns import Given
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.station_list import POSITION
+
+DEEPEST = 20_000.0  # m; the longest hole there is has 15.2 km
+_ARC = 60.0  # m; stations farther apart leave out others
+_IMPOSSIBLE = 100_000.0  # m; no caller can confirm more
+# A dogleg that no usual hole has, rad/m; short radius drilling, which has more, is confirmed by the caller.
+_DOGLEG = math.radians(30.0) / 30.0
+# Two tools or two roundings may differ by this at neighbouring stations, rad.
+_ROUNDING = math.radians(1.0)
+
+
+def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
+    """
+    Refuse depths that no hole has.
+
+    Raises
+    ------
+    ListFileError
+        A depth above the wellhead, or deeper than any hole.
+    """
+    for k in map(int, np.flatnonzero(md < 0.0)):
+        raise ListFileError(f"{at[k]}: measured depth {md[k]:g} m is above the wellhead; depths count downwards")
+    for k in map(int, np.flatnonzero(md > _IMPOSSIBLE)):
+        raise ListFileError(
+            f"{at[k]}: measured depth {md[k]:g} m is deeper than any hole can be; check the unit and the decimal mark"
+        )
+    for k in map(int, np.flatnonzero(md > DEEPEST)):
+        if "depth" not in given.confirm:
+            raise ListFileError(
+                f"{at[k]}: measured depth {md[k]:g} m is deeper than any hole; check the unit and the decimal mark, or"
+                " confirm it with --confirm depth"
+            )
+
+
+def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given: Given) -> tuple[Remark, ...]:
+    """
+    Refuse a dogleg above 30 deg/30 m, which is a wrong number far more often than a hole; return what was confirmed.
+
+    Raises
+    ------
+    ListFileError
+        Two neighbouring stations turn too much, and the caller has not confirmed it.
+    """
+    md, inc, azi = columns
+    turned = mc.dogleg(inc[:-1], azi[:-1], inc[1:], azi[1:])
+    length = np.diff(md)
+    sharp = np.flatnonzero(turned > _DOGLEG * length + _ROUNDING)
+    if not sharp.size:
+        return ()
+    k = int(sharp[0])
+    severity = math.degrees(turned[k]) / length[k] * 30.0
+    text = (
+        f"{at[k + 1]}: the hole turns by {math.degrees(turned[k]):.1f} deg over {length[k]:.2f} m,"
+        f" {severity:.0f} deg/30 m; no usual hole does so"
+    )
+    if sharp.size > 1:
+        text += f" ({sharp.size} intervals of the list do)"
+    if "dogleg" in given.confirm:
+        return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"dogleg_severity": float(severity)}),)
+    raise ListFileError(f"{text}: check depths, units and angles, or confirm it with --confirm dogleg")
+
+
+def allowed(md: Array) -> Array:
+    """Return how far positions of a list may be from those of its angles, m: by method, and by stations left out."""
+    # Over a long gap the hole is no arc.
+    gaps = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(md) - _ARC, 0.0))])
+    return np.asarray(1.0 + 0.005 * (md - md[0]) + 0.1 * gaps)
+
+
+def misfit(columns: tuple[Array, Array, Array], positions: Array) -> Array:
+    """Return the positions of a list less those that its angles give, from its first station on, shape (n, 3), m."""
+    md, inc, azi = columns
+    computed = mc.path(md, inc, azi)
+    origin = positions[0]
+    return np.asarray((positions - origin) - (computed - computed[0]))
+
+
+def fits(columns: tuple[Array, Array, Array], positions: Array) -> bool:
+    """Return whether positions of a list, as far as it has them, agree with its angles."""
+    try:
+        difference = misfit(columns, positions)
+    except ValueError:
+        return False
+    compared = np.isfinite(difference)
+    return bool(np.all(np.abs(np.where(compared, difference, 0.0)) <= allowed(columns[0])[:, None]))
+
+
+def check_positions(name: str, columns: tuple[Array, Array, Array], positions: Array, at: Sequence[str]) -> None:
+    """
+    Refuse a list whose own positions contradict its angles.
+
+    Raises
+    ------
+    ListFileError
+        They differ by more than methods of calculation do; the message names the likely cause.
+    """
+    try:
+        difference = misfit(columns, positions)
+    except ValueError as error:
+        raise ListFileError(f"{name}: {error}") from error
+    for k, axis in zip(*np.nonzero(np.abs(difference) > allowed(columns[0])[:, None]), strict=True):
+        given = positions[k, axis]
+        raise ListFileError(
+            f"{at[k]}: {POSITION[axis]} {given:.2f} m does not fit the angles, which give"
+            f" {given - difference[k, axis]:.2f} m; {_cause(columns, positions)}"
+        )
+
+
+def turn_between(columns: tuple[Array, Array, Array], positions: Array) -> float:
+    """Return the angle by which the azimuths have to be turned to point along the list's own north and east, rad."""
+    md, inc, azi = columns
+    try:
+        computed = mc.path(md, inc, azi)
+    except ValueError:
+        return math.nan
+    own, ours = positions[:, :2] - positions[0, :2], computed[:, :2] - computed[0, :2]
+    good = np.all(np.isfinite(own), axis=1)
+    if not np.any(good):
+        return math.nan
+    z_own, z_ours = own[good, 0] + 1j * own[good, 1], ours[good, 0] + 1j * ours[good, 1]
+    total = np.sum(z_own * np.conj(z_ours))
+    return float(np.angle(total)) if abs(total) > 1.0 else math.nan
+
+
+def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
+    """Usual mistake that explains a contradiction, or what to check."""
+    md, inc, azi = columns
+    turn = turn_between(columns, positions)
+    right, up, foot = math.pi / 2.0, np.array([1.0, 1.0, -1.0]), 0.3048
+    flat, deep = np.array([foot, foot, 1.0]), np.array([1.0, 1.0, foot])
+    degrees = 180.0 / math.pi
+    dips = "the inclinations are angles from the horizontal (dips): name the column dip"
+    mixed = "feet and metres are mixed:"
+    turned = (
+        "the azimuths are from another north than the north and east columns, which are turned from them by"
+        f" {math.degrees(turn):+.2f} deg"
+    )
+    # Words, and the list with that mistake undone: angles and positions.
+    ways = (
+        (dips, (md, right - inc, azi), positions),
+        (f"{dips}; positive ones point up", (md, right + inc, azi), positions),
+        ("the angles are in radians: --angle-unit rad", (md, inc * degrees, azi * degrees), positions),
+        ("the inclinations are in radians: give them a unit", (md, inc * degrees, azi), positions),
+        ("the angles are in grads: --angle-unit grad", (md, inc * 0.9, azi * 0.9), positions),
+        ("the angles are in degrees and not in grads", (md, inc / 0.9, azi / 0.9), positions),
+        (f"{mixed} the measured depths are in feet, or the positions in metres", (md * foot, inc, azi), positions),
+        (f"{mixed} the measured depths are in metres, or the positions in feet", (md / foot, inc, azi), positions),
+        (f"{mixed} north and east are in feet and the other lengths in metres", columns, positions * flat),
+        (f"{mixed} north and east are in metres and the other lengths in feet", columns, positions / flat),
+        (f"{mixed} the vertical depths are in feet and the other lengths in metres", columns, positions * deep),
+        (f"{mixed} the vertical depths are in metres and the other lengths in feet", columns, positions / deep),
+        ("north and east are exchanged", columns, positions[:, [1, 0, 2]]),
+        ("the vertical depths are elevations, which count upwards", columns, positions * up),
+        (turned, (md, inc, azi + turn), positions),
+    )
+    for words, changed, moved in ways:
+        angles = changed[1:]
+        if np.all(np.isfinite(angles)) and np.all((angles[0] >= 0.0) & (angles[0] <= math.pi)) and fits(changed, moved):
+            return f"likely cause: {words}"
+    return "check units, north, and whether columns are what their names say"

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+What the head of a list says of its table: north, units, whether angles count from the horizontal, the wellhead.
+
+The head is what stands above the names of the columns or in comments: "North Reference: Grid", "Depth Unit: ft",
+"# WELL HEAD X-COORDINATE: 431200.000 (m)". A north or unit that is stated in words that nobody understands is kept
+and quoted, never treated as absent.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterable
+
+from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS, north_of, unit_word
+from mwd_surface.list_files.number_cells import decimal_mark, split, value
+
+_NORTH = re.compile(
+    r"(?:(?:north|azimuths?|azi|azm|azim|bearing)[ _]*(?:angles?)?[ _]*(?:north)?[ _]*(?:ref(?:erence)?s?|type|datum)\b"
+    r"|reference[ _]+north|north[ _]+type"
+    r"|azimuths?[ _]+(?:are|is)?[ _]*(?:given|referenced|relative|measured|from|in)\b"
+    r"|^\W*north\s*(?=[:=,;|\t])|北向|方位基准|方位参考)"
+    r"[^:=,;|\t]{0,40}?(?:[:=,;|\t]|\s)\s*(?P<said>.*)",
+    re.IGNORECASE,
+)
+_UNIT = re.compile(
+    r"(?P<what>\b(?:depth|length|md|measured depth|distance|linear|angle|angular|inclination|azimuth|survey|unit|api)?)"
+    r"\s*-?\s*units?(?:[ _]*(?:system|of measure|of length|of depth|set))?\s*(?:[:=,;|\t]|\bis\b)\s*(?P<said>.*)",
+    re.IGNORECASE,
+)
+_IN_UNITS = re.compile(r"\b(?:in|IN)\s+(?P<said>[\w ]{1,20}?)-?\s*UNITS?\b", re.IGNORECASE)
+_ANGLES_ARE = re.compile(
+    r"\bangles?\b[^:=]*\b(?:in|are)\s+(?:given in\s+)?(?P<said>degrees|radians|grads?|gon)\b", re.IGNORECASE
+)
+_HORIZONTAL = re.compile(
+    r"(?:incl\w*|dip|angle|倾角)[^:=]*\b(?:from|to|relative to|above|below|against)\s+(?:the\s+)?horizont|与水平面",
+    re.IGNORECASE,
+)
+_HEAD_X = re.compile(
+    r"(?:\b(?:well\s*-?\s*head|surface|slot|collar|well|head|wrp|location|top)\b|\+[NE]/-[SW])[^:=]*?"
+    r"\b(?:x|east(?:ing)?s?)\b[^:=0-9]*[:=,;\t ]\s*"
+    r"(?P<number>[-+]?\d[\d.,' ]*)\s*(?P<unit>\(?\s*[A-Za-z ]*\)?)",
+    re.IGNORECASE,
+)
+_HEAD_Y = re.compile(_HEAD_X.pattern.replace(r"(?:x|east(?:ing)?s?)", r"(?:y|north(?:ing)?s?)"), re.IGNORECASE)
+_IN_BRACKETS = re.compile(
+    r"\b(?:KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b[^()]*\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Head:
+    """
+    What a head says.
+
+    north: one of NORTHS, or "". strange_north, strange_unit: words that were not understood. length_unit, angle_unit:
+    as in LENGTH_UNITS and ANGLE_UNITS, or "". hinted_unit: unit of other lengths of the head, such as the elevation of
+    the kelly bushing. horizontal: whether angles count from the horizontal. wellhead: northing and easting, m, or None.
+    """
+
+    north: str = ""
+    strange_north: str = ""
+    length_unit: str = ""
+    angle_unit: str = ""
+    strange_unit: str = ""
+    hinted_unit: str = ""
+    horizontal: bool = False
+    wellhead: tuple[float, float] | None = None
+
+
+def read_head(lines: Iterable[str]) -> Head:
+    """Return what the lines of a head say; where two lines say the same, the last one counts."""
+    head = Head()
+    x = y = None
+    for line in lines:
+        head = _units(_north(head, line), line)
+        if _HORIZONTAL.search(line):
+            head = dataclasses.replace(head, horizontal=True)
+        x, y = _coordinate(_HEAD_X, line) or x, _coordinate(_HEAD_Y, line) or y
+        hinted = _IN_BRACKETS.search(line)
+        if hinted and unit_word(hinted["said"]) in LENGTH_UNITS:
+            head = dataclasses.replace(head, hinted_unit=unit_word(hinted["said"]))
+    if x is not None and y is not None:
+        head = dataclasses.replace(head, wellhead=(y, x))
+    return head
+
+
+def _north(head: Head, line: str) -> Head:
+    found = _NORTH.search(line)
+    if found is None:
+        return head
+    said = re.split(r"[,;|\t]|\s{3,}", found["said"].strip())[0].strip(" .\"'")
+    north = north_of(said) or north_of(line[found.start() :])
+    if north:
+        return dataclasses.replace(head, north=north, strange_north="")
+    # "Azimuth reference" without a value, or the name of a column.
+    return dataclasses.replace(head, strange_north=said) if said and not head.north else head
+
+
+def _units(head: Head, line: str) -> Head:
+    angles = _ANGLES_ARE.search(line)
+    if angles and unit_word(angles["said"]) in ANGLE_UNITS:
+        head = dataclasses.replace(head, angle_unit=unit_word(angles["said"]))
+    found = _UNIT.search(line) or _IN_UNITS.search(line)
+    if found is None:
+        return head
+    said = found["said"].strip(" ,;|\t.\"'")
+    for part in (said, *re.split(r"[-,;/|\t]", said)):
+        unit = unit_word(part)
+        if unit in LENGTH_UNITS:
+            return dataclasses.replace(head, length_unit=unit, strange_unit="")
+        if unit in ANGLE_UNITS:
+            return dataclasses.replace(head, angle_unit=unit)
+    words = {"metric": "m", "si": "m"}
+    named = words.get(said.lower())
+    if named:
+        return dataclasses.replace(head, length_unit=named)
+    depth = found.groupdict().get("what") or ""
+    if said and depth.strip().lower() in ("depth", "length", "md", "measured depth") and not head.length_unit:
+        return dataclasses.replace(head, strange_unit=said)
+    return head
+
+
+def _coordinate(pattern: re.Pattern[str], line: str) -> float | None:
+    found = pattern.search(line)
+    if found is None:
+        return None
+    number = split(found["number"].strip(" ,"))
+    unit = unit_word(found["unit"])
+    if number is None:
+        return None
+    try:
+        return value(number[0], decimal_mark(number[0]) or ".") * LENGTH_UNITS.get(unit, 1.0)
+    except ValueError:
+        return None

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+North and east of a list as offsets from its wellhead, where the file has map coordinates instead.
+
+A hole of a given length cannot reach farther from its wellhead than that. Positions that lie farther away are map
+coordinates or count from another point; the wellhead is subtracted where it is known, and asked for where it is not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files.list_columns import Given
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.remark import Remark, RemarkKind
+
+# Positions this much farther from the wellhead than the hole is long are not offsets from it, m.
+_ROUNDING = 5.0
+# Slots of a platform or pad lie within this of the point their offsets count from, m.
+_SITE = 2000.0
+# Farther away there is only a map, m.
+_MAP = 20_000.0
+# At a smaller inclination the first station lies below the wellhead, rad.
+_VERTICAL = math.radians(1.0)
+
+
+def offsets_from_wellhead(
+    name: str,
+    md: Array,
+    pair: Array,
+    inclination: float,
+    given: Given,
+    wellhead: tuple[float, float] | None,
+    *,
+    charted: bool,
+) -> tuple[Array, tuple[Remark, ...]]:
+    """
+    Return north and east from the wellhead, shape (n, 2), m, and what was assumed.
+
+    Parameters
+    ----------
+    name : str
+        Of the list.
+    md, pair : ndarray, shape (n,) and (n, 2)
+        Measured depth, and north and east as the file has them, m.
+    inclination : float
+        Of the first station, rad.
+    given : Given
+        The wellhead that the caller gives, and what the caller confirms.
+    wellhead : tuple of float, optional
+        Northing and easting that the head of the list gives, m.
+    charted : bool
+        Whether the columns are named as axes of a map (northing, easting, x, y).
+
+    Raises
+    ------
+    ListFileError
+        The wellhead is not known, or does not fit the list.
+    """
+    known = np.all(np.isfinite(pair), axis=1)
+    if not np.any(known):
+        return pair, ()
+    first = int(np.argmax(known))
+    place = pair[first]
+    beyond = float(np.hypot(*place) - md[first])
+    own = given.wellhead or wellhead
+    if own is not None and (charted or beyond > _ROUNDING or given.wellhead is not None):
+        return _shifted(name, pair, own, float(md[first]), first, given)
+    if beyond <= _ROUNDING:
+        return pair, ()
+    if beyond <= _SITE and not charted:
+        text = (
+            f"{name}: its first station lies {place[0]:+.2f} m north and {place[1]:+.2f} m east: north and east are"
+            " taken to count from another point of the site, and the path starts there"
+        )
+        return pair, (Remark(RemarkKind.TIE_ON_OF_LIST, text, {"north": float(place[0]), "east": float(place[1])}),)
+    if not charted and beyond <= _MAP and "wellhead" not in given.confirm:
+        raise ListFileError(
+            f"{name}: north and east of its first station are {place[0]:.2f} and {place[1]:.2f} m: map coordinates,"
+            " or offsets from another point than the wellhead? Give the wellhead with --wellhead NORTHING,EASTING, or"
+            " say with --confirm wellhead that the first station is the wellhead"
+        )
+    if md[first] > 0.0 and inclination > _VERTICAL:
+        raise ListFileError(
+            f"{name}: north and east are map coordinates ({place[0]:.2f} and {place[1]:.2f} m at {md[first]:.2f} m),"
+            " and the list does not say where the wellhead is; give it with --wellhead NORTHING,EASTING"
+        )
+    return _shifted(name, pair, (float(place[0]), float(place[1])), float(md[first]), first, given)
+
+
+def _shifted(
+    name: str, pair: Array, wellhead: tuple[float, float], depth: float, first: int, given: Given
+) -> tuple[Array, tuple[Remark, ...]]:
+    """Map coordinates less those of the wellhead; refused where the hole cannot reach its first station."""
+    shifted = pair - np.array(wellhead)
+    apart = float(np.hypot(*shifted[first]))
+    if apart > depth + _SITE and "wellhead" not in given.confirm:
+        raise ListFileError(
+            f"{name}: its first station lies {apart / 1000.0:.1f} km from the wellhead at {wellhead[0]:.2f} m N,"
+            f" {wellhead[1]:.2f} m E; check both, also that north and east are not exchanged, or confirm it with"
+            " --confirm wellhead"
+        )
+    text = (
+        f"{name}: north and east are map coordinates; the wellhead at {wellhead[0]:.2f} m N, {wellhead[1]:.2f} m E is"
+        " subtracted"
+    )
+    values = {"northing": float(wellhead[0]), "easting": float(wellhead[1])}
+    return shifted, (Remark(RemarkKind.MAP_SHIFTED, text, values),)
+
+
+def wellhead_of(remarks: Iterable[Remark]) -> tuple[float, float] | None:
+    """Return northing and easting, m, of the wellhead that was subtracted from a list; None where none was."""
+    shifted = [one.values for one in remarks if one.kind == RemarkKind.MAP_SHIFTED]
+    return (shifted[-1]["northing"], shifted[-1]["easting"]) if shifted else None

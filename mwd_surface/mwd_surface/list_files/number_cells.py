@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Cells of a table as numbers: decimal and thousands marks judged over a whole column, null values, units in a cell.
+
+A mark is judged by all cells of its column, then by the other columns of the table, and by what the quantity can be.
+Where nothing decides, the reader asks; it never guesses between 1 m and 1000 m.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+
+Cell = str | float
+
+# Values that programs write for "no value" (LAS, Petrel, WITSML, spreadsheets).
+NULL_NUMBERS = (-999.25, -999.0, -9999.0, -9999.25, -99999.0, -999.99, -9999.99, 1e30, -1e30, 1.0e33)
+_NULL_WORDS = frozenset(
+    [
+        "-",
+        "--",
+        "---",
+        ".",
+        "na",
+        "n/a",
+        "n.a.",
+        "n.a",
+        "nan",
+        "nil",
+        "null",
+        "none",
+        "void",
+        "-",
+        "?",
+        "#n/a",
+        "#na",
+        "#value!",
+        "#ref!",
+        "#div/0!",
+        "#num!",
+        "#null!",
+        "absent",
+        "(null)",
+        "<null>",
+        "inf",
+        "+inf",
+        "-inf",
+        "-",
+        "无",
+        "空",
+    ]
+)
+_MINUS = str.maketrans({"\u2212": "-", "\u2013": "-", "\ufe63": "-", "\uff0d": "-", "\uff0e": ".", "\uff0c": ","})
+_NUMBER = re.compile(
+    r"""^(?P<number>[+-]?\s?(?:\d[\d.,'’\u00a0\u202f\u2009 ]*|[.,]\d+)(?:[eEdD][+-]?\d+)?)\s*(?P<rest>\D*)$""",
+    re.DOTALL,
+)
+_SPACES = re.compile("(?<=\\d)['’\u00a0\u202f\u2009 ](?=\\d{3}(?!\\d))")
+_LONGEST = 100  # characters of a number with its unit; the time to match the pattern grows with the square
+_GROUPED = re.compile(r"^[+-]?[1-9]\d{0,2}(?P<mark>[.,])\d{3}$")
+
+
+def is_null(cell: Cell) -> bool:
+    """Return whether a cell is empty or one of the ways to write that there is no value."""
+    if isinstance(cell, float):
+        return not math.isfinite(cell) or cell in NULL_NUMBERS
+    text = cell.strip().lower()
+    return not text or text in _NULL_WORDS or _plain_null(text)
+
+
+def _plain_null(text: str) -> bool:
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return not math.isfinite(value) or value in NULL_NUMBERS
+
+
+def split(cell: Cell) -> tuple[str, str] | None:
+    """Return the number of a cell, without group spaces, and the words behind it; None where it is not a number."""
+    if isinstance(cell, float):
+        return repr(cell), ""
+    text = cell.strip().translate(_MINUS)
+    if len(text) > _LONGEST:
+        return None
+    # A spreadsheet marks text with an apostrophe in front.
+    found = _NUMBER.match(text[1:] if text[:1] in "'’" else text)
+    if found is None:
+        return None
+    number = _SPACES.sub("", found["number"].strip()).replace(" ", "")
+    return number.rstrip(".,") if number[-1:] in ".," else number, found["rest"].strip()
+
+
+def looks_like_number(cell: Cell) -> bool:
+    """Return whether a cell has a number in it, with or without a unit, by any marks; a null value is not one."""
+    if is_null(cell):
+        return False
+    found = split(cell)
+    if found is None or len(found[1]) > 12:
+        return False
+    try:
+        return math.isfinite(value(found[0], decimal_mark(found[0])))
+    except ValueError:
+        return False
+
+
+def decimal_mark(number: str) -> str:
+    """Return the decimal mark that one number shows by itself, "." or ","; empty where it shows none."""
+    points, commas = number.count("."), number.count(",")
+    if points and commas:
+        last = max(".,", key=number.rfind)
+        return last if number.count(last) == 1 else ""
+    if points + commas != 1:
+        # A mark that stands more than once parts thousands, so the other one is decimal.
+        return "," if points > 1 else "." if commas > 1 else ""
+    if _GROUPED.match(number):
+        return ""
+    return "." if points else ","
+
+
+def marks(cells: Iterable[Cell]) -> set[str]:
+    """Return the decimal marks that the cells of a column show."""
+    found = (split(cell) for cell in cells if not is_null(cell))
+    return {decimal_mark(one[0]) for one in found if one is not None} - {""}
+
+
+def ambiguous(cells: Iterable[Cell]) -> list[str]:
+    """Return the numbers of a column that are a thousand times larger by one decimal mark than by the other."""
+    found = (split(cell) for cell in cells if not isinstance(cell, float) and not is_null(cell))
+    return [one[0] for one in found if one is not None and _GROUPED.match(one[0])]
+
+
+def value(number: str, mark: str) -> float:
+    """
+    Return a number by its decimal mark, "." or ","; empty: one without any mark that matters.
+
+    Raises
+    ------
+    ValueError
+        It is not a number by that mark.
+    """
+    other = {",": ".", ".": ",", "": ","}[mark]
+    whole, decimal, rest = number.partition(mark) if mark else (number, "", "")
+    if other in rest:
+        raise ValueError(f"{number!r} is not a number with the decimal mark {mark!r}")
+    if other in whole:
+        groups = re.split(r"[.,]", whole.lstrip("+-"))
+        if not 1 <= len(groups[0]) <= 3 or any(len(group) != 3 for group in groups[1:]):
+            raise ValueError(f"{number!r} has a thousands mark that does not part groups of three")
+        whole = whole.replace(other, "")
+    return float(f"{whole}{'.' if decimal else ''}{rest}".replace("d", "e").replace("D", "e"))
+
+
+def texts(columns: Sequence[Sequence[Cell]]) -> list[list[str]]:
+    """
+    Return columns as text, with a decimal point in every number whose column is one of numbers and without nulls.
+
+    A column in which some cells are words stays as it is. Marks that nothing decides are decimal points.
+    """
+    shown = set().union(*(marks(cells) for cells in columns)) if columns else set()
+    whole = next(iter(shown)) if len(shown) == 1 else "."
+    done = []
+    for cells in columns:
+        own = marks(cells)
+        mark = next(iter(own)) if len(own) == 1 else whole
+        try:
+            done.append(["" if is_null(cell) else _canonical(cell, mark) for cell in cells])
+        except ValueError:
+            done.append([cell.strip() if isinstance(cell, str) else repr(cell) for cell in cells])
+    return done
+
+
+def _canonical(cell: Cell, mark: str) -> str:
+    if isinstance(cell, float):
+        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+    found = split(cell)
+    if found is None or found[1]:
+        raise ValueError(cell)
+    number = found[0]
+    if mark == "," or "," in number:
+        return repr(value(number, mark))
+    float(number)
+    return number

@@ -1,0 +1,495 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+One table layer for every file of rows and named columns: bytes to names, units, rows of cells with their places.
+
+Text of any usual encoding, parted by tab, semicolon, bar, comma or spaces, and spreadsheets (.xlsx) are read by what
+they contain, whatever they are called. Lines above the names and comments are kept as the head. Empty rows and columns,
+ruled lines and names that are repeated on every page change nothing.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import dataclasses
+import datetime as dt
+import io
+import re
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.input_files import check_lines, read_file
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.number_cells import Cell, is_null, looks_like_number, texts
+from mwd_surface.list_files.remark import Remark, RemarkKind
+
+_HEAD = 200  # lines above the one that names the columns, as programs for people write them
+_STACKED = 4  # lines that together name the columns
+WIDE, SPACE = "  ", " "  # two spaces or more part fields; any space does
+_SEPARATORS = ("\t", ";", "|", ",", WIDE, SPACE)
+_COMMENT = re.compile(r"^\s*(#|!|//|--(?=\s|\w)|\*|%|REM\b|REMARK\b)\s?", re.IGNORECASE)
+_RULE = re.compile(r"^[\s\-=_+|*~.:#]*$")
+_BOMS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF32_LE, "utf-32"),
+    (codecs.BOM_UTF32_BE, "utf-32"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+
+# How well some texts are the names of columns: 0 where they are not.
+Header = Callable[[Sequence[str]], int]
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One row: where it stands in the file, and its cells."""
+
+    at: str
+    cells: tuple[Cell, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """
+    Rows under named columns.
+
+    name: of the file. at: place of the names. names, units: of each column; a unit stands here where the file has it
+    apart from the name, else "". rows: below the names. head: lines above the names and comments. remarks: rows that
+    were left out.
+    """
+
+    name: str
+    at: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[Row, ...]
+    head: tuple[str, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+
+    def columns(self) -> dict[str, list[str]]:
+        """Return the columns as text by name, numbers with a decimal point; short rows are filled with empty cells."""
+        width = len(self.names)
+        cells = [[row.cells[k] if k < len(row.cells) else "" for row in self.rows] for k in range(width)]
+        return dict(zip(self.names, texts(cells), strict=True))
+
+
+def read_bytes(path: Path) -> bytes:
+    """
+    Read a file of bounded size.
+
+    Raises
+    ------
+    ListFileError
+        It is missing, no regular file, or too large.
+    """
+    try:
+        return read_file(path, budgets.LIST)
+    except OSError as error:
+        raise ListFileError(f"{path}: {error.strerror}") from error
+
+
+def is_spreadsheet(data: bytes) -> bool:
+    """Return whether the bytes are those of an .xlsx file (a zip archive)."""
+    return data.startswith(b"PK\x03\x04")
+
+
+def text_of(data: bytes, name: str) -> str:
+    """
+    Return the text of a file: by its byte order mark, as UTF-8, or by what the bytes can be.
+
+    Raises
+    ------
+    ListFileError
+        It is a file of another kind, such as PDF or an old spreadsheet, or has more lines or columns than are read.
+    """
+    text = _decoded(data, name)
+    try:
+        check_lines(text, budgets.LIST)
+    except BudgetError as error:
+        raise ListFileError(f"{name}: {error}") from error
+    return text
+
+
+def _decoded(data: bytes, name: str) -> str:
+    for magic, what in (
+        (b"%PDF", "a PDF; export the list as CSV or .xlsx"),
+        (b"\xd0\xcf\x11\xe0", "an old spreadsheet (.xls) or document; save it as .xlsx or CSV"),
+        (b"PK\x03\x04", "an archive that is not an .xlsx spreadsheet; save the list as .xlsx or CSV"),
+        (b"\x1f\x8b", "packed (gzip); unpack it first"),
+    ):
+        if data.startswith(magic):
+            raise ListFileError(f"{name} is {what}")
+    for mark, encoding in _BOMS:
+        if data.startswith(mark):
+            try:
+                return data.decode(encoding).replace("\x00", "")
+            except UnicodeDecodeError as error:
+                raise ListFileError(f"{name} begins as {encoding} and is not: byte {error.start}") from error
+    # Text in two bytes a character without a mark has a zero in every second place.
+    for encoding, zeros in (("utf-16-le", data[1:200:2]), ("utf-16-be", data[0:200:2])):
+        if len(zeros) > 4 and zeros.count(0) > 0.8 * len(zeros):
+            return data.decode(encoding, errors="replace")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        pass
+    try:
+        chinese = data.decode("gb18030")
+        if re.search("[深角位距]", chinese):
+            return chinese
+    except UnicodeDecodeError:
+        pass
+    try:
+        return data.decode("cp1252")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def read_table(path: Path) -> Table:
+    """
+    Return the table of a file whose first line that is no comment has the names.
+
+    Raises
+    ------
+    ListFileError
+        The file cannot be read, is empty, has names only, a name twice, or a row with more cells than names.
+    """
+    table = table_of(read_bytes(path), str(path))
+    named = [name for name in table.names if name]
+    twice = sorted({name for name in named if named.count(name) > 1})
+    if twice:
+        raise ListFileError(f"{path}: column {', '.join(twice)} is there twice")
+    if not table.rows:
+        raise ListFileError(f"{path} has column names but no row below them")
+    for row in table.rows:
+        if any(not is_null(cell) for cell in row.cells[len(table.names) :]):
+            raise ListFileError(f"{row.at}: {len(row.cells)} cells, but {len(table.names)} columns have names")
+    kept = [k for k, name in enumerate(table.names) if name]
+    rows = tuple(Row(row.at, tuple(row.cells[k] if k < len(row.cells) else "" for k in kept)) for row in table.rows)
+    return dataclasses.replace(table, names=tuple(named), units=tuple(table.units[k] for k in kept), rows=rows)
+
+
+def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: Header | None = None) -> Table:
+    """
+    Return the table in the bytes of a file.
+
+    Parameters
+    ----------
+    data, name : bytes, str
+        The file and its name, for messages.
+    is_header : callable, optional
+        How well some texts are the names of the columns, 0 where they are not. Left out, the first line that is no
+        comment has them.
+    is_unit : callable, optional
+        Whether (not 0) the cells of the line below the names are units; left out, such a line is a row.
+
+    Raises
+    ------
+    ListFileError
+        It is empty or of another kind, or a line cannot be parted.
+    """
+    if not is_spreadsheet(data):
+        return _text_table(text_of(data, name), name, is_header, is_unit)
+    grids = _sheets(data, name)
+    found = []
+    for sheet, grid in grids:
+        where = _header_in(grid, is_header)
+        if where is not None:
+            found.append((sheet, grid, where))
+    if not found:
+        grid = next((grid for _, grid in grids if grid), [])
+        if not grid:
+            raise ListFileError(f"{name}: empty")
+        return _assembled(name, grid, (0, 1), [str(cell) for cell in grid[0].cells], is_unit, ())
+    sheet, grid, (first, count) = found[0]
+    table = _assembled(name, grid, (first, count), _stacked(grid[first : first + count]), is_unit, ())
+    if len(found) > 1:
+        others = ", ".join(repr(other) for other, _, _ in found[1:])
+        text = f"{name}: sheet {sheet!r} is read; {others} has stations too"
+        return dataclasses.replace(table, remarks=(*table.remarks, Remark(RemarkKind.COLUMN_CHOSEN, text)))
+    return table
+
+
+def _sheets(data: bytes, name: str) -> list[tuple[str, list[Row]]]:
+    """Rows of each sheet of a spreadsheet; numbers stay numbers."""
+    import openpyxl
+
+    _check_archive(data, name)
+    sheets, cells = [], 0
+    try:
+        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+        for sheet in book.worksheets:
+            rows: list[Row] = []
+            sheets.append((sheet.title, rows))
+            # What a sheet says of its size may be wrong; a row then ends at its last cell.
+            sheet.reset_dimensions()
+            # A row of a few bytes may stand at any number and end at any column: the empty cells before it are made.
+            for k, row in enumerate(sheet.iter_rows(values_only=True), start=1):
+                cells += 1 + len(row)
+                budgets.SPREADSHEET.check("records", cells)
+                width = max((j for j, cell in enumerate(row, start=1) if _said(cell)), default=0)
+                budgets.SPREADSHEET.check("columns", width)
+                if width:
+                    rows.append(Row(f"{name}, sheet {sheet.title}, row {k}", tuple(map(_cell, row[:width]))))
+    except BudgetError as error:
+        raise ListFileError(f"{name} {error}") from error
+    except Exception as error:  # openpyxl raises whatever its parsing meets
+        raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
+    return sheets
+
+
+def _check_archive(data: bytes, name: str) -> None:
+    """Refuse an archive that is not a spreadsheet, or that unpacks to more than a memory holds."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            items = archive.infolist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+        raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
+    unpacked = sum(item.file_size for item in items)
+    if unpacked > (budgets.SPREADSHEET.unpacked or 0):
+        raise ListFileError(f"{name}: unpacks to more than {(budgets.SPREADSHEET.unpacked or 0) / budgets.MB:g} MB")
+    if not any(item.filename.startswith("xl/") for item in items):
+        raise ListFileError(f"{name} is an archive that is not an .xlsx spreadsheet; save it as .xlsx or CSV")
+
+
+def _said(cell: object) -> bool:
+    return cell is not None and str(cell).strip() != ""
+
+
+def _cell(cell: object) -> Cell:
+    if cell is None:
+        return ""
+    if isinstance(cell, (int, float)) and not isinstance(cell, bool):
+        return float(cell)
+    if isinstance(cell, dt.datetime):
+        return cell.isoformat()
+    return str(cell).strip()
+
+
+def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header | None) -> Table:
+    whole = [(k, line) for k, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    lines = [(k, line) for k, line in whole if not _COMMENT.match(line)]
+    comments = [_COMMENT.sub("", line).strip() for _, line in whole if _COMMENT.match(line)]
+    if not lines:
+        raise ListFileError(f"{name}: empty")
+    if is_header is not None:
+        # Names that are written as a comment count where no other line has them.
+        for candidates in (lines, [(k, _COMMENT.sub("", line)) for k, line in whole]):
+            for separator in _SEPARATORS:
+                if separator == WIDE:
+                    spaced = _spaced(candidates, name, is_header)
+                    if spaced is not None:
+                        return _assembled(name, *spaced, is_unit, comments)
+                grid, faults = _parted(candidates, separator, name)
+                where = _header_in(grid, is_header)
+                if where is not None:
+                    for k, fault in faults.items():
+                        if k >= sum(where):
+                            raise fault
+                    names = _stacked(grid[where[0] : sum(where)])
+                    return _assembled(name, grid, where, names, is_unit, comments)
+    grid, faults = _parted(lines, _most(lines[0][1]), name)
+    if faults and is_header is None:
+        raise next(iter(faults.values()))
+    return _assembled(name, grid, (0, 1), [str(cell) for cell in grid[0].cells], is_unit, comments)
+
+
+def _parted(lines: Sequence[tuple[int, str]], separator: str, name: str) -> tuple[list[Row], dict[int, ListFileError]]:
+    """Rows of the lines, and by their number the error of those that cannot be parted; these are one cell."""
+    if separator in (WIDE, SPACE):
+        between = re.compile(r"\s{2,}|\t" if separator == WIDE else r"\s+")
+        return [Row(f"{name}, line {k}", tuple(between.split(line.strip()))) for k, line in lines], {}
+    try:
+        return _records(lines, separator, name), {}
+    except csv.Error:
+        pass
+    grid: list[Row] = []
+    faults = {}
+    for k, line in lines:
+        try:
+            cells = tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator, strict=True)))
+        except csv.Error as error:
+            faults[len(grid)] = ListFileError(f"{name}, line {k}: {error}")
+            cells = (line,)
+        grid.append(Row(f"{name}, line {k}", cells))
+    return grid, faults
+
+
+def _records(lines: Sequence[tuple[int, str]], separator: str, name: str) -> list[Row]:
+    """Rows of the lines; a quoted cell may have a few of them. csv.Error where they cannot be parted so."""
+    reader = csv.reader((f"{line}\n" for _, line in lines), delimiter=separator, skipinitialspace=True, strict=True)
+    grid, before = [], 0
+    for cells in reader:
+        if reader.line_num - before > _STACKED:
+            raise csv.Error("a quoted cell has too many lines")
+        grid.append(Row(f"{name}, line {lines[before][0]}", tuple(" ".join(cell.split()) for cell in cells)))
+        before = reader.line_num
+    return grid
+
+
+def _most(line: str) -> str:
+    """Separator of which a line has most; spaces where it has none."""
+    best = max("\t;|,", key=line.count)
+    if line.count(best):
+        return best
+    return WIDE if WIDE in line.strip() else SPACE
+
+
+def _header_in(grid: Sequence[Row], is_header: Header | None) -> tuple[int, int] | None:
+    """Index of the row of names and how many rows together are the names; None where there are none."""
+    if is_header is None:
+        return 0, 1
+    for count in range(1, _STACKED + 1):
+        for k in range(min(_HEAD, len(grid) - count + 1)):
+            rows = grid[k : k + count]
+            if any(looks_like_number(cell) for row in rows for cell in row.cells):
+                continue
+            if count > 1 and any(len(row.cells) < 2 for row in rows):
+                continue
+            below = grid[k + count : k + count + 12]
+            width = max(len(row.cells) for row in rows)
+            # The names of a table part as its rows do.
+            wide = any(2 < len(row.cells) <= width + 2 and sum(map(looks_like_number, row.cells)) > 1 for row in below)
+            if (wide or not below) and is_header(_stacked(rows)):
+                return _with_above(grid, k, count, is_header)
+    return None
+
+
+def _with_above(grid: Sequence[Row], k: int, count: int, is_header: Header) -> tuple[int, int]:
+    """Rows of names from row k on, with rows above that are part of the names: they make them say more."""
+    best = is_header(_stacked(grid[k : k + count]))
+    where = k, count
+    for more in range(1, min(k, _STACKED - count) + 1):
+        rows = grid[k - more : k + count]
+        if any(looks_like_number(cell) for cell in rows[0].cells) or len(rows[0].cells) < 2:
+            break
+        if any(":" in str(cell) for cell in rows[0].cells):
+            break
+        score = is_header(_stacked(rows))
+        if score > best:
+            best, where = score, (k - more, count + more)
+    return where
+
+
+def _stacked(rows: Sequence[Row]) -> list[str]:
+    """Names that stand in several rows, joined column by column."""
+    width = max(len(row.cells) for row in rows)
+    parts = ([str(row.cells[k]) for row in rows if k < len(row.cells)] for k in range(width))
+    return [" ".join(part for part in column if part.strip() and not _RULE.match(part)).strip() for column in parts]
+
+
+def _spaced(
+    lines: Sequence[tuple[int, str]], name: str, is_header: Header
+) -> tuple[list[Row], tuple[int, int], list[str]] | None:
+    """Rows parted by spaces whose names have several words: the words stand above the columns they name."""
+    tokens = [list(re.finditer(r"\S+", line)) for _, line in lines]
+    grid = [
+        Row(f"{name}, line {k}", tuple(t.group() for t in found)) for (k, _), found in zip(lines, tokens, strict=True)
+    ]
+    numeric = [sum(looks_like_number(cell) for cell in row.cells) for row in grid]
+    data = next((k for k in range(1, len(grid)) if numeric[k] > 2 and numeric[k] >= len(grid[k].cells) - 1), None)
+    if data is None or data > _HEAD:
+        return None
+    width = len(grid[data].cells)
+    same = [found for found in tokens[data : data + 30] if len(found) == width]
+    spans = [(min(f[j].start() for f in same), max(f[j].end() for f in same)) for j in range(width)]
+    best: tuple[int, int, list[str]] = (0, 0, [])
+    names, parted = [""] * width, [""] * width
+    for count in range(1, min(_STACKED + 1, data) + 1):
+        line = data - count
+        if numeric[line] or ":" in lines[line][1] or (count > 1 and lines[line + 1][0] - lines[line][0] > 1):
+            # Numbers, the head of the list, or a gap: not part of the names.
+            break
+        # A line that parts as its rows do, else words above the columns, with those of the lines below.
+        text = lines[line][1].strip()
+        names = [f"{a} {b}".strip() for a, b in zip(_placed_above(tokens[line], spans), names, strict=True)]
+        wide = re.split(r"\s{2,}|\t", text)
+        if len(wide) == width:
+            parted = [f"{a} {b}".strip() for a, b in zip(wide, parted, strict=True)]
+        for found in (wide, text.split(), parted, names):
+            score = is_header(found) if len(found) == width else 0
+            if score > best[0]:
+                best = score, count, list(found)
+    if best[0]:
+        return grid, (data - best[1], best[1]), best[2]
+    words = [t.group() for t in tokens[data - 1]]
+    for grouped in _groupings(words, width):
+        if is_header(grouped):
+            return grid, (data - 1, 1), grouped
+    return None
+
+
+def _placed_above(words: Sequence[re.Match[str]], spans: Sequence[tuple[int, int]]) -> list[str]:
+    """Words of a line above the columns that they stand over."""
+    names = [""] * len(spans)
+    for word in words:
+        if not _RULE.match(word.group()):
+            apart = [_apart(span, word.span()) for span in spans]
+            near = apart.index(min(apart))
+            names[near] = f"{names[near]} {word.group()}".strip()
+    return names
+
+
+def _apart(span: tuple[int, int], word: tuple[int, int]) -> float:
+    """How far a word stands from a column: overlap counts first, then the distance of the middles."""
+    overlap = min(span[1], word[1]) - max(span[0], word[0])
+    return (0.0 if overlap > 0 else 1000.0) + abs(span[0] + span[1] - word[0] - word[1]) / 2.0
+
+
+def _groupings(words: Sequence[str], width: int) -> Iterator[list[str]]:
+    """Ways to part words into so many names of up to four words."""
+    most = 20_000
+    stack: list[tuple[int, list[str]]] = [(0, [])]
+    while stack and most:
+        most -= 1
+        k, names = stack.pop()
+        if len(names) == width:
+            if k == len(words):
+                yield names
+            continue
+        room = len(words) - k - (width - len(names) - 1)
+        stack += [(k + size, [*names, " ".join(words[k : k + size])]) for size in (4, 3, 2, 1) if size <= room]
+
+
+def _assembled(
+    name: str,
+    grid: Sequence[Row],
+    where: tuple[int, int],
+    names: Sequence[str],
+    is_unit: Header | None,
+    comments: Sequence[str],
+) -> Table:
+    """The table below its names, without repeated names, ruled lines and empty rows."""
+    first, count = where
+    head = [*comments, *(" ".join(str(c) for c in row.cells if str(c)) for row in grid[:first])]
+    above = {_plain(row) for row in grid[first : first + count]} | {_plain(row) for row in grid[:first]}
+    rows: list[Row] = []
+    left_out: list[Row] = []
+    units: tuple[str, ...] = ("",) * len(names)
+    for row in grid[first + count :]:
+        if all(_RULE.match(str(cell)) for cell in row.cells):
+            # Empty, or a ruled line.
+            continue
+        if not rows and is_unit is not None and is_unit([str(cell) for cell in row.cells]):
+            units = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
+            above.add(_plain(row))
+        elif _plain(row) in above:
+            left_out.append(row)
+        else:
+            rows.append(row)
+    remarks: tuple[Remark, ...] = ()
+    if left_out:
+        text = f"{name}: {len(left_out)} rows that repeat the head of the table are left out, first at {left_out[0].at}"
+        remarks = (Remark(RemarkKind.ROWS_LEFT_OUT, text, {"rows": float(len(left_out))}),)
+    return Table(name, grid[first].at, tuple(names), units, tuple(rows), tuple(head), remarks)
+
+
+def _plain(row: Row) -> tuple[str, ...]:
+    cells = [str(cell).strip().lower() for cell in row.cells]
+    while cells and not cells[-1]:
+        cells.pop()
+    return tuple(cells)

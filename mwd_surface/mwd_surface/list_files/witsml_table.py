@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of the first trajectory in a WITSML document of 1.3.1.1, 1.4.1.1, 2.0 or 2.1, by names of elements."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from mwd_surface.list_files.list_columns import ANGLE_UNITS, ANGLES, LENGTH_UNITS, unit_word
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.number_cells import Cell, is_null
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.table import Row, Table
+
+# Quantity -> name of the element in lower case: 1.x begins it with a small letter, 2.x with a capital.
+_TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispns", "east": "dispew"}
+_PROJECTIONS = ("hold to md", "dls and toolface to md")
+
+
+def witsml_table(text: str, name: str) -> Table:
+    """
+    Return the stations of the first trajectory in a document, in m and rad.
+
+    Raises
+    ------
+    ListFileError
+        With the line at fault: not XML, no trajectory, a station without md or incl, or an unknown unit.
+    """
+    from lxml import etree
+
+    # No entities, no network: the file comes from elsewhere.
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    try:
+        # The text is decoded: what its declaration says of the encoding no longer holds.
+        root = etree.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text.lstrip("\ufeff")).encode(), parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise ListFileError(f"{name}: not well-formed XML: {error}") from error
+    trajectories = [one for one in root.iter() if _tag(one) == "trajectory" and _children(one, "trajectorystation")]
+    if not trajectories:
+        empty = any(_tag(one) == "trajectory" for one in root.iter())
+        what = "a WITSML trajectory without stations" if empty else "no trajectory of WITSML 1.3, 1.4, 2.0 or 2.1 in it"
+        raise ListFileError(f"{name}, line {root.sourceline}: {what}")
+    trajectory = trajectories[0]
+    remarks = []
+    if len(trajectories) > 1:
+        said = f"{name}: the first of {len(trajectories)} trajectories is read"
+        remarks.append(Remark(RemarkKind.COLUMN_CHOSEN, said, {"trajectories": float(len(trajectories))}))
+    reference = _text(trajectory, "aziref")
+    rows, projected = [], 0
+    for station in _children(trajectory, "trajectorystation"):
+        kind = _text(station, "typetrajstation")
+        # A projection to the bit is no station.
+        if kind.lower() in _PROJECTIONS:
+            projected += 1
+            continue
+        at = f"{name}, line {int(station.sourceline or 0)}"
+        cells = [_measure(station, what, tag, at) for what, tag in _TAGS.items()]
+        tool = _text(station, "typesurveytool") or kind
+        rows.append(Row(at, (*cells, tool, _text(station, "dtimstn"))))
+    if projected:
+        said = f"{name}: {projected} projections to the bit are left out"
+        remarks.append(Remark(RemarkKind.ROWS_LEFT_OUT, said, {"rows": float(projected)}))
+    names, units = (*_TAGS, "tool", "time"), ("m", "rad", "rad", "m", "m", "m", "", "")
+    title = _text(trajectory, "name") or _text(trajectory, "title") or name
+    head = (f"azimuth reference: {reference}",) if reference else ()
+    return Table(title, name, names, units, tuple(rows), head, tuple(remarks))
+
+
+def _tag(element: Any) -> str:
+    """Name of an element in lower case, without its namespace; empty for comments."""
+    return str(element.tag).rpartition("}")[2].lower() if isinstance(element.tag, str) else ""
+
+
+def _children(element: Any, tag: str) -> list[Any]:
+    return [child for child in element if _tag(child) == tag]
+
+
+def _text(element: Any, tag: str) -> str:
+    """Text of a child, or of the elements in it, such as the title in a citation."""
+    for child in element.iter():
+        if child is not element and _tag(child) == tag:
+            return " ".join("".join(child.itertext()).split())
+        if child is not element and _tag(child) == "trajectorystation" and _tag(element) == "trajectory":
+            break
+    return ""
+
+
+def _measure(station: Any, what: str, tag: str, at: str) -> Cell:
+    """A measure of a station in m or rad; empty where the station has none."""
+    found = _children(station, tag)
+    if not found:
+        if what in ("md", "inclination"):
+            raise ListFileError(f"{at}: a station without {tag}")
+        return ""
+    # 2.1 wraps depths in an element that names their datum.
+    element = next((one for one in found[0].iter() if (one.text or "").strip()), found[0])
+    text = (element.text or "").strip()
+    if is_null(text):
+        if text.lower() in ("nan", "inf", "-inf") or not text:
+            raise ListFileError(f"{at}: {tag}: expected a finite number, got {text!r}")
+        return ""
+    uom = element.get("uom") or found[0].get("uom") or ""
+    known = ANGLE_UNITS if what in ANGLES else LENGTH_UNITS
+    unit = unit_word(uom)
+    if unit not in known:
+        raise ListFileError(f"{at}: {what} in {uom!r}; expected one of {', '.join(list(known)[:8])} ...")
+    try:
+        return float(text) * known[unit]
+    except ValueError:
+        raise ListFileError(f"{at}: {tag}: expected a finite number, got {text!r}") from None

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Inertial data that come in halves: a gyro and an accelerometer on two topics, or in turns on one, joined by time.
+
+Drivers send a vector that a message does not carry as zeros, as no numbers, or with a covariance that begins with -1
+(REP-145). A specific force of exactly zero is no measurement. The accelerometer is interpolated to the times of the
+gyro, so that equal times give the very numbers of a whole message.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum, unique
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core import input_covariance
+from mwd_sensors.core.arrays import Samples, Stamps
+
+_GYRO, _ACCEL = "angular_velocity", "linear_acceleration"
+# Share of the messages without a vector from which a topic is a half, and from which messages come in turns.
+_HALF, _IN_TURNS = 0.98, 0.05
+# Messages in turns change from one kind to the other at least so many times; a sensor that fails does so once.
+_CHANGES = 8
+# No interpolation over a longer gap of the accelerometer than so many of its intervals, or than so long, ns.
+_INTERVALS, _SHORTEST_NS = 5, 100_000_000
+_RATED = 16  # intervals that its rate is told from
+
+
+@unique
+class Kind(StrEnum):
+    """Vectors that the messages of an IMU's topic carry."""
+
+    WHOLE = "whole"
+    GYRO = "gyro"
+    ACCELEROMETER = "accelerometer"
+    IN_TURNS = "in turns"
+    SOME_EMPTY = "some empty"
+
+
+def kind_of(samples: Samples) -> Kind:
+    """Return what the messages of a topic carry, by some of them, dtype of the IMU with its covariances."""
+    no_gyro, no_accel = _without(samples, _GYRO), _without(samples, _ACCEL)
+    if not len(samples) or (no_gyro & no_accel).all():
+        return Kind.WHOLE
+    if no_accel.mean() >= _HALF and no_gyro.mean() < _HALF:
+        return Kind.GYRO
+    # A gyro that reads zero at rest is no half: the driver says so, or sends no single other number.
+    if no_gyro.all() and not no_accel.any() and _stated_absent(samples, _GYRO):
+        return Kind.ACCELEROMETER
+    if among_readings(no_accel):
+        return Kind.IN_TURNS if (no_accel & ~no_gyro).any() else Kind.SOME_EMPTY
+    return Kind.WHOLE
+
+
+def among_readings(empty: NDArray[np.bool_]) -> bool:
+    """Whether empty messages come again and again among others; a sensor that fails is empty from then on."""
+    if not len(empty):
+        return False
+    changes = int(np.count_nonzero(empty[1:] != empty[:-1]))
+    return _IN_TURNS <= float(empty.mean()) < _HALF and changes >= _CHANGES
+
+
+def is_accelerometer(samples: Samples) -> bool:
+    """Whether messages carry a specific force and no rate at all: one half, where another topic is the other."""
+    return len(samples) > 0 and bool(_without(samples, _GYRO).all() and not _without(samples, _ACCEL).any())
+
+
+class Joiner:
+    """
+    Joins the halves of an IMU, block by block; any cut of the stream gives the same samples.
+
+    Parameters
+    ----------
+    kind : Kind
+        Of the topic of the gyro. Where both halves come on it, the numbers of a message tell what it carries.
+    """
+
+    def __init__(self, kind: Kind) -> None:
+        self._kind = kind
+        self._gyro: list[tuple[Stamps, Samples]] = []
+        self._accel_ns = np.empty(0, dtype=np.int64)
+        self._accel = np.empty((0, 3))
+        self._covariance = np.zeros(9)
+        self._interval = 0
+
+    @property
+    def first_log_ns(self) -> int | None:
+        """Log time of the first message that waits for its other half, ns; None where none does."""
+        return int(self._gyro[0][0][0]) if self._gyro else None
+
+    def push(
+        self, gyro: tuple[Stamps, Samples] | None, accel: tuple[Stamps, Samples] | None = None
+    ) -> tuple[Stamps, Samples] | None:
+        """Take (log_ns, samples) of a block and return those of whole samples; None where there is none."""
+        if self._kind in (Kind.IN_TURNS, Kind.SOME_EMPTY) and gyro is not None:
+            log_ns, samples = gyro
+            no_accel = _without(samples, _ACCEL)
+            # Where only full messages and empty ones come, a rate of zero is a measurement.
+            has_gyro = ~_without(samples, _GYRO) if self._kind == Kind.IN_TURNS else ~no_accel
+            accel = log_ns[~no_accel], samples[~no_accel]
+            gyro = log_ns[has_gyro], samples[has_gyro]
+        if gyro is not None and len(gyro[0]):
+            self._gyro.append(gyro)
+        if accel is not None and len(accel[0]):
+            self._take_accel(accel[1])
+        return self._joined(int(self._accel_ns[-1]) if len(self._accel_ns) else None)
+
+    def finish(self) -> tuple[Stamps, Samples] | None:
+        """Return the samples that wait still, as far as their other half is known."""
+        return self._joined(2**62)
+
+    def _take_accel(self, samples: Samples) -> None:
+        new = samples["stamp_ns"]
+        order = np.argsort(new, kind="stable")
+        later = order[new[order] > (self._accel_ns[-1] if len(self._accel_ns) else -(2**62))]
+        self._accel_ns = np.concatenate([self._accel_ns, new[later]])
+        self._accel = np.concatenate([self._accel, samples[_ACCEL][later]])
+        self._covariance = samples[f"{_ACCEL}_covariance"][-1]
+        if not self._interval and len(self._accel_ns) > _RATED:
+            self._interval = int(np.median(np.diff(self._accel_ns[: _RATED + 1])))
+
+    def _joined(self, until_ns: int | None) -> tuple[Stamps, Samples] | None:
+        """Return the gyro samples up to a time with the specific force at their times."""
+        if not self._gyro or until_ns is None or not len(self._accel_ns):
+            return None
+        log_ns = np.concatenate([part[0] for part in self._gyro])
+        samples = np.concatenate([part[1] for part in self._gyro])
+        ready = int(np.searchsorted(np.maximum.accumulate(samples["stamp_ns"]), until_ns, "right"))
+        self._gyro = [(log_ns[ready:], samples[ready:])] if ready < len(samples) else []
+        if not ready:
+            return None
+        log_ns, samples = log_ns[:ready], samples[:ready].copy()
+        stamps, known = samples["stamp_ns"], self._accel_ns
+        after = np.searchsorted(known, stamps).clip(max=len(known) - 1)
+        before = np.where(known[after] == stamps, after, np.maximum(after - 1, 0))
+        origin = int(known[0])
+        for axis in range(3):
+            samples[_ACCEL][:, axis] = np.interp(stamps - origin, known - origin, self._accel[:, axis])
+        # Beyond the ends of the accelerometer, and in its gaps, nothing was measured.
+        limit = max(_INTERVALS * self._interval, _SHORTEST_NS)
+        outside = (stamps < known[before] - limit) | (stamps > known[after] + limit)
+        samples[_ACCEL][outside | (known[after] - known[before] > limit)] = np.nan
+        samples[f"{_ACCEL}_covariance"] = self._covariance
+        # A stated absence of the other half is no longer true.
+        for vector in (_GYRO, _ACCEL):
+            column = samples[f"{vector}_covariance"]
+            column[column[:, 0] == -1.0] = 0.0
+        first = max(int(np.searchsorted(known, stamps.max(), "right")) - 2, 0)
+        self._accel_ns, self._accel = known[first:], self._accel[first:]
+        return log_ns, samples
+
+
+def _without(samples: Samples, vector: str) -> NDArray[np.bool_]:
+    """Messages that do not carry a vector, shape (n,)."""
+    values = samples[vector]
+    empty = (values == 0.0).all(axis=1) | ~np.isfinite(values).any(axis=1)
+    return np.asarray(empty | input_covariance.not_provided(samples, vector))
+
+
+def _stated_absent(samples: Samples, vector: str) -> bool:
+    return bool(input_covariance.not_provided(samples, vector).all() or np.isnan(samples[vector]).all())
