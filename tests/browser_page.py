@@ -23,6 +23,7 @@ from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField
 from mwd_surface.page.page_server import PageServer
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_json import StateJson
+from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey, Verdict
 from mwd_surface.surveys.well import Well
@@ -62,7 +63,8 @@ class Rig:
     def __init__(self, token=TOKEN, settings=PATIENT):
         self.state, self.tables = LiveState(settings), StateJson()
         self.book, self.calls = AlarmBook(), []
-        self.list = SurveyList(well=Well(name="Nordlys 7 H", north_reference="grid", section_azimuth_deg=60.0))
+        well = Well(name="Nordlys 7 H", depth_datum="RKB", north_reference="grid", section_azimuth_deg=60.0)
+        self.list = SurveyList(well=well, legs=(Leg(tie_on=TieOn.given(0.0, 0.0, 0.0)),))
         self.server = PageServer(PageSettings(port=0), self.command, token=token)
 
     def command(self, name, arguments):

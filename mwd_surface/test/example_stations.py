@@ -3,6 +3,7 @@
 
 import dataclasses
 
+from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey
 from mwd_surface.surveys.well import Well
@@ -34,7 +35,8 @@ def survey(sequence=1, **changes):
 
 def listed(*surveys):
     """The list of these stations, 100 m apart."""
-    found = SurveyList(well=Well(north_reference="grid", section_azimuth_deg=60.0))
+    vertical = Leg(tie_on=TieOn.given(0.0, 0.0, 0.0))
+    found = SurveyList(well=Well(north_reference="grid", section_azimuth_deg=60.0), legs=(vertical,))
     for k, one in enumerate(surveys):
         found = found.add(one, 100.0 * (k + 1), 1.0)
     return found

@@ -5,6 +5,7 @@ import dataclasses
 import math
 
 from mwd_surface.exports.survey_table import survey_table
+from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
 from mwd_surface.surveys.well import Well
@@ -22,6 +23,7 @@ WELL = Well(
     service_company="Open MWD",
     latitude_deg=60.5,
     longitude_deg=2.8,
+    depth_datum="RKB",
     datum_elevation=25.0,
     north_reference="grid",
     section_azimuth_deg=75.0,
@@ -29,6 +31,7 @@ WELL = Well(
     geomagnetic_model="WMM2025 2026-05-14",
     error_model="ISCWSA MWD Rev5.11",
 )
+VERTICAL = TieOn.given(0.0, 0.0, 0.0)  # somebody says that the hole above is vertical
 SIGMA_I, SIGMA_A = math.radians(0.05), math.radians(0.4)
 MADE = START + 100_000 * S
 
@@ -73,9 +76,9 @@ def survey(k, inc_deg, azi_deg, **changes):
     return Survey(**{**values, **changes})
 
 
-def surveys(well=WELL):
+def surveys(well=WELL, tie_on=VERTICAL):
     """Surveys every 30 m from 300 m: a build to 40 deg at azimuth 75 to 79 (grid); one bad, one by hand."""
-    whole = SurveyList(well=well, tool="T-0042")
+    whole = SurveyList(well=well, legs=(Leg(tie_on=tie_on),), tool="T-0042")
     for k in range(1, 13):
         inc, azi = max(0.0, 4.0 * (k - 2)), 75.0 + 0.4 * k
         changes = {}
@@ -109,5 +112,5 @@ def stretches():
 
 
 def table(**changes):
-    whole = surveys(dataclasses.replace(WELL, **changes.pop("well", {})))
+    whole = surveys(dataclasses.replace(WELL, **changes.pop("well", {})), changes.pop("tie_on", VERTICAL))
     return survey_table(whole, MADE, software="mwd 0.1.0", **changes)

@@ -112,6 +112,8 @@ def recorded(path, lists, trajectory=True, tables=()):
                 surveys,
                 lambda: blank(store, "mwd_msgs/msg/SurveyRecord"),
                 lambda: blank(store, "mwd_msgs/msg/AzimuthEstimate"),
+                lambda: blank(store, "mwd_msgs/msg/Leg"),
+                lambda: blank(store, "mwd_msgs/msg/Remark"),
             )
             way = blank(store, PATH_TYPE)
             message_conversion.fill_trajectory(way, surveys.definitive(), surveys.changed_ns)

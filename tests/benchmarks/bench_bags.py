@@ -44,7 +44,12 @@ from mwd_surface.processing import process
 
 DIP = 1.1
 # The field of the recording below, so that nothing is taken for a disturbance.
-FIELD = {"place.field": "fixed", "place.total_nt": 50_000.0, "place.dip_deg": math.degrees(DIP)}
+FIELD = {
+    "place.field": "fixed",
+    "place.total_nt": 50_000.0,
+    "place.dip_deg": math.degrees(DIP),
+    "place.declination_deg": 0.0,
+}
 IMU, MAG = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
 START = 1_700_000_000_000_000_000
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -23,6 +23,7 @@ SETTINGS = {
     "place__lat_deg": 50.0,
     "place__total_nt": 48000.0,
     "place__dip_deg": 66.0,
+    "place__declination_deg": 0.0,
 }
 
 CLIENT = """

@@ -114,6 +114,8 @@ def played(tmp_path_factory):
         plan = folder / "plan.csv"
         plan.write_text("md_m,inc_deg,azi_true_deg\n0,30,40\n60,36,47\n300,60,50\n")
         settings = {"folder": folder / "data", "page__port": 0, "well__sensor_to_bit": 3.0, "record__name": "run"}
+        # The hole of the scenario, which is not vertical at the wellhead.
+        settings |= {"leg__tie_on_depth": 0.0, "leg__tie_on_inclination_deg": 30.0, "leg__tie_on_azimuth_deg": 40.0}
         settings |= {"plan__file": plan, "advisory__toolface_deg": 30.0}
         settings |= {"rig__modbus__enabled": True, "rig__modbus__port": 0}
         surface = graph.start("surface", "w1", **settings)
@@ -185,7 +187,7 @@ def test_the_page_shows_plan_offset_advice_reference_field_and_progress(played):
     assert sections["plan"]["name"] == "plan.csv"
     assert len(sections["plan"]["north"]) > 20
     assert sections["offset"]["known"]
-    # The simulated hole starts at the wellhead of the plan; the list ties on at the vertical there.
+    # The simulated hole starts at the wellhead of the plan.
     assert sections["offset"]["distance"] < 20.0
     assert sections["offset"]["dogleg_to_target"] > 0.0
     assert math.degrees(sections["toolface"]["advisory"]["toolface"]) == pytest.approx(30.0)

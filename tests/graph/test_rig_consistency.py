@@ -38,6 +38,7 @@ from mwd_surface.rig.wits.format import Decoder
 from mwd_surface.rig.wits.link import Wits0Settings
 from mwd_surface.rig.wits.records import RecordWriter, Wits0Format
 from mwd_surface.rig.wits.server import Wits0ServerSettings
+from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey
 from mwd_surface.surveys.well import Well
@@ -55,7 +56,7 @@ NAMES = ("md", "inclination", "azimuth", "tvd", "north", "east", "dogleg", "g_to
 def surveys(north):
     """A build of four stations with numbers that no rounding leaves alone."""
     well = Well(name="Well 1", north_reference=north, section_azimuth_deg=75.0, sensor_to_bit=12.5, error_model="")
-    whole = SurveyList(well=well)
+    whole = SurveyList(well=well, legs=(Leg(tie_on=TieOn.given(0.0, 0.0, 0.0)),))
     for k in range(1, LAST + 1):
         azimuth = math.radians(358.123456 + 0.7891 * k) % math.tau
         survey = Survey(

@@ -242,7 +242,12 @@ _DESCRIPTIONS = {
     FaultCode.STUCK: _Description(_stuck),
     FaultCode.SATURATED: _Description(_saturated),
     FaultCode.CLIPPED: _Description(_saturated, "saturated", warns=True),
-    FaultCode.INVALID: _Description(_plain("{sensor} sends values that are not finite", _CABLE)),
+    FaultCode.INVALID: _Description(
+        _plain(
+            "{sensor} sends values that are not finite or beyond any that it can read",
+            f"{_CABLE}; is its range in the settings of the tool (tool.gyro.range_deg_s and the like) the unit's?",
+        )
+    ),
     FaultCode.DEAD: _Description(_dead),
     FaultCode.NOISE: _Description(_noise, confidence=0.95),
     FaultCode.NEVER_CAME: _Description(

@@ -28,11 +28,11 @@ class FaultCode(enum.IntEnum):
     One check each, with the same meaning for every unit.
 
     Of one axis: STUCK, SATURATED (always at the end of the range), CLIPPED (often). Of one sensor: INVALID (values
-    that are not finite), DEAD (all axes repeat), NOISE (random numbers), NEVER_CAME and SILENT (no samples),
-    REPEATED (sent twice), UNIT, MISMATCH (fits no axis of the other unit), GRAVITY (the mean force is not gravity),
-    REST_RATE (turns at rest). Of the stream: RATE, STAMPS, REPLAYED (old samples come again). Between sensors:
-    AXES, SIGN, POINTS_UP (a sign, seen without a reference), FRAME. Of all of them: MOUNT (the string turns about
-    another axis of the unit than x).
+    that are not finite or that the gate refused), DEAD (all axes repeat), NOISE (random numbers), NEVER_CAME and
+    SILENT (no samples), REPEATED (sent twice), UNIT, MISMATCH (fits no axis of the other unit), GRAVITY (the mean force
+    is not gravity), REST_RATE (turns at rest). Of the stream: RATE, STAMPS, REPLAYED (old samples come again).
+    Between sensors: AXES, SIGN, POINTS_UP (a sign, seen without a reference), FRAME. Of all of them: MOUNT (the string
+    turns about another axis of the unit than x).
     """
 
     STUCK = 0

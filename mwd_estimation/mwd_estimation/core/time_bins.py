@@ -10,6 +10,7 @@ stream into blocks gives the same bits and a variance loses no digits.
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +21,6 @@ from mwd_sensors.core.records import dtype_of
 
 _NONE = np.iinfo(np.int64).min
 _ROOM = 64  # bins that one call of the kernel can close
-_LARGEST = 1e6  # no sensor reads that in its SI unit; squares of it still leave all digits of the others
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Binner:
         """
         Take a block, shapes (n,) and (n, channels); give the bins that it closed.
 
-        Samples that are not finite, absurdly large or older than the open bin are left out. A bin closes with the
+        Samples that are not finite or older than the open bin are left out. A bin closes with the
         first sample of a later one.
         """
         return [closed for closed, _ in self.add_placed(stamp_ns, values)]
@@ -182,7 +182,7 @@ def _fill(
             done += 1
         finite = True
         for c in range(channels):
-            finite = finite and abs(values[i, c]) < _LARGEST
+            finite = finite and math.isfinite(values[i, c])
         if not finite or (s.index != _NONE and stamp_ns[i] < begin):
             continue
         if s.index == _NONE:

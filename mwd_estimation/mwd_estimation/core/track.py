@@ -26,8 +26,6 @@ STILL_HOLD = 1.0  # s, time constant with which a peak is forgotten
 ROTARY_LAG = 0.5  # s, time constant of the rotary speed
 NEAR_VERTICAL_BELOW = math.radians(3.0)  # where the high side is too short to name a toolface
 BACKWARD_LIMIT = 50  # samples whose stamps advance again, after which a clock that jumped back counts
-RATE_WITHIN = 200.0  # rad/s: beyond it a value is no measurement
-FORCE_WITHIN = 4000.0  # m/s^2
 FORCE_ABOVE = 1e-6  # m/s^2, less than any accelerometer resolves
 GAP_NS = 500_000_000  # a longer step between samples is a data gap, for those that have no rule of their own
 AT_RANGE = (
@@ -133,9 +131,7 @@ def admit(clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
     BACKWARD_LIMIT samples the new clock counts (AFTER_GAP), so that a clock set back does not end the estimate.
     """
     finite = math.isfinite(w[0] + w[1] + w[2] + f[0] + f[1] + f[2])
-    rate = max(abs(w[0]), abs(w[1]), abs(w[2]))
-    force = max(abs(f[0]), abs(f[1]), abs(f[2]))
-    if not finite or rate > RATE_WITHIN or not FORCE_ABOVE < force < FORCE_WITHIN:
+    if not finite or max(abs(f[0]), abs(f[1]), abs(f[2])) <= FORCE_ABOVE:
         return REJECTED
     if not clock.started:
         clock.started = True

@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeVar
 
+from mwd_estimation.core import input_gate
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.status import Status
 from mwd_estimation.downhole import readings
@@ -117,6 +118,7 @@ class Transmitter:
 
     def take_flow(self, samples: Samples) -> None:
         """Take samples of `wire.TOOL_FLOW`, in order; those of a time must come before its attitude."""
+        samples = input_gate.flow(samples)
         self._commands.listen(FLOW, samples["stamp_ns"], samples["flow"])
         if self.wired:
             return

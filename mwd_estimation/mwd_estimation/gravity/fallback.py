@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mwd_estimation.core.innovations import Innovation, of_power
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO
 from mwd_estimation.core.status import Status
-from mwd_estimation.core.track import Track
+from mwd_estimation.core.track import AT_RANGE, Track
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.bounded.state import State
 from mwd_estimation.gravity.methods import Method
@@ -94,9 +94,21 @@ class GravityWithFallback:
         return self._method.run(self._params, self._state, stamps, gyro, accel)
 
 
-def without_faulty(unusable: int, gyro: Array) -> Array:
-    """Rates for the steps after gravity: not a number where the gyros are unusable."""
-    return np.full_like(gyro, np.nan) if unusable & GYRO else gyro
+def without_faulty(unusable: int, gyro: Array, full: float) -> Array:
+    """
+    Rates for the steps after gravity: not a number where the gyros are unusable, or across the tool at their end.
+
+    full: end of the range, rad/s. About its axis a string may turn faster than its gyro reads; no tool turns so across,
+    and what a clipped sample hides of a blow is as unknown as a missing one.
+    """
+    if unusable & GYRO:
+        return np.full_like(gyro, np.nan)
+    clipped = (np.abs(gyro[:, 1:]) >= AT_RANGE * full).any(axis=1)
+    if not clipped.any():
+        return gyro
+    gyro = gyro.copy()
+    gyro[clipped, 1:] = np.nan
+    return gyro
 
 
 def _unknown(n: int) -> Track:

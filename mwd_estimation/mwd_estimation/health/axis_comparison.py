@@ -15,7 +15,7 @@ import numpy as np
 
 from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.health import signal_checks
-from mwd_estimation.health.signal_checks import ABSURD, BIN_NS
+from mwd_estimation.health.signal_checks import BIN_NS
 from mwd_sensors.core.arrays import Array, Indices, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
@@ -33,6 +33,8 @@ _SHAKEN = 15.0
 _LEAK = (0.004, 0.02)
 # Misfit, from 0 (the same) by 1 (nothing in common) to 2 (reversed), that is still this axis, and that is not.
 _SAME, _OTHERWISE = 0.3, 0.6
+# Intervals, in usual ones, beyond which samples are missing in it.
+_LONG = 1.5
 # Share of the mean in the mean square of what is constant.
 _CONSTANT = 0.8
 _UNITS = np.array([math.degrees(1.0), 1.0 / STANDARD_GRAVITY])
@@ -71,7 +73,7 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
     for row in range(6):
         most, first, one = 0.0, 3 * (row // 3), sums[row]
         for i in range(len(values)):
-            if abs(values[i, row]) < ABSURD:
+            if math.isfinite(values[i, row]):
                 most = max(most, abs(values[i, row]))
         for i in range(len(values)):
             v, beside = values[i, row], own[i, row]
@@ -82,7 +84,7 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
             if row >= 3 and math.isfinite(beside):
                 # The third sensor of the count only shows whether the tool moves.
                 signal_checks.count(channels[3 + row], own, row, i, i + 1, math.inf)
-            if not math.isfinite(beside) or not abs(v) < ABSURD:
+            if not math.isfinite(beside + v):
                 continue
             one.n += 1.0
             one.at_most += 1.0 if at_most else 0.0
@@ -104,15 +106,18 @@ def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
     found = np.full((len(stamps), 6), math.nan)
     if len(beside_ns) < 2:
         return found
+    # What happened in an interval in which samples were lost only vibration knows.
+    steps = np.sort(beside_ns[1:] - beside_ns[:-1])
+    longest = min(BIN_NS, _LONG * steps[len(steps) // 3])
     right = np.searchsorted(beside_ns, stamps)
     for i in range(len(stamps)):
         at = min(max(right[i] - 1, 0), len(beside_ns) - 2)
         step = beside_ns[at + 1] - beside_ns[at]
-        known = beside_ns[at] <= stamps[i] <= beside_ns[at + 1] and 0 < step < BIN_NS
+        known = beside_ns[at] <= stamps[i] <= beside_ns[at + 1] and 0 < step < longest
         share = (stamps[i] - beside_ns[at]) / max(step, 1)
         for c in range(6):
             found[i, c] = (1.0 - share) * beside[at, c] + share * beside[at + 1, c]
-            known = known and abs(found[i, c]) < ABSURD
+            known = known and math.isfinite(found[i, c])
         if not known:
             found[i] = math.nan
     return found

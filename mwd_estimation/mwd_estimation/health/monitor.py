@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mwd_estimation.core import input_gate
 from mwd_estimation.core.sensor_fault import GYRO, FaultCode, SensorFault
 from mwd_estimation.core.time_jumps import BACK_NS
 from mwd_estimation.core.track import AT_RANGE, sample_arrays
-from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, signal_checks
+from mwd_estimation.health import fault_debounce, motion_window, replayed_samples, rest_check, signal_checks
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import FAULT, OK, UNKNOWN, weigh
 from mwd_estimation.health.motion_window import PARTS, Consistency, Expected, Samples
@@ -57,17 +58,23 @@ class Params(NamedTuple):
     mag_range: float = 800.0 * 1e-6
     #: Time that IMU samples wait for magnetic ones of their time, ns; each fault is named later by as much.
     mag_lag_ns: int = 50_000_000
+    rest_rate: float = 0.012  #: rate that the gyros may read at rest, rad/s: six sigma of an MTi-1's bias
     mag_expected: bool = True  #: a magnetometer belongs to the tool: a missing one is a warning
 
 
 class Tables(NamedTuple):
-    """All arrays that change: checks, channels, stream (1), steps of the window, hashes of old samples."""
+    """
+    All arrays that change: checks, channels, stream (1), steps of the window, hashes of old samples, what was refused.
+
+    refused: dtype of `input_gate.REFUSED`, in the time of the samples that wait and later.
+    """
 
     checks: Any
     channels: Any
     stream: Any
     steps: Any
     kept: Any
+    refused: Any
 
 
 @dataclasses.dataclass
@@ -102,6 +109,7 @@ def initial(gravity: float | None = None, total: float | None = None, dip: float
         np.zeros(1, dtype=STREAM),
         np.zeros(motion_window.ROWS, dtype=motion_window.STEP),
         replayed_samples.blank(),
+        np.zeros(0, dtype=input_gate.REFUSED),
     )
     empty = np.zeros(0, dtype=np.int64)
     nothing = np.zeros((0, 3))
@@ -134,6 +142,11 @@ def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
         raise ValueError(f"b_t: expected shape ({stamps.size}, 3) beside stamps (n,), got {field.shape}")
     held = state.samples
     state.samples = held._replace(mag_ns=_joined(held.mag_ns, stamps), mag=_joined(held.mag, field))
+
+
+def push_refused(state: State, refused: NDArray[Any]) -> None:
+    """Take what the gate refused, dtype of `input_gate.REFUSED`; to be pushed before the IMU samples of its time."""
+    state.tables = state.tables._replace(refused=input_gate.kept(state.tables.refused, refused))
 
 
 def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Step:
@@ -172,6 +185,9 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     )
     stream.first, stream.mag_first = 0, 0
     stream.stop -= used
+    if len(tables.refused):
+        later = tables.refused["stamp_ns"] >= int(stream.bin) * BIN_NS
+        state.tables = tables._replace(refused=tables.refused[later])
     return step
 
 
@@ -204,6 +220,8 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
 def shift_mag(state: State, late_ns: int) -> None:
     """Correct the stamps of magnetic samples that wait: they are late by so much, ns."""
     state.samples = state.samples._replace(mag_ns=state.samples.mag_ns - late_ns)
+    refused = state.tables.refused
+    refused["stamp_ns"][refused["sensor"] == input_gate.MAG] -= late_ns
 
 
 def faults(state: State) -> list[SensorFault]:
@@ -246,7 +264,7 @@ def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> b
     if not full:
         return False
     for code in _WINDOW_CODES:
-        for place in range(7):
+        for place in range(0, 7, 3):
             check = checks[code, place]
             if check.votes_for > 0 or check.state == FAULT:
                 return True
@@ -276,9 +294,14 @@ def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, brok
         signal_checks.count(channels[6 + c], samples.mag, c, mag_first, s.mag_first, ranges[2])
     for sensor in range(3):
         s.window[sensor] = max(s.window[sensor], _spoils(channels, sensor))
+    for sensor in range(3):
+        sizes = input_gate.sizes_of(tables.refused, sensor, began, began + BIN_NS)
+        signal_checks.judge_refused(checks, channels, sensor, sizes, expected.total, began)
     judge_silence(k.mag_expected, s, checks, channels, began)
     judge_replay(tables.kept, checks, samples, s.first, s.stop, began)
     late = judge_stream(k.signal, checks, channels, s, samples, began)
+    signal_checks.summarise(channels)
+    rest_check.judge_rest(k.rest_rate, k.signal.shakes, s, checks, channels, began)
     s.doubtful = signal_checks.judge_bin(k.signal, checks, channels, ranges, began)
     if late or checks[FaultCode.STAMPS.value, 0].state == FAULT:
         s.doubtful |= GYRO

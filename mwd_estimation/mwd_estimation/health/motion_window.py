@@ -15,7 +15,6 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from mwd_estimation.core.time_jumps import BACK_NS
-from mwd_estimation.health.signal_checks import ABSURD
 from mwd_sensors.core.arrays import Array, Indices, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import rotate_right
@@ -156,10 +155,10 @@ def add(stream: Any, steps: Any, samples: Samples) -> None:
         dt = dt if 0.0 < dt <= _LONGEST else 0.0
         last = at if at > last or last - at > BACK_NS else last
         x, y, z = samples.gyro[i, 0], samples.gyro[i, 1], samples.gyro[i, 2]
-        if abs(x) + abs(y) + abs(z) < ABSURD:
+        if math.isfinite(x + y + z):
             tx, ty, tz = tx + x * dt, ty + y * dt, tz + z * dt
         x, y, z = samples.accel[i, 0], samples.accel[i, 1], samples.accel[i, 2]
-        if abs(x) + abs(y) + abs(z) < ABSURD:
+        if math.isfinite(x + y + z):
             forces += 1
             fx, fy, fz = fx + x, fy + y, fz + z
             force2 += x * x + y * y + z * z
@@ -182,7 +181,7 @@ def _add_fields(step: Any, samples: Samples, used: int, at: int) -> int:
     step.fields = 0
     while used < len(samples.mag_ns) and samples.mag_ns[used] <= at:
         x, y, z = samples.mag[used, 0], samples.mag[used, 1], samples.mag[used, 2]
-        if at - samples.mag_ns[used] < _LONGEST * 1e9 and abs(x) + abs(y) + abs(z) < ABSURD:
+        if at - samples.mag_ns[used] < _LONGEST * 1e9 and math.isfinite(x + y + z):
             step.fields += 1
             step.field[0] += x
             step.field[1] += y

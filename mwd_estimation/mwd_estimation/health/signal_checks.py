@@ -20,13 +20,15 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 BIN_NS = 500_000_000
-# Sum over three axes, in any unit, beyond which a value is no reading.
-ABSURD = 1e12
+# Place of a sensor's check UNIT by what the gate refused, after its first, which is that by windows of motion.
+BY_GATE = 1
 # Samples of an axis below which half a second is not judged: a magnetometer may come at 10 Hz. And those below
 # which a spread is not used.
 _SOME, FEW = 3, 10
-# Readings this far beyond the end of the range are in another unit, not at the end of the range.
-_BEYOND = 1.02
+# Powers of ten of the units a field may come in beside T: mT, gauss, uT, mG, nT, in the order of their numbers; and the
+# usual field, T.
+FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
+_USUAL_FIELD = 5e-5
 
 
 class Channel:
@@ -98,7 +100,7 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
     for i in range(start, stop):
         v = values[i, k]
         size = abs(v)
-        if not size < ABSURD:
+        if not math.isfinite(v):
             bad += 1
             continue
         if fresh:
@@ -112,8 +114,7 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
         away = v - first
         total += away
         total2 += away * away
-        if size >= limit:
-            clip += int(size <= _BEYOND * limit)
+        clip += int(size >= limit)
     channel.last, channel.first, channel.least_step = last, first, least
     channel.total, channel.total2, channel.steps2 = total, total2, steps2
     channel.n += stop - start - bad
@@ -123,7 +124,7 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
 
 
 @compiled
-def _summarise(channels: Any) -> None:
+def summarise(channels: Any) -> None:
     """Mean, spread and constant half seconds of every channel."""
     for c in range(9):
         row = channels[c]
@@ -214,7 +215,10 @@ def _judge_sensor(p: SignalLimits, checks: Any, channels: Any, s: int, moves: bo
         return constant, False
     missing = bad > p.missing * (n + bad)
     check = checks[FaultCode.INVALID.value, 3 * s]
-    observe(check, FOR if missing else AGAINST, began, bad / (n + bad), p.missing)
+    seen = FOR if missing else AGAINST
+    if checks[FaultCode.UNIT.value, 3 * s + BY_GATE].seen == FOR:
+        seen = NOTHING
+    observe(check, seen, began, bad / (n + bad), p.missing)
     check.seen_which[0] = axes if missing else 0
     dead = constant and (largest == 0.0 or moves or varied >= p.varied_bins)
     if dead:
@@ -225,14 +229,43 @@ def _judge_sensor(p: SignalLimits, checks: Any, channels: Any, s: int, moves: bo
 
 
 @compiled
+def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: float, began: int) -> None:
+    """
+    Judge whether what the gate refused of a sensor in a half second is in another unit; before `judge_bin`.
+
+    sizes, shape (k,): as of `input_gate.sizes_of`; expected: size of the reading in SI, T, nan where not known; used
+    of fields, of which several units are known.
+
+    More than a quarter of the samples, and at least three, are needed, so that a single absurd value counts exactly as
+    a missing one.
+    """
+    n, k = 0, len(sizes)
+    for c in range(3 * s, 3 * s + 3):
+        n = max(n, channels[c].n + channels[c].not_finite)
+    if n == 0:
+        return
+    check, unit = checks[FaultCode.UNIT.value, 3 * s + BY_GATE], 0
+    if k >= _SOME and 4 * k > n:
+        unit = 1
+        if s == 2:
+            power = math.log10(sizes[k // 2] / (expected if math.isfinite(expected) else _USUAL_FIELD))
+            away = np.abs(power - FIELD_POWERS)
+            unit = int(np.argmin(away)) + 1 if away.min() < 0.5 else 0
+    # At rest a gyro reads little in any unit; the spreads are those of the half second before.
+    shown = s != 0 or max(channels[3].spread, channels[4].spread, channels[5].spread) > 0.3
+    seen = FOR if unit else (AGAINST if shown or check.votes_for == 0 else NOTHING)
+    observe(check, seen, began, sizes[k // 2] if k else 0.0, 0.0)
+    check.seen_which[0] = unit
+
+
+@compiled
 def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began: int) -> int:
     """
-    Judge the half second that began at `began`, ns, and make room for the next.
+    Judge the half second that began at `began`, ns, after `summarise`, and make room for the next.
 
     limits, shape (3,): ends of the ranges, rad/s, m/s^2 and T; inf: not known. Returns bits of the sensors whose values
     repeat, lie at the end of the range or are missing, however short.
     """
-    _summarise(channels)
     gyro, accel = _motion(p, channels)
     doubtful = MAG * int(_judge_noise(p, checks, channels, 2, p.field_noise, began))
     if limits[1] < math.inf:

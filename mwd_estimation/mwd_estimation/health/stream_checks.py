@@ -16,7 +16,7 @@ from mwd_estimation.core.time_jumps import BACK_NS
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, observe, weigh
 from mwd_estimation.health.motion_window import Samples
 from mwd_estimation.health.signal_checks import BIN_NS, FEW, SignalLimits
-from mwd_sensors.core.arrays import Indices
+from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
@@ -24,6 +24,8 @@ from mwd_sensors.core.records import dtype_of
 _STAMP_FAULT, _STAMP_MOST = 200, 400
 # Intervals that the sample rate is learned from, at least; and how long and short ones are off it.
 _LEARN, _LONG, _SHORT = 12, 1.4, 0.7
+# Half seconds at another even rate after which it is the usual one, and samples that show a rate.
+_SET_BINS, _FEW_INTERVALS = 60, 4
 
 
 class Stream:
@@ -57,6 +59,13 @@ class Stream:
     #: `unusable`, `suspect`: bits of the sensors that must not be used, and of those in doubt.
     unusable: int
     suspect: int
+    #: `rest`, `rested`: means of rates and forces of the last quiet half seconds, and how many (`rest_check`).
+    rest: Annotated[Array, 8, 6]
+    rested: int
+    #: `other_period`, `at_other`: another interval at which samples have come evenly since, s, and for how many half
+    #: seconds.
+    other_period: float
+    at_other: int
 
 
 STREAM = dtype_of(Stream)
@@ -89,8 +98,7 @@ def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
 def _pace(s: Any, samples: Samples) -> Pace:
     """Count the intervals of the half second; learn the rate from the first that has enough."""
     if s.period == 0.0 and s.stop - s.first > _LEARN:
-        # Not the middle one, as a third of the samples may be lost.
-        s.period = 1e-9 * np.sort(np.diff(samples.stamps[s.first : s.stop]))[(s.stop - s.first) // 3]
+        s.period = _usual_interval(s, samples)
     steps, long, short = 0, 0, 0
     for i in range(s.first, s.stop):
         interval = samples.stamps[i] - s.last_ns
@@ -101,6 +109,34 @@ def _pace(s: Any, samples: Samples) -> Pace:
         if interval > 0 or interval < -BACK_NS:
             s.last_ns = samples.stamps[i]
     return Pace(steps, long, short, s.stop - s.first)
+
+
+@compiled
+def _usual_interval(s: Any, samples: Samples) -> float:
+    """Interval of the samples of the half second, s: not the middle one, as a third of them may be lost."""
+    return float(
+        1e-9
+        * np.sort(samples.stamps[s.first + 1 : s.stop] - samples.stamps[s.first : s.stop - 1])[(s.stop - s.first) // 3]
+    )
+
+
+@compiled
+def _follow_rate(s: Any, checks: Any, samples: Samples) -> None:
+    """Take another rate for the usual one when samples have come evenly at it for long: its rate was set."""
+    if checks[FaultCode.RATE.value, 0].state != FAULT or s.stop - s.first <= _FEW_INTERVALS:
+        s.at_other = 0
+        return
+    interval = _usual_interval(s, samples)
+    odd = 0
+    for i in range(s.first + 1, s.stop):
+        step = 1e-9 * (samples.stamps[i] - samples.stamps[i - 1])
+        odd += int(not _SHORT * interval <= step <= _LONG * interval)
+    even = 10 * odd <= s.stop - s.first
+    same = even and _SHORT * s.other_period <= interval <= _LONG * s.other_period
+    s.at_other = s.at_other + 1 if same else int(even)
+    s.other_period = interval
+    if s.at_other >= _SET_BINS:
+        s.period, s.at_other = interval, 0
 
 
 @compiled
@@ -122,6 +158,7 @@ def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: S
 
     Returns whether samples come so late that turns are not known.
     """
+    _follow_rate(s, checks, samples)
     pace, period = _pace(s, samples), s.period
     if period > 0.0 and pace.steps >= 2:
         odd = pace.long + pace.short

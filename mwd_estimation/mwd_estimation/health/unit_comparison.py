@@ -3,8 +3,9 @@
 Health of the precision unit: its own samples, and what the conventional unit beside it reads of the same motion.
 
 Two units on one tool read the same vectors; `axis_comparison` finds where they do not. Which unit is wrong only a
-third sensor can show: first either is named, and the precision unit alone where the tool has moved on for some seconds
-and nothing has spoken against the conventional one.
+third sensor can show: first either is named, and the precision unit alone where its axes are wrong and the tool has
+moved on for some seconds in which nothing has spoken against the conventional one. Where gravity at rest shows that the
+conventional gyros have drifted (`rest_check`), nothing is held against the precision unit any more.
 What moves too little stays unknown, but for what no gyro at rest can read: much more than the Earth turns.
 """
 
@@ -16,6 +17,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from mwd_estimation.core import input_gate
 from mwd_estimation.core.axis_mappings import MAPPINGS
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.sensor_fault import ACCEL, GYRO, FaultCode, SensorFault, Unit
@@ -31,7 +33,7 @@ from mwd_estimation.health.axis_comparison import (
 )
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, observe, suspected, weigh
 from mwd_estimation.health.signal_checks import BIN_NS, SignalLimits
-from mwd_sensors.core.arrays import Array, Indices, Stamps
+from mwd_sensors.core.arrays import Array, Indices, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import EARTH_RATE
 from mwd_sensors.core.records import dtype_of
@@ -42,6 +44,8 @@ _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY, _SAMPLES = 12, 4, 6, 1.0, 10
 # A rate at rest is too high beyond so many sigma of the bias, twice the Earth's, and what a string turns that is pulled
 # steadily through a bend, which is rest to every other sensor: 10 deg in 30 m at 1 m/s, rad/s.
 _BIASES, _PULLED = 40.0, math.radians(10.0 / 30.0)
+# Half seconds without a difference after which one that was seen before counts no longer.
+_FORGOTTEN_BINS = 120
 # Mappings of y and z among themselves.
 _ACROSS = sum(1 << k for k, m in enumerate(MAPPINGS) if m[0, 0] == 1)
 
@@ -57,6 +61,9 @@ class UnitState:
     #: Bits of the mappings that the axes of gyro and accelerometer show, 0 where they are right.
     wrong: Annotated[Indices, 2]
     differ: int  #: half seconds in motion since they are wrong
+    agree: Annotated[
+        Indices, 2
+    ]  #: half seconds since gyro and accelerometer last differed from those of the other unit
 
 
 UNIT_STATE = dtype_of(UnitState)
@@ -69,12 +76,14 @@ class UnitRecords(NamedTuple):
     channels: Any  #: of `signal_checks`; the third sensor is the accelerometer of the conventional unit
     sums: Any  #: of SUMS, shape (WINDOW, 6), the newest half second last
     state: Any  #: of UNIT_STATE
+    refused: Any  #: what the gate refused, dtype of `input_gate.REFUSED`
 
 
 @compiled
 def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began: int, still: bool) -> int:
     """Judge the unit's samples by themselves; gives bits of the sensors that are in doubt."""
     checks, channels = unit.checks, unit.channels
+    signal_checks.summarise(channels)
     doubtful: int = signal_checks.judge_bin(limits, checks, channels, np.full(3, math.inf), began)
     # The third sensor is the conventional accelerometer: what is seen of it belongs to the other monitor.
     for code in range(len(checks)):
@@ -91,8 +100,8 @@ def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began:
 
 
 @compiled
-def _judge_axes(unit: UnitRecords, began: int, s: int) -> None:
-    """Judge which axes of the conventional unit those of sensor s are."""
+def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
+    """Judge which axes of the conventional unit those of sensor s are; sound: that unit can be used."""
     checks, wrong = unit.checks, unit.state.wrong
     found, scaled, strange = axes_of(unit.sums, s)
     out_of_use = checks[FaultCode.DEAD.value, 3 * s].state == FAULT
@@ -118,7 +127,10 @@ def _judge_axes(unit: UnitRecords, began: int, s: int) -> None:
         strange = strange or not (right or mapping > 0)
         if mapping or known > 1 or not wrong[s]:
             wrong[s] = 1 << mapping if mapping else 0
-    observe(mismatch, FOR if strange else (AGAINST if shown else NOTHING), began, 0.0, 0.0)
+    # Nothing is left of it where the other unit is the one that is wrong, or both have agreed for long.
+    unit.state.agree[s] = 0 if strange else unit.state.agree[s] + 1
+    over = shown or not sound or unit.state.agree[s] > _FORGOTTEN_BINS
+    observe(mismatch, FOR if strange else (AGAINST if over else NOTHING), began, 0.0, 0.0)
 
 
 @compiled
@@ -182,6 +194,9 @@ def _judge(
     unit.sums[:-1] = unit.sums[1:].copy()
     unit.sums[-1] = np.zeros(6, dtype=SUMS)
     compare(values, interpolated(stamps, beside_ns, own), unit.channels, unit.sums[-1])
+    for s in range(2):
+        sizes = input_gate.sizes_of(unit.refused, input_gate.PRECISION_GYRO + s, began, began + BIN_NS)
+        signal_checks.judge_refused(checks, unit.channels, s, sizes, math.nan, began)
     doubtful = _judge_samples(unit, limits, began, still)
     # Where the conventional unit cannot be used, what differed from it is open.
     finite, back, own_in_bin = 0, 0, 0
@@ -198,7 +213,7 @@ def _judge(
         back += int(stamps[i] <= stamps[i - 1])
     observe(checks[FaultCode.STAMPS.value, 0], FOR if 3 * back > len(stamps) else AGAINST, began, back, 0.0)
     for s in range(2):
-        _judge_axes(unit, began, s)
+        _judge_axes(unit, began, s, sound)
     _judge_wrong(unit, began, still, sound)
     _judge_rest(unit, began, still, values)
     suspect = (suspected(checks) | doubtful) & (GYRO | ACCEL) != 0
@@ -218,7 +233,9 @@ class PrecisionHealth:
         state = np.zeros(1, dtype=UNIT_STATE)
         state["most_at_rest"] = 2.0 * EARTH_RATE + _BIASES * bias + _PULLED
         sums = np.zeros((WINDOW, 6), dtype=SUMS)
-        self._records = UnitRecords(fault_debounce.blank(), signal_checks.blank(), sums, state[0])
+        self._records = UnitRecords(
+            fault_debounce.blank(), signal_checks.blank(), sums, state[0], np.zeros(0, dtype=input_gate.REFUSED)
+        )
         self._limits = SignalLimits()
         # Samples of the conventional unit, in pieces as they came: most runs have no precision unit that needs them.
         self._beside: list[tuple[Stamps, Array]] = []
@@ -226,6 +243,10 @@ class PrecisionHealth:
     def beside(self, stamps: Stamps, values: Array) -> None:
         """Take samples of the conventional unit, shape (n, 6), rad/s and m/s^2; nan where it cannot be used."""
         self._beside.append((stamps, values))
+
+    def take_refused(self, refused: Samples) -> None:
+        """Take what the gate refused, dtype of `input_gate.REFUSED`, before the half second of its time is judged."""
+        self._records = self._records._replace(refused=input_gate.kept(self._records.refused, refused))
 
     def judge(self, end_ns: int, still: bool, samples: tuple[Stamps, Array]) -> list[SensorFault]:
         """
@@ -239,6 +260,9 @@ class PrecisionHealth:
             while len(self._beside) > 1 and self._beside[1][0][0] < end_ns:
                 del self._beside[0]
             return []
+        if len(self._records.refused):
+            later = self._records.refused["stamp_ns"] >= end_ns - BIN_NS
+            self._records = self._records._replace(refused=self._records.refused[later])
         of_bin = samples[0], np.ascontiguousarray(samples[1])
         beside = self._take_beside(end_ns)
         self.suspect, changed = _judge(self._records, self._limits, end_ns - BIN_NS, bool(still), of_bin, beside)
@@ -268,7 +292,9 @@ class PrecisionHealth:
         return beside_ns[: end + 1], beside[: end + 1]
 
     def _named(self, fault: SensorFault) -> SensorFault:
-        """Name the unit that is meant: mappings that are not proved are of either."""
+        """Name the unit that is meant: mappings that are not proved, and what fits no axis, are of either."""
+        if fault.code == FaultCode.MISMATCH:
+            return dataclasses.replace(fault, unit=Unit.EITHER)
         if not fault.mappings[2]:
             return fault
         return dataclasses.replace(fault, unit=Unit.EITHER, which=(*fault.mappings[:2], 0))

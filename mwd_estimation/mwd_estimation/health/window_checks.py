@@ -36,8 +36,6 @@ Flags = NDArray[np.bool_]
 
 # State of a sensor's samples in a window: whole, some at the end of the range, missing or constant.
 WHOLE, CLIPPED, BROKEN = 0, 1, 2
-# Powers of ten of the units a field may come in beside T: mT, gauss, uT, mG, nT, in the order of their numbers.
-FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 _MATRICES = np.array(MAPPINGS, dtype=float)
 _SENSOR, _MAPPING, _BY_FORCE, _BY_FIELD = MISTAKES.T
 _FEW_FORCES, _FEW_FIELDS = 40, 10
@@ -147,14 +145,9 @@ class WindowJudge:
             if self._accel_unit >= 0 and self._samples[1] == WHOLE and w.forces >= _FEW_FORCES:
                 self._sigma = self._noise() / self._length
         if w.fields >= 3 and self._samples[2] < BROKEN:
-            rms, unit = self._field_size, -1
-            if LEAST_FIELD < rms < MOST_FIELD:
-                unit = 0
-            elif rms > MOST_FIELD:
-                total = self._expected.total if math.isfinite(self._expected.total) else 5e-5
-                away = np.abs(math.log10(rms / total) - FIELD_POWERS)
-                unit = int(np.argmin(away)) + 1 if away.min() < 0.5 else -1
-            self._note_unit(6, unit, rms, MOST_FIELD)
+            # Of other units the gate keeps the readings out, and `signal_checks.judge_refused` names them.
+            known = LEAST_FIELD < self._field_size < MOST_FIELD
+            self._note_unit(6, 0 if known else -1, self._field_size, MOST_FIELD)
 
     def _note_unit(self, place: int, unit: int, value: float, limit: float) -> None:
         """Note the unit of a sensor: 0 SI, else its number; -1: not known."""
@@ -339,6 +332,9 @@ class WindowJudge:
         off, sure = abs(dip - expected), 5.0 * self._sigma
         flipped = abs(dip + expected) < p.dip and off > p.dip_frame + sure
         seen = FOR if flipped else (AGAINST if off < p.dip_frame else NOTHING)
+        if seen == AGAINST:
+            # Seen before the reference was known.
+            self._note(FaultCode.POINTS_UP, 3, AGAINST)
         who = 2 if inclination > 1.75 else (4 if inclination < 1.4 else 6)
         self._note(FaultCode.SIGN, 3, seen, dip, expected).seen_which[0] = who
         wrong = off > p.dip_frame + sure and not flipped

@@ -18,10 +18,19 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 CONDITIONS = {UNKNOWN: "not yet known", fault_debounce.OK: "ok", fault_debounce.FAULT: "fault"}
 
 
-def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
-    """Count the samples that were not used, by cause; unreadable: messages that could not be decoded."""
+def unused_samples(pipeline: Pipeline, unreadable: int) -> int:
+    """Count the samples that were not used; unreadable: messages that could not be decoded."""
     counters = pipeline.counters
-    unused = counters.rejected + counters.late_mag + counters.spikes + pipeline.of_no_time + unreadable
+    return counters.rejected + counters.late_mag + counters.spikes + pipeline.of_no_time + unreadable
+
+
+def sample_diagnostic(pipeline: Pipeline, unreadable: int, lately: bool = True) -> Diagnostic:
+    """
+    Count the samples that were not used, by cause.
+
+    unreadable: messages that could not be decoded; lately: whether some of them came in the last seconds.
+    """
+    counters, unused = pipeline.counters, unused_samples(pipeline, unreadable)
     values = (
         ("rejected", str(counters.rejected)),
         ("late magnetic", str(counters.late_mag)),
@@ -32,6 +41,8 @@ def sample_diagnostic(pipeline: Pipeline, unreadable: int) -> Diagnostic:
     )
     if not unused:
         return Diagnostic("samples", OK, "all used", values=values)
+    if not lately:
+        return Diagnostic("samples", OK, f"all used now; {unused} were not used before", values=values)
     # Each cause with its own remedy; what a sensor fault explains is said there.
     remedies = {
         "gaps, repeated stamps, sensor faults: see the other entries of this node": counters.rejected,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -49,6 +50,7 @@ _BLOCK_PERIOD = 0.002  # s; longest time a sample waits for others before they a
 _INNOVATIONS_PERIOD = 1.0  # s
 _SILENCE_PERIOD = 1.0  # s
 _TF_PERIOD_NS = 50_000_000
+_LATELY_S = 10.0  # after which samples that were not used are over
 
 
 class EstimatorNode(GraphNode[EstimatorSettings]):
@@ -68,6 +70,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._mount_key = self._inputs.mount_key
         self._noises = 0
         self._pipeline = Pipeline(self.settings, None, self._inputs.mount(self.settings.tool.mount))
+        # Samples not used by the last diagnostics, and when there were new ones.
+        self._unused = 0, 0.0
         self._last_tf_ns = 0
         self._last_published_ns = -MIN_SPACING_NS
         self._last_status = 0
@@ -146,6 +150,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             if len(samples):
                 push(samples)
         if len(imu) and "imu" not in pipeline.mount.unusable:
+            imu = pipeline.gate.imu(imu)
             self._publish(imu, pipeline.push_imu(imu))
 
     @property
@@ -301,7 +306,11 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         found += inputs.mount_diagnostics(pipeline.mount)
         found += [*inputs.covariance_diagnostics(), *inputs.frame_diagnostics(), *inputs.skew_diagnostics()]
         found += diagnostics.input_diagnostics(pipeline)
-        found.append(diagnostics.sample_diagnostic(pipeline, inputs.unreadable))
+        unused = diagnostics.unused_samples(pipeline, inputs.unreadable)
+        if unused != self._unused[0]:
+            self._unused = unused, time.monotonic()
+        lately = time.monotonic() - self._unused[1] < _LATELY_S
+        found.append(diagnostics.sample_diagnostic(pipeline, inputs.unreadable, lately))
         found.append(diagnostics.reference_diagnostic(pipeline.reference))
         found += diagnostics.sensor_diagnostics(pipeline)
         requested_s = self._requested_s if self._survey_response is not None else None

@@ -20,14 +20,14 @@ from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.message_buffer import decode_messages
 
 _SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
 _RATED = 16  # samples a rate is told from
-# Changes of a frame that are followed in a minute; what changes more often comes from two sources.
-_MOST_CHANGES, _CHANGES_S = 3, 60.0
-_SKEW_S = 1.0  # between topics that arrive together
+# Between topics that arrive together; and blocks in a row with as much, after which the stamps are not used.
+_SKEW_S, _SKEWED = 1.0, 5
+_TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
+_FOREIGN_S = 5.0  # for which a message in another frame is reported
 
 _TYPES = {
     "imu/mag": MagneticField,
@@ -51,7 +51,7 @@ class InputTopics:
     Attributes
     ----------
     frames : dict
-        Frame id of the first message of each topic.
+        Frame id in force of each topic: messages of another one are not used.
     unreadable : int
         Messages that could not be decoded.
     at_rest : bool
@@ -64,13 +64,16 @@ class InputTopics:
         self.at_rest = False
         self._node = node
         self._received_at: dict[str, float] = {}
-        # When the frame of a topic has changed, and to what the last time.
-        self._changes: dict[str, tuple[collections.deque[float], str]] = {}
+        # When the frame in force of a topic came last; and of the last message in another one: its frame, and when.
+        self._frame_at: dict[str, float] = {}
+        self._foreign: dict[str, tuple[str, float]] = {}
         self._covariances: dict[str, dict[str, str]] = {}
         self._noise = input_covariance.NoiseWatch()
-        # Newest stamp of each topic minus that of the IMU when it came, ns.
+        # Newest stamp of each topic minus that of the IMU when it came, ns; how often in a row it was too much, and the
+        # IMU's stamp by then: while the IMU does not come nothing is learnt.
         self._imu_ns: int | None = None
         self._skew_ns: dict[str, int] = {}
+        self._skewed: dict[str, tuple[int, int]] = {}
         self._rates: dict[str, _Rate] = collections.defaultdict(_Rate)
         self._transforms = Transforms()
         self._transforms_seen = 0
@@ -83,11 +86,12 @@ class InputTopics:
     def take(self, topic: str) -> Samples:
         """Take the samples that wait on a topic, followed by those of the burst topic that replaces it."""
         layout = wire.SONDE_TOPICS[topic]
-        messages = [message.data for message in self._buffers[topic].take()]
-        samples, errors = decode_messages(layout, messages)
+        messages = self._in_frame(topic, [message.data for message in self._buffers[topic].take()])
+        samples, errors = wire.decode_messages(layout, messages)
         bursts = []
         if topic in _BURST_TOPIC:
             bursts = [message.data for message in self._buffers[_BURST_TOPIC[topic]].take()]
+            bursts = self._in_frame(topic, bursts)
         for message in bursts:
             try:
                 samples = np.concatenate([samples, burst.decode(message)])
@@ -96,7 +100,6 @@ class InputTopics:
         if messages or bursts:
             self._received_at[topic] = time.monotonic()
         if len(samples):
-            self._note_frame(topic, (messages + bursts)[0])
             if topic in _NOISY:
                 self._noise.take(samples, layout.type_name)
                 self._noise.rest(samples, layout.type_name, self.at_rest)
@@ -106,35 +109,48 @@ class InputTopics:
             if topic == "imu/data_raw":
                 self._imu_ns = newest_ns
             elif self._imu_ns is not None:
-                self._skew_ns[topic] = newest_ns - self._imu_ns
+                self._follow_skew(topic, newest_ns, self._imu_ns)
             self._rates[topic].add(samples["stamp_ns"])
+            if self._is_skewed(topic):
+                samples = samples[:0]
         for error in errors:
             self.unreadable += 1
             self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
         return samples
 
-    def _note_frame(self, topic: str, message: bytes) -> None:
-        """Follow the frame of a topic, which a restarted or exchanged unit may change; not for ever."""
-        try:
-            frame = wire.frame_id(message)
-        except wire.WireError:
-            return
-        known = self.frames.get(topic)
-        if frame == known:
-            return
-        if known is not None:
-            times = self._changes.get(topic, (collections.deque[float](maxlen=_MOST_CHANGES + 1), ""))[0]
-            times.append(time.monotonic())
-            self._changes[topic] = (times, frame)
-        if not self._alternates(topic):
-            self.frames[topic] = frame
+    def _in_frame(self, topic: str, messages: list[bytes]) -> list[bytes]:
+        """
+        Return the messages of a topic that are in its frame, with those whose header cannot be read.
 
-    def _alternates(self, topic: str) -> bool:
-        """Whether the frame of a topic has changed too often in the last minute."""
-        if topic not in self._changes:
-            return False
-        times = self._changes[topic][0]
-        return len(times) > _MOST_CHANGES and time.monotonic() - times[0] < _CHANGES_S
+        The first frame is in force until none of its messages has come for `TIMEOUT_S`: a restarted or exchanged unit
+        may have another one. A second unit on the topic is left out as long as the first one sends.
+        """
+        kept, now = [], time.monotonic()
+        for message in messages:
+            try:
+                frame = wire.frame_id(message)
+            except wire.WireError:
+                kept.append(message)
+                continue
+            if now - self._frame_at.get(topic, -TIMEOUT_S) >= TIMEOUT_S:
+                self.frames[topic] = frame
+            if frame == self.frames[topic]:
+                self._frame_at[topic] = now
+                kept.append(message)
+            else:
+                self._foreign[topic] = frame, now
+        return kept
+
+    def _follow_skew(self, topic: str, newest_ns: int, imu_ns: int) -> None:
+        """Compare the stamps of a topic with those of the IMU."""
+        self._skew_ns[topic] = newest_ns - imu_ns
+        count, before_ns = self._skewed.get(topic, (0, 0))
+        if imu_ns != before_ns:
+            self._skewed[topic] = (count + 1 if abs(newest_ns - imu_ns) > _SKEW_S * 1e9 else 0), imu_ns
+
+    def _is_skewed(self, topic: str) -> bool:
+        """Whether the stamps of a sensor are so far from those of the IMU that they are of another clock."""
+        return topic in _TIMED and self._skewed.get(topic, (0, 0))[0] >= _SKEWED
 
     def received(self, topic: str) -> bool:
         """Whether any message of the topic has arrived."""
@@ -210,16 +226,18 @@ class InputTopics:
         return found
 
     def frame_diagnostics(self) -> list[Diagnostic]:
-        """Name topics whose messages come in frames that alternate."""
+        """Name topics on which messages in a second frame come."""
+        now = time.monotonic()
         return [
             Diagnostic(
                 f"frame {topic}",
                 ERROR,
-                f"{topic} comes in frames {self.frames[topic]!r} and {frame!r} in turn: two units publish it",
+                f"{topic} comes in frames {self.frames[topic]!r} and {frame!r}: two units publish it, "
+                "and that of the second frame is not used",
                 "stop one of them, or give each its own namespace",
             )
-            for topic, (_, frame) in self._changes.items()
-            if self._alternates(topic)
+            for topic, (frame, at) in self._foreign.items()
+            if frame != self.frames[topic] and now - at < _FOREIGN_S
         ]
 
     def skew_diagnostics(self) -> list[Diagnostic]:
@@ -227,9 +245,9 @@ class InputTopics:
         if self.silent("imu/data_raw"):
             return []
         found = []
-        for topic in ("imu/mag", "gyro/data_raw"):
+        for topic in _TIMED:
             skew_s = self._skew_ns.get(topic, 0) * 1e-9
-            if abs(skew_s) > _SKEW_S and not self.silent(topic):
+            if self._is_skewed(topic) and not self.silent(topic):
                 way = "ahead of" if skew_s > 0.0 else "behind"
                 message = f"{topic} is {abs(skew_s):.1f} s {way} imu/data_raw: it is not used together with it"
                 found.append(Diagnostic(f"time {topic}", ERROR, message, "stamp both with one clock"))

@@ -18,7 +18,6 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
-from mwd_sensors.ros.message_buffer import decode_messages
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_sensors.telemetry import tool_configuration
 from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
@@ -59,7 +58,7 @@ class TransmissionPublisher:
         if pipeline.counters.set_back > self._set_back:
             self._set_back = pipeline.counters.set_back
             self._begin_anew()
-        flows, _ = decode_messages(wire.TOOL_FLOW, [message.data for message in self._flow.take()])
+        flows, _ = wire.decode_messages(wire.TOOL_FLOW, [message.data for message in self._flow.take()])
         imu_t = pipeline.mount.imu_in_tool(imu)
         for transmitter in self._transmitters:
             transmitter.take_flow(flows)

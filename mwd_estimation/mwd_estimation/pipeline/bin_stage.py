@@ -108,7 +108,9 @@ class BinStage:
 
         later, clipped: of its samples, whether each is later than all before it, and its flags as `clip_flags.of`.
         """
-        values = np.hstack([stretch.gyro, stretch.accel])
+        # Gyros that have drifted do not show whether the tool is still; gravity and field do.
+        gyro = np.zeros_like(stretch.gyro) if stretch.drifted else stretch.gyro
+        values = np.hstack([gyro, stretch.accel])
         doubted_sensors = stretch.suspect | np.uint8(stretch.unusable)
         if later.any():
             stamps, kept = stretch.stamps[later], values[later]

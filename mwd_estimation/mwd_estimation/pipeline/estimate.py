@@ -22,7 +22,7 @@ from mwd_estimation.attitude.continuous_attitude import AttitudeStream
 from mwd_estimation.attitude.gyro_azimuth_state import PrecisionRates, PropagatedAzimuth
 from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.attitude.sample import samples_of
-from mwd_estimation.core import clip_flags
+from mwd_estimation.core import clip_flags, input_gate
 from mwd_estimation.core.innovations import Innovation
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
@@ -46,7 +46,7 @@ from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
-_STRONGEST = 0.01  # T; a hundred times what a magnetised string adds
+_WEAKEST = 1e-9  # T, less than any magnetometer resolves: zeros are no reading
 # Samples in a row without a later stamp that show that time stands still: of a second, by which single stamps may be
 # off (`time_jumps.BACK_NS`), even of a fast unit.
 _STANDS_STILL = 10_000
@@ -108,7 +108,7 @@ class Estimate:
         self._dynamics_state = drilling_dynamics.initial()
         self._dwell_state = np.zeros(1, dtype=toolface_dwell.RECORD)
         self._delay, self._delay_span, self.mag_late_ns = MagneticDelay(), 0, 0
-        self._gyro_usable = True
+        self._gyro_usable, self._gyro_range = True, derivation.health_params(settings).gyro_range
         self._shift_mag(mag_late_ns)
         self._ahead = {"mag": _Ahead(), "precision": _Ahead(), "temperature": _Ahead()}
         self.last_imu_ns = self._newest_ns = np.iinfo(np.int64).min
@@ -163,6 +163,13 @@ class Estimate:
         """
         self._counters.rejected += self._ahead[name].add(samples)
 
+    def take_refused(self, refused: Samples) -> None:
+        """Take what the gate refused and may be in another unit, dtype of `input_gate.REFUSED`."""
+        if len(refused):
+            refused["stamp_ns"][refused["sensor"] == input_gate.MAG] -= self.mag_late_ns
+            self.watch.take_refused(refused)
+            self.bin_stage.precision.take_refused(refused)
+
     def _use_beside(self) -> None:
         """Hand the samples that wait to the stages."""
         use = {"mag": self._use_mag, "precision": self._use_precision, "temperature": self._use_temperature}
@@ -175,8 +182,7 @@ class Estimate:
         self.watch.note_declared(samples)
         stamps, b_t = samples["stamp_ns"], samples["magnetic_field"]
         self.watch.take_mag(stamps - self.mag_late_ns, b_t)
-        # A field beyond any on Earth is in another unit, and zero is no reading; the checks of the sensors name both.
-        usable = (np.abs(b_t) < _STRONGEST).all(axis=1) & b_t.any(axis=1)
+        usable = np.isfinite(b_t).all(axis=1) & (np.abs(b_t) > _WEAKEST).any(axis=1)
         usable &= ~input_covariance.clipped(samples, "magnetic_field").any(axis=1)
         stamps, b_t = np.ascontiguousarray(stamps[usable]), np.ascontiguousarray(b_t[usable])
         self._counters.rejected += int(len(usable) - len(stamps))
@@ -274,7 +280,7 @@ class Estimate:
         # Bins, and surveys begun in them.
         bins = self.bin_stage.close_bins(stretch, later, clipped[stretch.part], output)
         # Attitude.
-        gyro = without_faulty(unusable, stretch.gyro)
+        gyro = without_faulty(unusable, stretch.gyro, self._gyro_range)
         self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         samples = samples_of(stamps, gyro, accel, track, stretch.suspect)

@@ -5,8 +5,9 @@ The estimator: samples in, attitude and surveys out; one object for the live nod
 Blocks may have any length; the output is the same bits however the streams are cut, and whatever the order in which
 topics arrive, as long as a magnetic sample is there `tool.magnetometer.delay_s` after its stamp.
 
-The pipeline admits samples in time: where time goes back (a recording that loops or is wound back) the estimate begins
-anew. The stages behind that, in the order of the signal, are those of `estimate`.
+Values pass the gate (`core.input_gate`) before anything else sees them. The pipeline admits samples in time: where time
+goes back (a recording that loops or is wound back) the estimate begins anew. The stages behind that, in the order of
+the signal, are those of `estimate`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from mwd_estimation.core.calibrated_range import TemperatureWatch
 from mwd_estimation.core.innovations import Innovation
+from mwd_estimation.core.input_gate import InputGate
 from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import SensorFault
@@ -57,6 +59,9 @@ class Pipeline:
     ----------
     noise_notes : list of str
         A sentence for each vector whose stated noise is larger than the tool's and is taken (`set_noise`).
+    gate : InputGate
+        The gate that all samples pass. Samples that are used elsewhere too may pass it before they are pushed: what
+        has passed passes again as it is.
     temperature : TemperatureWatch
         Temperatures beyond those of the calibration, where the sigma of surveys is widened.
     """
@@ -67,6 +72,7 @@ class Pipeline:
         derivation.check(settings)
         self.settings = settings
         self.mount = mount or resolve(settings.tool.mount)
+        self.gate = InputGate(derivation.input_ranges(settings))
         self.counters = Counters()
         self._numbering = Numbering()
         self._given = reference
@@ -87,16 +93,17 @@ class Pipeline:
         """Take magnetic samples, dtype of `wire.MAG`, in axes of the unit; left out where its mount is not known."""
         if "mag" not in self.mount.unusable:
             self.counters.mag += len(samples)
-            self._take_beside("mag", self.mount.mag_in_tool(samples))
+            self._take_beside("mag", self.mount.mag_in_tool(self.gate.mag(samples)))
 
     def push_precision(self, samples: Samples) -> None:
         """Take samples of the high-precision unit, dtype of `wire.IMU`; left out where its mount is not known."""
         if "precision" not in self.mount.unusable:
             self.counters.precision += len(samples)
-            self._take_beside("precision", self.mount.precision_in_tool(samples))
+            self._take_beside("precision", self.mount.precision_in_tool(self.gate.precision(samples)))
 
     def push_temperature(self, samples: Samples) -> None:
         """Take temperatures, dtype of `wire.TEMPERATURE`."""
+        samples = self.gate.temperature(samples)
         self.temperature.take(samples["temperature"])
         self._take_beside("temperature", samples)
 
@@ -111,10 +118,14 @@ class Pipeline:
         """
         if "imu" in self.mount.unusable:
             return Output.empty(0)
-        samples = self.mount.imu_in_tool(samples)
+        samples = self.mount.imu_in_tool(self.gate.imu(samples))
+        self._estimate.take_refused(self.gate.take_refused())
         self.counters.imu += len(samples)
+        before_ns = self._clocks.lead_ns
         (first, new), *rest = self._clocks.lead(samples)
         if new is None:
+            for name, waiting in self._clocks.reached(before_ns).items():
+                self._estimate.take_beside(name, waiting)
             return self._estimate.take_imu(first, followed)
         output, place = Output.empty(0), 0
         for part, begun in [(first, new), *rest]:

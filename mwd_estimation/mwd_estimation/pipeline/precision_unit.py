@@ -19,7 +19,7 @@ from mwd_estimation.health.unit_comparison import PrecisionHealth
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.static_survey import BIN_NS
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 
 
@@ -66,6 +66,10 @@ class PrecisionUnit:
         self._values = np.concatenate([self._values[self._at :], values])
         self._clipped = np.concatenate([self._clipped[self._at :], clipped])
         self._at = 0
+
+    def take_refused(self, refused: Samples) -> None:
+        """Take what the gate refused and may be in another unit, dtype of `input_gate.REFUSED`."""
+        self._health.take_refused(refused)
 
     def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:
         """Take the conventional unit's samples of the same time; those of a suspect sensor are not compared."""

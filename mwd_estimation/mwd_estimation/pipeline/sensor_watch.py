@@ -38,6 +38,7 @@ class Stretch:
     accel: Array
     suspect: NDArray[np.uint8]  #: uint8, shape (n,); bits of the sensors in doubt at each sample
     unusable: int  #: bits of the sensors that are unusable throughout
+    drifted: bool  #: whether gravity shows that the gyros turn where the tool does not
     #: `begins_contamination`, `contaminated`: whether the azimuth is found to have taken in wrong values of a faulty
     #: sensor here, or since before.
     begins_contamination: bool
@@ -53,7 +54,7 @@ class SensorWatch:
         self._mag_lag_ns = self._params.mag_lag_ns
         self._state = monitor.initial()
         self.history = FaultHistory()
-        self._contaminated = False
+        self._contaminated = self._drifted = False
         # By sensor, and half second, the stamp of its first sample that was declared not provided.
         self._declared_ns: dict[int, dict[int, int]] = {}
         # Since when the magnetometer, as far as is known a sound one, has been taken in.
@@ -77,6 +78,10 @@ class SensorWatch:
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
         """Take magnetic samples as they came, T."""
         monitor.push_mag(self._state, stamps, b_t)
+
+    def take_refused(self, refused: Samples) -> None:
+        """Take what the gate refused and may be in another unit, dtype of `input_gate.REFUSED`."""
+        monitor.push_refused(self._state, refused)
 
     def note_declared(self, samples: Samples) -> None:
         """Note which vectors of samples, of either type, are declared not provided."""
@@ -114,6 +119,8 @@ class SensorWatch:
             changes = [self._explained(one, now_ns) for one, at in placed if at == start]
             for change in changes:
                 self.history.note(change)
+                if change.code == FaultCode.REST_RATE:
+                    self._drifted = not change.cleared_ns
             unusable = int(found.unusable[start])
             harmful = self.history.contaminates(changes, self._mag_since_ns)
             self._contaminated = self._contaminated or harmful
@@ -126,6 +133,7 @@ class SensorWatch:
                 accel[part],
                 found.suspect[part],
                 unusable,
+                self._drifted,
                 harmful,
                 self._contaminated,
                 changes,

@@ -18,6 +18,7 @@ from mwd_estimation.assembly.sag import SagCorrection, correction_of
 from mwd_estimation.attitude import drilling_dynamics, gyro_azimuth_state, time_alignment_state, toolface_dwell
 from mwd_estimation.core.calibrated_range import CalibratedRange
 from mwd_estimation.core.error_model import SensorErrors
+from mwd_estimation.core.input_gate import Ranges
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.gravity import accelerometer_only
 from mwd_estimation.gravity.methods import method
@@ -44,6 +45,8 @@ _WALK_DEG_H_RTH = 10.0
 # Ramp of a precision gyro's bias where the tool warms up or cools, 1 sigma, as a share of the bias in an hour: that of
 # a tactical MEMS unit 10 degC an hour into the warm.
 _RAMP_PER_H = 0.6
+# Rate that a gyro may read at rest, at least: what temperature and time leave of any bias, rad/s.
+_REST_RATE = 0.01
 _LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
 
 
@@ -105,6 +108,24 @@ def accelerometer_tilt(tool: Tool) -> float:
     return math.hypot(sensor.bias_ug / 1e6, 0.5 * sensor.scale_ppm / 1e6, sensor.misalignment_mrad / 1e3)
 
 
+def input_ranges(settings: EstimatorSettings) -> Ranges:
+    """
+    Ranges by which the gate judges what comes in.
+
+    Of three axes the widest counts: the gate is in axes of the units, a range may be stated in those of the tool. A
+    precision unit is often left at its default, which is that of its cross axes, and its x follows the string: its
+    gate is not below that of the conventional unit.
+    """
+    tool = settings.tool
+    fastest = max(tool.gyro.range_deg_s)
+    return Ranges(
+        gyro=math.radians(fastest),
+        accel=max(tool.accelerometer.range_g) * STANDARD_GRAVITY,
+        mag=tool.magnetometer.range_ut * 1e-6 or math.inf,
+        precision_gyro=math.radians(max(fastest, *tool.precision.gyro.range_deg_s)),
+    )
+
+
 def health_params(settings: EstimatorSettings) -> monitor.Params:
     """Parameters of the health checks of the conventional unit and the magnetometer."""
     tool, usual = settings.tool, monitor.Params()
@@ -114,6 +135,7 @@ def health_params(settings: EstimatorSettings) -> monitor.Params:
         mag_range=tool.magnetometer.range_ut * 1e-6 or math.inf,
         # The checks set how long they wait for the magnetometer, as long as that covers the delay.
         mag_lag_ns=max(usual.mag_lag_ns, round(tool.magnetometer.delay_s * 1e9)),
+        rest_rate=max(_REST_RATE, usual.rest_rate * (tool.gyro.bias_deg_h / Gyro().bias_deg_h)),
         mag_expected=tool.magnetometer.present,
     )
 

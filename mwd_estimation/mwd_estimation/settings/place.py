@@ -67,11 +67,19 @@ class Place:
         low=0.0,
         high=75000.0,
     )
-    dip_deg: float = setting(
-        60.0, "Dip of the fixed field, positive below the horizontal.", unit="deg", low=-90.0, high=90.0
+    dip_deg: float | None = setting(
+        None,
+        "Dip of the fixed field, positive below the horizontal; nan: not given, a fixed field is refused.",
+        unit="deg",
+        low=-90.0,
+        high=90.0,
     )
-    declination_deg: float = setting(
-        0.0, "Magnetic north from true north at the fixed field, east positive.", unit="deg", low=-180.0, high=180.0
+    declination_deg: float | None = setting(
+        None,
+        "Magnetic north from true north at the fixed field, east positive; nan: not given, azimuths stay magnetic.",
+        unit="deg",
+        low=-180.0,
+        high=180.0,
     )
     source: str = setting(
         "",
@@ -87,9 +95,9 @@ class Place:
         high=5000.0,
         expert=True,
     )
-    convergence_deg: float = setting(
-        0.0,
-        "Grid north from true north at the fixed field, east positive.",
+    convergence_deg: float | None = setting(
+        None,
+        "Grid north from true north at the fixed field, east positive; nan: no grid is given.",
         unit="deg",
         low=-180.0,
         high=180.0,
@@ -131,8 +139,7 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
     if place.field == "none":
         return None
     if place.field == "fixed":
-        found = _fixed(place)
-        return dataclasses.replace(found, slips=_slips_of_figures(place))
+        return _fixed(place)
     found = _of_model(place, first_ns)
     return dataclasses.replace(found, slips=_slips_of_place(place, first_ns))
 
@@ -161,14 +168,12 @@ def _of_model(place: Place, first_ns: int) -> Reference:
     )
 
 
-def _slips_of_figures(place: Place) -> tuple[Slip, ...]:
-    """Return the fields that may have been meant by figures of a field."""
+def _slips_of_figures(total: float, dip_deg: float) -> tuple[Slip, ...]:
+    """Return the fields that may have been meant by figures of a field: total, T, and dip."""
     meant = {
-        f"a dip of {-place.dip_deg:g} deg instead of {place.dip_deg:g} deg": -place.dip_deg,
-        f"a dip of {90.0 - place.dip_deg:g} deg: {place.dip_deg:g} deg is its angle from the vertical": 90.0
-        - place.dip_deg,
+        f"a dip of {-dip_deg:g} deg instead of {dip_deg:g} deg": -dip_deg,
+        f"a dip of {90.0 - dip_deg:g} deg: {dip_deg:g} deg is its angle from the vertical": 90.0 - dip_deg,
     }
-    total = place.total_nt * 1e-9
     return tuple(Slip(words, total, math.radians(dip)) for words, dip in meant.items() if abs(dip) <= 90.0)
 
 
@@ -213,8 +218,8 @@ def _convergence(place: Place, lat: float, lon: float) -> float | None:
 
 def _fixed(place: Place) -> Reference:
     """The reference of a field that is given in figures."""
-    if not place.total_nt > 0.0:
-        raise SettingsError("place.total_nt: a fixed field needs its strength, with place.dip_deg and declination_deg")
+    if not place.total_nt > 0.0 or place.dip_deg is None:
+        raise SettingsError("place.total_nt, place.dip_deg: a fixed field needs its strength and dip")
     if not _WEAKEST_NT < place.total_nt < _STRONGEST_NT:
         units = {"G": 1e5, "mG": 1e2, "uT": 1e3, "A/m": 1256.637}
         meant = [(unit, place.total_nt * size) for unit, size in units.items()]
@@ -225,10 +230,11 @@ def _fixed(place: Place) -> Reference:
     reference = Reference(
         total=place.total_nt * 1e-9,
         dip=math.radians(place.dip_deg),
-        declination=math.radians(place.declination_deg),
-        convergence=math.radians(place.convergence_deg),
+        declination=None if place.declination_deg is None else math.radians(place.declination_deg),
+        convergence=None if place.convergence_deg is None else math.radians(place.convergence_deg),
         gravity=None if place.lat_deg is None else earth.gravity(math.radians(place.lat_deg), place.height_m),
         source=place.source or "configured",
+        slips=_slips_of_figures(place.total_nt * 1e-9, place.dip_deg),
     )
     total_nt, dip_deg, declination_deg = place.source_sigmas
     if not place.source:

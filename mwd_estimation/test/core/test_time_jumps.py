@@ -97,3 +97,63 @@ def test_a_stream_a_whole_loop_ahead_of_the_leader_waits_for_it():
     assert seconds(clocks.beside("mag", samples(*range(100, 110), *range(100, 110)))) == list(range(100, 110))
     clocks.lead(samples(*range(100, 110), *range(100, 110)))
     assert seconds(clocks.release()["mag"]) == list(range(100, 110))
+
+
+@pytest.mark.fault_case(44)
+@pytest.mark.parametrize("ahead", [1.5, 5.0, 1e3, 1e9])
+def test_a_single_stamp_of_the_future_changes_nothing_either(ahead):
+    clocks = Clocks()
+    clocks.lead(samples(100, 100.1))
+    ((block, new),) = clocks.lead(samples(100.2, 100.2 + ahead, 100.3, 100.4))
+    assert new is None
+    # What comes behind sees the time stand still for a sample, so that it rejects it.
+    assert seconds(block) == [100.2, 100.2, 100.3, 100.4]
+    assert seconds(clocks.beside("mag", samples(100, 100.1, 100.1 + ahead, 100.2, 100.3))) == [100, 100.1, 100.2, 100.3]
+    assert (clocks.dropped, clocks.went_back, clocks.lead_ns) == (1, [], 100_400_000_000)
+
+
+def test_after_a_data_gap_the_leader_goes_on_and_no_sample_beside_it_is_lost():
+    for cuts in ([], [1], [2, 3], [1, 2, 3, 4, 5]):
+        clocks, given = Clocks(), []
+        clocks.beside("mag", samples(100, 101))
+        clocks.lead(samples(100, 101))
+        for part in np.split(np.arange(6), cuts):
+            given += seconds(clocks.beside("mag", samples(900, 901, 902, 903, 904, 905)[part]))
+            before_ns = clocks.lead_ns
+            ((block, new),) = clocks.lead(samples(900, 901, 902, 903, 904, 905)[part])
+            assert new is None
+            given += [stamp for waited in clocks.reached(before_ns).values() for stamp in seconds(waited)]
+        assert given == [900, 901, 902, 903, 904, 905]
+        assert (clocks.dropped, clocks.lead_ns) == (0, 905 * SECOND)
+    assert len(block)
+
+
+@pytest.mark.fault_case(51)
+@pytest.mark.parametrize("off", [-12.0, -3.0, 12.0, 3600.0])
+def test_a_stream_whose_clock_was_wrong_for_a_while_is_used_as_soon_as_it_is_right_again(off):
+    clocks, used = Clocks(), []
+    for k in range(600):
+        now = 100.0 + 0.1 * k
+        sent = now + (off if 200 <= k < 350 else 0.0)
+        used += [(k, stamp) for stamp in seconds(clocks.beside("mag", samples(sent)))]
+        before_ns = clocks.lead_ns
+        clocks.lead(samples(now))
+        used += [(k, stamp) for waited in clocks.reached(before_ns).values() for stamp in seconds(waited)]
+    right = [stamp for _, stamp in used]
+    assert right == [100.0 + 0.1 * k for k in range(600) if not 200 <= k < 350 and k >= 0] or off == 12.0
+    # Samples that the leader has come to meanwhile are of its time, as far as it can tell.
+    assert np.isin(np.round(100.0 + 0.1 * np.arange(355, 600), 6), np.round(right, 6)).all()
+    assert used[-1] == (599, right[-1])
+
+
+def test_a_stream_slower_than_once_a_second_is_used_without_end():
+    clocks, given = Clocks(), []
+    for k in range(100, 1000):
+        if k % 60 == 40:
+            given += seconds(clocks.beside("temperature", samples(k)))
+        before_ns = clocks.lead_ns
+        clocks.lead(samples(k, k + 0.5))
+        given += [stamp for waited in clocks.reached(before_ns).values() for stamp in seconds(waited)]
+    # Those that confirm its first step come together.
+    assert given == [*range(100, 1000, 60)]
+    assert clocks.dropped == 0

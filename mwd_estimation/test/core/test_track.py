@@ -36,7 +36,7 @@ def test_a_sample_is_taken_with_the_time_since_the_last_and_what_is_said_of_it()
 
 
 @pytest.mark.parametrize("place", range(6))
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e9])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_a_value_that_is_no_measurement_is_rejected_and_does_not_move_the_clock(place, bad):
     c = clock()
     track.admit(c, 5, *GOOD, 100)

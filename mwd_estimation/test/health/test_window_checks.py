@@ -94,8 +94,7 @@ def test_at_rest_the_axes_are_not_to_be_seen():
 
 @pytest.mark.parametrize(
     ("sensor", "factor", "number"),
-    [("gyro", math.degrees(1.0), 1), ("accel", 1 / 9.80665, 1)]
-    + [("mag", factor, k + 1) for k, factor in enumerate((1e3, 1e4, 1e6, 1e7, 1e9))],
+    [("gyro", math.degrees(1.0), 1), ("accel", 1 / 9.80665, 1)],
 )
 def test_another_unit_is_named_by_the_length(sensor, factor, number):
     checks = observed(**{sensor: factor * np.eye(3)})

@@ -45,11 +45,11 @@ def topics(**samples):
     return inputs
 
 
-def arrive(inputs, topic, rows):
+def arrive(inputs, topic, rows, frame="sonde_link"):
     """Take messages of these samples."""
-    encoded = wire.SONDE_TOPICS[topic].encode(rows, "sonde_link")
+    encoded = wire.SONDE_TOPICS[topic].encode(rows, frame)
     inputs._buffers[topic] = waiting([ReceivedMessage(row.tobytes(), 0) for row in encoded])
-    inputs.take(topic)
+    return inputs.take(topic)
 
 
 def stamped(layout, n=40, hz=100.0, later_s=0.0):
@@ -67,13 +67,27 @@ def test_a_rate_that_a_turning_string_outruns_is_named():
 
 
 @pytest.mark.fault_case(51)
-@pytest.mark.parametrize(("later_s", "words"), [(12.0, "12.0 s ahead of"), (-12.0, "12.0 s behind")])
-def test_a_magnetometer_on_another_clock_is_measured_and_named(later_s, words):
-    inputs = topics(imu__data_raw=stamped(wire.IMU), imu__mag=stamped(wire.MAG, later_s=later_s))
-    (found,) = inputs.skew_diagnostics()
-    assert words in found.message
-    together = topics(imu__data_raw=stamped(wire.IMU), imu__mag=stamped(wire.MAG, later_s=0.02))
-    assert together.skew_diagnostics() == []
+@pytest.mark.parametrize(
+    ("later_s", "words"), [(12.0, "12.0 s ahead of"), (1.5, "1.5 s ahead of"), (-12.0, "12.0 s behind")]
+)
+def test_a_magnetometer_on_another_clock_is_named_and_not_used_until_it_is_right_again(later_s, words):
+    inputs, used = topics(), []
+    for k in range(90):
+        arrive(inputs, "imu/data_raw", stamped(wire.IMU, 1, later_s=0.01 * k))
+        off = later_s if 30 <= k < 60 else 0.02
+        used.append(len(arrive(inputs, "imu/mag", stamped(wire.MAG, 1, later_s=0.01 * k + off))))
+        if k == 59:
+            (found,) = inputs.skew_diagnostics()
+            assert words in found.message
+    assert used[:30] == [1] * 30
+    assert used[34:60] == [0] * 26
+    assert used[60:] == [1] * 30
+    assert inputs.skew_diagnostics() == []
+
+
+def test_a_magnetometer_goes_on_while_the_imu_does_not_come():
+    inputs = topics(imu__data_raw=stamped(wire.IMU))
+    assert all(len(arrive(inputs, "imu/mag", stamped(wire.MAG, 1, later_s=0.1 * k))) == 1 for k in range(60))
 
 
 def test_a_magnetometer_that_falls_silent_is_not_taken_for_one_on_another_clock():
@@ -82,28 +96,46 @@ def test_a_magnetometer_that_falls_silent_is_not_taken_for_one_on_another_clock(
     assert inputs.skew_diagnostics() == []
 
 
-@pytest.mark.fault_case(11)
-def test_a_frame_that_changes_is_followed_and_frames_in_turn_are_named_while_they_last(monkeypatch):
+@pytest.mark.fault_case(11, 53)
+def test_a_second_unit_on_a_topic_is_named_and_left_out_and_leaves_no_trace(monkeypatch):
     now = [1000.0]
     monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
     inputs = topics(imu__mag=stamped(wire.MAG))
+    own = inputs.frames["imu/mag"]
 
-    def send(frame):
-        rows = wire.MAG.encode(stamped(wire.MAG, 2), frame)
-        inputs._buffers["imu/mag"] = waiting([ReceivedMessage(row.tobytes(), 0) for row in rows])
-        inputs.take("imu/mag")
+    def send(*frames):
+        rows = [wire.MAG.encode(stamped(wire.MAG, 1), frame)[0].tobytes() for frame in frames]
+        inputs._buffers["imu/mag"] = waiting([ReceivedMessage(row, 0) for row in rows])
+        now[0] += 0.1
+        return len(inputs.take("imu/mag"))
 
-    send("mag_link")
-    assert inputs.frames["imu/mag"] == "mag_link"
+    key = inputs.mount_key
+    # The order in which the two come makes no difference.
+    for k in range(120):
+        assert send(*((own, "foreign"), ("foreign", own), ("foreign",))[k % 3]) == int(k % 3 < 2)
+        assert inputs.mount_key == key
+        (found,) = inputs.frame_diagnostics()
+        assert "two units publish it" in found.message
+        assert own in found.message
+        assert "foreign" in found.message
+    for _ in range(60):
+        assert send(own) == 1
     assert inputs.frame_diagnostics() == []
-    for k in range(8):
-        send(("sonde_link", "mag_link")[k % 2])
-    (found,) = inputs.frame_diagnostics()
-    assert "two units publish it" in found.message
-    now[0] += 100.0
+    assert inputs.mount_key == key
+
+
+def test_the_frame_of_an_exchanged_unit_is_followed_once_the_old_one_is_silent(monkeypatch):
+    now = [1000.0]
+    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
+    inputs, used = topics(imu__mag=stamped(wire.MAG)), []
+    for _ in range(40):
+        now[0] += 0.1
+        arrive(inputs, "imu/mag", stamped(wire.MAG, 1), "new_link")
+        used.append(inputs.frames["imu/mag"])
+    assert used[18] == "sonde_link"
+    assert set(used[20:]) == {"new_link"}
+    now[0] += 5.0
     assert inputs.frame_diagnostics() == []
-    send("third_link")
-    assert inputs.frames["imu/mag"] == "third_link"
 
 
 @pytest.mark.fault_case(14, 15)
@@ -222,7 +254,7 @@ def test_a_sensor_declared_absent_is_named_as_that_and_a_broken_one_as_broken(ve
     assert f"{vector}_covariance" in declared[0].remedy
     samples[f"{vector}_covariance"], samples[vector] = 0.0, np.nan
     (broken,) = [found for found in diagnostics.sensor_diagnostics(estimated(imu, mag)[0]) if sensor in found.message]
-    assert broken.message == f"{sensor} sends values that are not finite"
+    assert broken.message == f"{sensor} sends values that are not finite or beyond any that it can read"
     assert "plug" in broken.remedy
 
 
@@ -239,7 +271,9 @@ def test_a_sensor_that_is_declared_absent_only_after_it_failed_is_broken_however
     for k in range(0, n, cut):
         pipeline.push_mag(mag[k : k + cut])
         changes += pipeline.push_imu(imu[k : k + cut]).health
-    assert [describe(change).message for change in changes] == ["magnetometer sends values that are not finite"]
+    assert [describe(change).message for change in changes] == [
+        "magnetometer sends values that are not finite or beyond any that it can read"
+    ]
 
 
 def test_samples_that_were_not_used_are_told_with_the_remedy_of_their_cause():

@@ -49,9 +49,11 @@ def test_without_a_field_there_is_no_reference_and_a_fixed_one_is_as_it_says():
 
 
 def test_a_fixed_field_at_a_known_latitude_has_the_gravity_of_that_latitude():
-    placed = Place(field="fixed", total_nt=50000.0, lat_deg=58.4)
+    placed = Place(field="fixed", total_nt=50000.0, dip_deg=60.0, lat_deg=58.4)
     assert reference_of(placed, START).gravity == earth.gravity(math.radians(58.4), 0.0)
-    assert reference_of(Place(field="fixed", total_nt=50000.0), START).gravity is None
+    bare = reference_of(Place(field="fixed", total_nt=50000.0, dip_deg=60.0), START)
+    # What nobody gave is not known, not zero.
+    assert (bare.gravity, bare.declination, bare.convergence) == (None, None, None)
 
 
 def test_only_a_named_grid_gives_the_model_a_convergence():
@@ -295,7 +297,7 @@ def test_every_parameter_says_what_raising_or_setting_it_does():
         assert rule.doc.endswith("."), name
 
 
-_FIXED = {"place.field": "fixed", "place.total_nt": 50000.0}
+_FIXED = {"place.field": "fixed", "place.total_nt": 50000.0, "place.dip_deg": 60.0}
 _CERTIFICATE = {"place.source_sigmas": [60.0, 0.11, 0.15]}
 
 
@@ -323,6 +325,7 @@ def test_a_named_field_brings_its_own_sigmas_and_the_field_of_the_moment_only_wh
         ({"place.source_sigmas": [0.11, 60.0, 0.15]}, "the order is total"),
         ({"place.source": ""}, "place.source"),
         ({"place.total_nt": 0.0}, "place.total_nt"),
+        ({"place.dip_deg": None}, "place.dip_deg"),
     ],
 )
 def test_a_named_field_that_is_incomplete_is_refused(change, named):

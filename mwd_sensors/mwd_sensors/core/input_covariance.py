@@ -107,12 +107,13 @@ class NoiseWatch:
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
         """Take samples of a tool that rests or does not, for the smallest scatter of each vector."""
-        for vector, _ in VECTORS.get(type_name, ()):
+        for vector, widest in VECTORS.get(type_name, ()):
             if not still:
                 self._resting.pop(vector, None)
             elif vector in self.noise and self.noise[vector].sigma > 0.0 and len(samples):
                 held = self._resting.setdefault(vector, [])
-                held.append(np.asarray(samples[vector], dtype=np.float64))
+                readings: NDArray[np.float64] = np.asarray(samples[vector], dtype=np.float64)
+                held.append(readings[(np.abs(readings) < widest).all(axis=1)])
                 if sum(map(len, held)) >= _SCATTERED:
                     steps = np.diff(np.concatenate(self._resting.pop(vector)), axis=0)
                     scatter = float(np.median(np.sqrt((steps**2).mean(axis=0) / 2.0)))

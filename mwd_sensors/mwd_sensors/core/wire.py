@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -335,3 +336,23 @@ BIT_FRAME = "bit"  # axes of the sonde, at the bit
 RIG_FRAME = "rig_floor"  # axes of local_enu, where depths are measured from
 WELLHEAD_FRAME = "wellhead"  # north, east, down from where the well path begins
 LOCAL_FRAME = "local_enu"  # east, north, up
+
+
+def decode_messages(layout: Layout, messages: Sequence[bytes]) -> tuple[Samples, list[WireError]]:
+    """Decode serialised messages of one layout: their samples in order, and one error for each unreadable message."""
+    if not messages:
+        return layout.empty(0), []
+    size = len(messages[0])
+    try:
+        if all(len(message) == size for message in messages):
+            rows = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(len(messages), size)
+            return layout.decode(rows), []
+    except WireError:
+        pass
+    parts, errors = [layout.empty(0)], []
+    for message in messages:
+        try:
+            parts.append(layout.decode(message))
+        except WireError as error:
+            errors.append(error)
+    return np.concatenate(parts), errors

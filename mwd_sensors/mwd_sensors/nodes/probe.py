@@ -38,6 +38,7 @@ class ProbeNode(GraphNode[LineSettings]):
         self._said = ""
         self._received_before = self._faults_before = 0
         self._clips_before: dict[str, int] = {}
+        self._bad_before = 0, 0
 
     def configure(self) -> None:
         """Open the topics."""
@@ -49,7 +50,7 @@ class ProbeNode(GraphNode[LineSettings]):
         """Begin with a line that is not open yet."""
         self._probe = SerialProbe(self.settings)
         self._received_before = self._faults_before = 0
-        self._clips_before = {}
+        self._clips_before, self._bad_before = {}, (0, 0)
         self._discovery = SubscriberDiscovery(time.monotonic(), self.settings.wait_for_listener_s)
 
     def deactivate(self) -> None:
@@ -109,8 +110,11 @@ class ProbeNode(GraphNode[LineSettings]):
             remedy = f"check power, the parameters baud ({settings.baud}) and protocol ({settings.protocol})"
             message = "broken frames only" if counters.broken and not counters.frames else "no samples"
             return Diagnostic("line", ERROR, message, remedy, values)
-        if counters.broken or counters.lost:
-            message = f"{counters.broken} frames broken, {counters.lost} lost"
+        # Those since the last time: a warning goes when the line is good again.
+        before, self._bad_before = self._bad_before, (counters.broken, counters.lost)
+        broken, lost = (max(now - then, 0) for now, then in zip(self._bad_before, before, strict=True))
+        if broken or lost:
+            message = f"{broken} frames broken, {lost} lost in the last second"
             return Diagnostic("line", WARN, message, "check cable, ground and speed", values)
         return Diagnostic("line", OK, f"{new} samples in the last second", values=values)
 

@@ -8,13 +8,7 @@ messages wait in the queue of the middleware's reader and takes all of them with
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
-
-import numpy as np
-
-from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Samples
 
 # Most messages of one call of `take`: a writer faster than the reader must not block the reader's node.
 _MAX_TAKEN = 10_000
@@ -48,23 +42,3 @@ class MessageBuffer:
             while len(taken) < _MAX_TAKEN and (found := reader.take_message(msg_type, True)) is not None:
                 taken.append(ReceivedMessage(found[0], found[1]["received_timestamp"]))
         return taken
-
-
-def decode_messages(layout: wire.Layout, messages: Sequence[bytes]) -> tuple[Samples, list[wire.WireError]]:
-    """Decode serialised messages of one layout: their samples in order, and one error for each unreadable message."""
-    if not messages:
-        return layout.empty(0), []
-    size = len(messages[0])
-    try:
-        if all(len(message) == size for message in messages):
-            rows = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(len(messages), size)
-            return layout.decode(rows), []
-    except wire.WireError:
-        pass
-    parts, errors = [layout.empty(0)], []
-    for message in messages:
-        try:
-            parts.append(layout.decode(message))
-        except wire.WireError as error:
-            errors.append(error)
-    return np.concatenate(parts), errors

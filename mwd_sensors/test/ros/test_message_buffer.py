@@ -14,7 +14,7 @@ pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 from sensor_msgs.msg import Imu
 
 from mwd_sensors.ros import qos
-from mwd_sensors.ros.message_buffer import MessageBuffer, decode_messages
+from mwd_sensors.ros.message_buffer import MessageBuffer
 
 
 class Handle(contextlib.nullcontext):
@@ -56,23 +56,23 @@ def test_everything_that_waits_is_taken_oldest_first_with_its_time_of_arrival():
 
 
 def test_messages_decoded_together_are_those_decoded_one_by_one():
-    together, errors = decode_messages(wire.IMU, messages(5))
+    together, errors = wire.decode_messages(wire.IMU, messages(5))
     assert errors == []
     assert together.tobytes() == samples(5).tobytes()
-    assert len(decode_messages(wire.IMU, [])[0]) == 0
+    assert len(wire.decode_messages(wire.IMU, [])[0]) == 0
 
 
 def test_a_message_that_cannot_be_read_costs_only_itself():
     good = messages(4)
     big_endian = b"\0\0\0\0" + good[1][4:]
     for bad in (big_endian, good[1][:100], b"", good[1] + bytes(8)):
-        found, errors = decode_messages(wire.IMU, [good[0], bad, *good[2:]])
+        found, errors = wire.decode_messages(wire.IMU, [good[0], bad, *good[2:]])
         assert found["stamp_ns"].tolist() == [samples(4)["stamp_ns"][k] for k in (0, 2, 3)]
         assert len(errors) == 1
 
 
 def test_messages_of_two_frames_are_read_together():
-    found, errors = decode_messages(wire.IMU, [messages(2)[0], messages(2, "another_longer_frame")[1]])
+    found, errors = wire.decode_messages(wire.IMU, [messages(2)[0], messages(2, "another_longer_frame")[1]])
     assert errors == []
     assert found.tobytes() == samples(2).tobytes()
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import zstandard
+from rosbags.serde import SerdeError
 
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples, Stamps
@@ -23,6 +24,7 @@ from mwd_surface.bags.message_parts import Part, merged, rows_at
 Fields = Mapping[str, tuple[str, ...]]
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024
+_MOST_SLACK = 64  # bytes
 
 
 class SampleDecoder:
@@ -50,7 +52,10 @@ class SampleDecoder:
         about = self._topics[topic]
         try:
             store = self._knowing(about).typestore
-            return store.deserialize_cdr(data, about.type_name)
+            try:
+                return store.deserialize_cdr(data, about.type_name)
+            except SerdeError:
+                return _without_slack(store, data, about.type_name)
         except DefinitionError as error:
             raise BagError(f"{topic} cannot be decoded: {error}") from error
         except Exception as error:
@@ -194,3 +199,23 @@ def _plain_value(value: Any) -> Any:
     if hasattr(value, "__msgtype__"):
         return [getattr(value, field.name) for field in dataclasses.fields(value) if not field.name.startswith("_")]
     return value
+
+
+def _without_slack(store: Any, data: bytes, type_name: str) -> Any:
+    """
+    Decode a message with unused bytes behind it.
+
+    The middleware counts the alignment of the items of each sequence into the size of a message, also of empty ones,
+    which have none: four bytes a sequence stay unused behind the last field.
+
+    Raises
+    ------
+    SerdeError
+        It is not of the type.
+    """
+    for slack in range(4, min(len(data), _MOST_SLACK) + 1, 4):
+        try:
+            return store.deserialize_cdr(data[:-slack], type_name)
+        except SerdeError:
+            continue
+    raise SerdeError(f"it is not a {type_name}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, Level, check_plausible, nearest_first
 from mwd_surface.clearance.offset_wells import OffsetWells, clearances, read_offset_wells
-from mwd_surface.list_files.remark import Remark
+from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well_position import continued, uncertain_well
 from mwd_surface.trajectory.plan import Plan
@@ -51,6 +51,11 @@ class WellClearance:
         return tuple(nearest_first([part for part in parts if part is not None]))
 
     @property
+    def not_compared(self) -> tuple[Remark, ...]:
+        """The remarks that leave a well or a part of one uncompared; those of a refused well are among them."""
+        return tuple(one for one in self.remarks if one.kind == RemarkKind.NOT_COMPARED)
+
+    @property
     def level(self) -> Level:
         """Level from the last survey on."""
         ahead = self.ahead()
@@ -87,8 +92,8 @@ def well_clearance(
     """
     path = surveys.definitive(leg)
     surveyed = float(path.md[-1])
-    if bit_depth is None and surveys.well.sensor_to_bit > 0.0 and path.kind[-1] == "survey":
-        bit_depth = surveyed + surveys.well.sensor_to_bit
+    if bit_depth is None and surveys.well.sensor_offset > 0.0 and path.kind[-1] == "survey":
+        bit_depth = surveyed + surveys.well.sensor_offset
     path = surveys.definitive(leg, bit_depth)
     bit = float(path.md[-1])
     path = continued(path, plan, offsets.ahead_m)
@@ -100,11 +105,11 @@ def well_clearance(
         found, remarks = clearances(well, offsets)
     except ValueError as error:
         raise ValueError(f"no clearance: {error}") from error
-    own = (*surveys.remarks, *(() if plan is None else plan.remarks))
+    own = (*path.assumptions, *surveys.remarks, *(() if plan is None else plan.remarks))
     missing = dict.fromkeys(part for one in found for part in one.not_compared if not part.shared)
     compared = {one.name for one in found}
     refused = tuple(one.name for one in offsets.wells if one.name not in compared)
-    remarks = (*own, *remarks, *(part.remark() for part in missing))
+    remarks = distinct((*own, *remarks, *(part.remark() for part in missing)))
     return WellClearance(well, surveyed, bit, tuple(found), remarks, offsets.rule, refused)
 
 

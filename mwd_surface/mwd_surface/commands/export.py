@@ -148,7 +148,9 @@ def _table(
     if not surveys.records:
         raise ValueError(f"{source}: no survey in the list")
     planned = read_plan(plan, surveys.well.north_reference) if plan is not None else None
-    sections, remarks = clearance_sections(surveys, planned, bit_depth, leg)
+    if planned is not None:
+        surveys = surveys.along(planned)
+    sections, remarks = clearance_sections(surveys, surveys.plan, bit_depth, leg)
     for note in remarks:
         terminal.warn(note)
     table = survey_table(
@@ -156,7 +158,6 @@ def _table(
         time.time_ns(),
         leg=leg,
         bit_depth=bit_depth,
-        plan=planned,
         software=f"mwd {__version__}",
         stretches=stretches,
         sections=sections,

@@ -196,7 +196,7 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
         reference=reference,
         every=options["every"],
     )
-    return surveys, (*remarks, *sentences(surveys.remarks))
+    return surveys, (*remarks, *sentences((*surveys.remarks, *surveys.definitive().assumptions)))
 
 
 def _pairs(text: str | None) -> dict[str, str]:
@@ -234,8 +234,8 @@ def _tie_on(text: str) -> TieOn:
     if len(numbers) not in (3, 6):
         raise ValueError(f"--tie-on {text}: expected MD,INC,AZI or MD,INC,AZI,TVD,NORTH,EAST in m and deg")
     md, inclination, azimuth = numbers[:3]
-    down, north, east = numbers[3:] or (md, 0.0, 0.0)
-    return TieOn(md, math.radians(inclination), math.radians(azimuth % 360.0), north, east, down, "given")
+    down, north, east = numbers[3:] or (None, None, None)
+    return TieOn.given(md, math.radians(inclination), math.radians(azimuth % 360.0), (north, east, down))
 
 
 def _table(surveys: SurveyList) -> SurveyTable:

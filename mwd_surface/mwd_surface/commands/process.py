@@ -243,7 +243,8 @@ def _settings_lines(estimator: EstimatorSettings, recorded: Recorded, summary: S
         day = place.date or "the day of the recording"
         where = f"{place.lat_deg:.4f}, {place.lon_deg:.4f} deg, {place.height_m:.0f} m, {day}"
         lines.append(("place", where))
-    words = [f"sensor {summary.listed.well.sensor_to_bit:.2f} m behind the bit"] if summary.surveys else []
+    behind = summary.listed.well.sensor_to_bit if summary.surveys else None
+    words = [f"sensor {behind:.2f} m behind the bit"] if behind is not None else []
     words += [f"tool code {estimator.survey.tool_code}"] if estimator.survey.tool_code else []
     if summary.topics.precision is not None:
         words.append(f"precision gyro of {gyro.bias_deg_h:g} deg/h")

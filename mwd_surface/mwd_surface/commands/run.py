@@ -103,7 +103,13 @@ def run(
     if plan is not None:
         parameters["surface"]["plan.file"] = str(plan.resolve(strict=True))
     parameters["surface"] |= page_secret(token, folder)
+    from_true_north = dict(parameters["surface"])
     set_parameters(parameters, changes)
+    if parameters["surface"].get("well.north_reference", "true") != "true":
+        # The hole of a scenario is described from true north; without a tie-on the path says that it is assumed.
+        for tied in [name for name in from_true_north if name.startswith(launch_plan.TIE_ON)]:
+            if parameters["surface"][tied] == from_true_north[tied]:
+                del parameters["surface"][tied]
     options = RunOptions(port, not no_rig, hold, parameter_file(params), single_process)
     run_graph(story.name, namespace, parameters, folder, options)
     truth = folder / "truth.csv" if story.telemetry is not None else None

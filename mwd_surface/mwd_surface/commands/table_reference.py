@@ -150,10 +150,6 @@ def table_reference(
     reference = reference_of(settings.place, stamp_ns)
     if reference is None:
         return None, tuple(remarks)
-    if settings.place.field == "fixed":
-        # What was not given is not known; a row of the table may know it.
-        declination, convergence = reference.declination or None, reference.convergence or None
-        reference = dataclasses.replace(reference, declination=declination, convergence=convergence)
     return dataclasses.replace(reference, **figures), tuple(remarks)
 
 

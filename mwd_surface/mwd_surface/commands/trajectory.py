@@ -91,4 +91,4 @@ def _continuous(source: Path, surveys: SurveyList, table: Path | None, recording
     if not run_folder.is_run(folder):
         raise ValueError(f"--recording: {folder} is not a folder of `mwd process`, which has the attitude")
     with Bag(recording) as bag:
-        return continuous_log(folder, bag, surveys.well.sensor_to_bit)
+        return continuous_log(folder, bag, surveys.well.sensor_offset)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,10 +15,10 @@ if TYPE_CHECKING:
     from mwd_surface.page.page_server import PageServer
     from mwd_surface.processing.run_config import ProcessedInput
     from mwd_surface.runs.player import Player, Playing
-    from mwd_surface.surveys.survey_list import SurveyList
     from mwd_surface.trajectory.plan import Plan
 
 _PERIOD_S = 0.1  # between two states of the page
+_LOOK_S = 0.5  # s of work after which a state on the way to a moment is shown
 
 
 def view(
@@ -52,8 +51,7 @@ def view(
     from mwd_surface.processing.run_config import processed_input
     from mwd_surface.runs import launch_plan
     from mwd_surface.runs.bundle import newest_recording
-    from mwd_surface.runs.player import Player, Playing, namespace_of
-    from mwd_surface.surveys.well import with_section
+    from mwd_surface.runs.player import Player, Playing, namespace_of, recorded_well
 
     if not 0.01 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0.01 to 1000")
@@ -71,14 +69,12 @@ def view(
         for note in worth_saying(bag):
             terminal.warn(note)
         planned = _plan(bag, plan)
-        if namespace_of(bag):
-            surveys = _surveys(bag, run)
-            if read is not None:
-                terminal.remark("shown are the estimates in the recording, not those of these results")
-        else:
-            bag, surveys = held.enter_context(_processed(bag, read))
-        surveys = dataclasses.replace(surveys, well=with_section(surveys.well, planned))
-        player = Player(bag, namespace_of(bag), surveys, planned)
+        settings = recorded_well(bag, namespace_of(bag))
+        if not namespace_of(bag):
+            bag = held.enter_context(_processed(bag, read))
+        elif read is not None:
+            terminal.remark("shown are the estimates in the recording, not those of these results")
+        player = Player(bag, namespace_of(bag), settings, planned)
         page_port = held.enter_context(launch_plan.page_port(port))
 
         def on_replay(given: dict[str, float | bool]) -> None:
@@ -86,7 +82,7 @@ def view(
             asked.rate = float(given.get("rate", asked.rate))
             asked.seek_s = float(given["seek"]) if "seek" in given else asked.seek_s
 
-        server = PageServer(PageSettings(port=page_port), on_replay=on_replay, now=lambda: player.at_s)
+        server = PageServer(PageSettings(port=page_port), on_replay=on_replay, now=lambda: player.well.clock.now)
         server.start()
         held.callback(server.stop)
         terminal.output().print(f"{recording}: page at {server.address}; Ctrl-C ends", markup=False)
@@ -95,64 +91,60 @@ def view(
 
 
 def _play(player: Player, asked: Playing, server: PageServer) -> None:
-    """Play until interrupted."""
+    """Play until interrupted; a long way to a moment is shown while it is gone."""
     import time
 
     from mwd_surface.page.state_json import StateJson
 
-    shown = StateJson()
+    settings = player.well.live.settings
+    shown = StateJson(settings)
     before = time.monotonic()
     while True:
         now = time.monotonic()
         passed, before = now - before, now
         seek_s, asked.seek_s = asked.seek_s, None
         if seek_s is not None:
-            player.seek(seek_s)
-            shown = StateJson(revised_from=shown)
+            if player.seek(seek_s, _LOOK_S):
+                shown = StateJson(settings, revised_from=shown)
+            if player.at_s < player.clipped(seek_s) and asked.seek_s is None:
+                asked.seek_s = seek_s
         elif asked.playing:
             player.advance(passed * asked.rate)
             asked.playing = player.at_s < player.length_s
-        server.tell(replay={"at": player.at_s, "length": player.length_s, "playing": asked.playing, "rate": asked.rate})
+        seeking = asked.seek_s is not None
+        server.tell(
+            replay={
+                "at": player.at_s,
+                "length": player.length_s,
+                "playing": asked.playing,
+                "rate": asked.rate,
+                "seeking": seeking,
+            }
+        )
         server.push(shown.snapshot(player.state()))
-        time.sleep(max(0.0, _PERIOD_S - (time.monotonic() - now)))
-
-
-def _surveys(bag: Bag, run: Path) -> SurveyList:
-    """The survey list of a recording, else of the results beside it; empty where there is none."""
-    from mwd_surface.bags.bag_reader import BagError
-    from mwd_surface.surveys.recorded_settings import recorded_settings
-    from mwd_surface.surveys.survey_list import SurveyList
-    from mwd_surface.surveys.survey_source import surveys_of, surveys_of_bag
-    from mwd_surface.surveys.well import Well
-
-    with contextlib.suppress(BagError):
-        return surveys_of_bag(bag)
-    try:
-        return surveys_of(run)[0]
-    except BagError:
-        return SurveyList(well=recorded_settings(bag).well(Well()))
+        time.sleep(0.0 if seeking else max(0.0, _PERIOD_S - (time.monotonic() - now)))
 
 
 def _plan(bag: Bag, path: Path | None) -> Plan | None:
     """The plan of a file, or of the file that the surface node of the recording had."""
     from mwd_surface.commands import terminal
-    from mwd_surface.surveys.recorded_settings import SURFACE
+    from mwd_surface.runs.player import named_plan
     from mwd_surface.trajectory.plan_file import read_plan
 
     if path is not None:
         return read_plan(path)
-    named = dict(bag.metadata().get(SURFACE, {})).get("plan.file", "")
-    if not named:
+    named = named_plan(bag)
+    if named is None:
         return None
-    if not Path(named).expanduser().is_file():
+    if not named.is_file():
         terminal.remark(f"the plan of this recording, {named}, is not on this machine; --plan names it")
         return None
-    return read_plan(Path(named).expanduser())
+    return read_plan(named)
 
 
 @contextlib.contextmanager
-def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[tuple[Bag, SurveyList]]:
-    """A copy of a recording with its estimates, and its surveys; read: how the results at hand were made."""
+def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[Bag]:
+    """A copy of a recording with its estimates; read: how the results at hand were made."""
     import tempfile
 
     from mwd_estimation.settings.estimator import EstimatorSettings
@@ -180,4 +172,4 @@ def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[tuple[Bag, Sur
         for warning in [remark, *summary.warnings] if remark else summary.warnings:
             terminal.warn(warning)
         with Opened(folder / MERGED) as merged:
-            yield merged, summary.listed
+            yield merged

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterable
 
 from mwd_sensors.core.constants import CELSIUS_ZERO
-from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.exports.survey_table import SurveyTable, degrees, fixed, plain, utc
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
@@ -34,17 +34,20 @@ def definitive_csv(table: SurveyTable) -> str:
     """
     The definitive survey: head block, names, one line a station; the projection to the bit is the last, marked.
 
+    The column `station` says what a station is: tie-on, assumed (a first station that nobody gave), survey, projected.
+    The column `coordinates` says "assumed" where depths and positions rest on an assumption, which the head names.
+
     Text is UTF-8 when encoded; lines end with a newline.
     """
     lines = [f"# {label}: {value}" for label, value in table.header]
     lines += [f"# {why}" for why in (*table.left_out, *map(plain, table.remarks))]
     nothing = dict.fromkeys(_decided(_NO_RECORD, table.surveys.north), quoted(""))
-    lines.append(",".join([*(c.key for c in table.columns), "station", *nothing]))
+    lines.append(",".join([*(c.key for c in table.columns), "station", "coordinates", *nothing]))
     bare = nothing | {"leg": quoted(table.path.leg), "survey": ""}
     for k in table.rows:
         record = table.records[k]
         cells = [column.cell(k) for column in table.columns]
-        cells.append(quoted(table.path.kind[k]))
+        cells += [quoted(table.path.kind[k]), quoted("assumed" if table.path.assumed else "")]
         cells += (_decided(record, table.surveys.north) if record else bare).values()
         lines.append(",".join(cells))
     return "\n".join(lines) + "\n"
@@ -120,8 +123,8 @@ def _raw(record: SurveyRecord, methods: tuple[str, ...]) -> dict[str, str]:
         "b_reference_nt": _known(s.b_reference, 1, 1e9),
         "dip_reference_deg": fixed(s.dip_reference * _DEG, 4) if s.has_reference else "",
         **_judged(s),
-        "declination_deg": fixed(s.declination * _DEG, 4) if s.has_reference else "",
-        "convergence_deg": fixed(s.convergence * _DEG, 4) if s.has_reference else "",
+        "declination_deg": degrees(s.declination, 4),
+        "convergence_deg": degrees(s.convergence, 4),
         "inclination_deg": fixed(s.inclination * _DEG, 4),
         "azimuth_deg": fixed(s.azimuth * _DEG, 4, 360.0) if s.has_azimuth else "",
         "gravity_toolface_deg": gravity_toolface,

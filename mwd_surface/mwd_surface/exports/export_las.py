@@ -15,8 +15,10 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, SURVEY, TIE_ON
 
 NULL = -999.25
 # Numbers of the Survey message.
@@ -29,7 +31,8 @@ def las(table: SurveyTable) -> str:
     The file as text (UTF-8 when encoded).
 
     VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; GYSH and AXCO say what the
-    azimuth is made of. The last curve, KIND, says what a station is: 0 tie-on, 1 survey, 2 projected to the bit.
+    azimuth is made of. KIND says what a station is: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed (a first
+    station that nobody gave); the last curve, ASMD, is 1 where depths and positions rest on an assumption.
     """
     import lasio
 
@@ -50,8 +53,11 @@ def las(table: SurveyTable) -> str:
         file.params.append(item(f"H{k:02d}", value=_value(value), descr=_value(label)))
     for k, why in enumerate(table.left_out, start=1):
         file.params.append(item(f"X{k:02d}", value=_value(why), descr="LEFT OUT"))
-    for k, assumed in enumerate(table.remarks, start=1):
-        file.params.append(item(f"A{k:02d}", value=_value(assumed), descr="ASSUMED"))
+    assumptions = sentences(table.path.assumptions)
+    for k, remark in enumerate(table.remarks, start=1):
+        # Only what flags the coordinates (ASMD) is called assumed.
+        descr = "ASSUMED" if remark in assumptions else "REMARK"
+        file.params.append(item(f"A{k:02d}", value=_value(remark), descr=descr))
     formats: dict[int, str] = {}
     for column in table.columns:
         if all(v is None for v in column.values):
@@ -69,9 +75,13 @@ def las(table: SurveyTable) -> str:
     for mnemonic, decimals, descr, data in _azimuth_sources(table):
         formats[len(formats)] = f"%.{decimals}f"
         file.append_curve(mnemonic, data, descr=descr)
-    kinds = {"tie-on": 0.0, "survey": 1.0, "projected": 2.0}
+    kinds = {TIE_ON: 0.0, SURVEY: 1.0, PROJECTED: 2.0, ASSUMED: 3.0}
+    words = ", ".join(f"{number:.0f} {kind}" for kind, number in kinds.items())
     formats[len(formats)] = "%.0f"
-    file.append_curve("KIND", np.array([kinds[k] for k in table.path.kind]), descr="0 tie-on, 1 survey, 2 projected")
+    file.append_curve("KIND", np.array([kinds[k] for k in table.path.kind]), descr=words)
+    formats[len(formats)] = "%.0f"
+    flag = np.full(len(table.records), float(table.path.assumed))
+    file.append_curve("ASMD", flag, descr="depths and positions, 0 measured, 1 rest on an assumption")
     text = io.StringIO()
     depth = table.column("md_m")
     # Stations stand where they were taken: a step of 0 says so.

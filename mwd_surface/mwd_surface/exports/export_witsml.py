@@ -16,10 +16,11 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
+from mwd_surface.exports.survey_table import SurveyTable, degrees, fixed, plain, utc
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
+from mwd_surface.trajectory.well_path import ASSUMED
 
 NAMESPACE = "http://www.witsml.org/schemas/1series"
 _DEG = 180.0 / math.pi
@@ -57,10 +58,10 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     if well.service_company:
         head.append(_text("serviceCompany", well.service_company, _NAME))
     if reference is not None:
-        head.append(_measure("magDeclUsed", fixed(reference.declination * _DEG, 4), "dega"))
-        head.append(_measure("gridConUsed", fixed(reference.convergence * _DEG, 4), "dega"))
+        head += _norths(reference, ("magDeclUsed", "gridConUsed"))
     head.append(_measure("aziVertSect", fixed(table.path.section_azimuth * _DEG, 4, 360.0), "dega"))
-    head += [_text("definitive", "true"), _text("memory", "false"), _text("finalTraj", "false")]
+    # A path that rests on an assumption is not the definitive one.
+    head += [_text("definitive", _flag(not table.path.assumed)), _text("memory", "false"), _text("finalTraj", "false")]
     head.append(_text("aziRef", f"{well.north_reference} north"))
     seen: set[str] = set()
     stations = [_station(table, k, seen) for k in rows]
@@ -118,12 +119,12 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
         parts.append(_text("modelToolError", table.surveys.well.error_model, _COMMENT))
     if measured is not None:
         parts += _measured(measured.survey, table.surveys.well.geomagnetic_model or measured.survey.reference_source)
-    parts.append(_text("statusTrajStation", "position"))
+    parts.append(_text("statusTrajStation", "open" if table.path.assumed else "position"))
     if measured is not None:
         parts += _groups(measured, table.surveys.well.sensor_to_bit)
     if table.covariance is not None and np.all(np.isfinite(table.covariance[k])):
         parts.append(_covariance(table.covariance[k]))
-    note = _note(record, kind)
+    note = "; ".join(filter(None, (_note(record, kind), _assumed(table, k))))
     if note:
         parts.append(f"<commonData>{_text('comments', note, _COMMENT)}</commonData>")
     wanted = _uid(record.survey.uuid if record is not None else f"{kind}-{table.path.leg}")
@@ -160,7 +161,7 @@ def _measured(s: Survey, model: str) -> list[str]:
     return parts
 
 
-def _groups(record: SurveyRecord, sensor_to_bit: float) -> list[str]:
+def _groups(record: SurveyRecord, sensor_to_bit: float | None) -> list[str]:
     s = record.survey
     magnetic = s.magnetic_field_covariance[0] >= 0.0
     axes = ("Axial", "Tran1", "Tran2")
@@ -172,9 +173,9 @@ def _groups(record: SurveyRecord, sensor_to_bit: float) -> list[str]:
     if s.sigma_axial_interference >= 0.0:
         used.append(_measure("magAxialDrlstrCor", fixed(-s.axial_interference * 1e9, 1), "nT"))
     if s.has_reference:
-        used.append(_measure("stnMagDeclUsed", fixed(s.declination * _DEG, 4), "dega"))
-        used.append(_measure("stnGridConUsed", fixed(s.convergence * _DEG, 4), "dega"))
-    used.append(_measure("dirSensorOffset", fixed(sensor_to_bit, 3), "m"))
+        used += _norths(s, ("stnMagDeclUsed", "stnGridConUsed"))
+    if sensor_to_bit is not None:
+        used.append(_measure("dirSensorOffset", fixed(sensor_to_bit, 3), "m"))
     valid = []
     if s.b_total >= 0.0:
         valid.append(_measure("magTotalFieldCalc", fixed(s.b_total * 1e9, 1), "nT"))
@@ -182,6 +183,12 @@ def _groups(record: SurveyRecord, sensor_to_bit: float) -> list[str]:
     valid.append(_measure("gravTotalFieldCalc", fixed(s.g_total, 6), "m/s2"))
     groups = (("rawData", raw), ("corUsed", used), ("valid", valid))
     return [f"<{tag}>{''.join(parts)}</{tag}>" for tag, parts in groups]
+
+
+def _norths(s: Survey, tags: tuple[str, str]) -> list[str]:
+    """Declination and convergence of a survey under these tags, each where it is known."""
+    pairs = zip(tags, (s.declination, s.convergence), strict=True)
+    return [_measure(tag, degrees(angle, 4), "dega") for tag, angle in pairs if angle is not None]
 
 
 def _covariance(cov: Any) -> str:
@@ -215,6 +222,13 @@ def _note(record: SurveyRecord | None, kind: str) -> str:
     if record.comment:
         notes.append(record.comment)
     return "; ".join(notes)
+
+
+def _assumed(table: SurveyTable, k: int) -> str:
+    """What is assumed of a station that is not a survey; a survey has it among its flags."""
+    if table.path.kind[k] == ASSUMED:
+        return "assumed, not surveyed"
+    return "coordinates assumed" if table.path.assumed and table.records[k] is None else ""
 
 
 def _text(tag: str, text: str, longest: int = 256) -> str:

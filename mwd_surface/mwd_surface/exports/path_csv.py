@@ -31,6 +31,7 @@ COLUMNS = (
     "station",
     "survey",
     "tool",
+    "coordinates",
 )
 
 
@@ -58,6 +59,7 @@ def path_csv(table: SurveyTable) -> str:
                 path.kind[k],
                 record.survey.sequence if record is not None else "",
                 record.tool if record is not None else "",
+                "assumed" if path.assumed else "",
             ]
         )
     return out.getvalue()

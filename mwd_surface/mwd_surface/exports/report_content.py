@@ -14,6 +14,7 @@ from mwd_surface.exports.report_section import Drawing, Section, Sheet, sheet_of
 from mwd_surface.exports.report_trajectory import high_density
 from mwd_surface.exports.survey_table import SurveyTable, plain
 from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,6 +53,11 @@ def content(table: SurveyTable) -> Content:
         certificate=(
             "Certified that this survey was computed by the minimum curvature method from the surveys marked as used,"
             f" from {well.north_reference} north, with the references and corrections stated above."
+            + (
+                " Its depths and positions are not certified: they rest on the assumption stated."
+                if table.path.assumed
+                else ""
+            )
         ),
         signatures=("Survey engineer", "Directional driller", "Company representative"),
     )
@@ -65,13 +71,13 @@ def definitive(table: SurveyTable) -> Section:
         record, kind = table.records[k], table.path.kind[k]
         name = str(record.survey.sequence) if record is not None else kind
         rows.append((name, *(c.cell(k, paper=True) for c in shown), "; ".join(record.flags) if record else ""))
-        marks.append("projected" if kind == "projected" else row_mark(record))
+        marks.append(kind if kind in (PROJECTED, ASSUMED) else row_mark(record))
     sheet = sheet_of(
         "Definitive survey",
         (("Survey", ""), *((c.listed.title, c.unit) for c in shown), ("Flags", "")),
         rows,
         marks,
-        legend="Shaded lines: projected, not surveyed, or used on a person's word." if any(marks) else "",
+        legend="Shaded lines: projected or assumed, not surveyed, or used on a person's word." if any(marks) else "",
     )
     return Section(sheet.heading, sheets=(sheet,))
 

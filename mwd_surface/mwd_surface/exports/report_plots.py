@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.trajectory.plan import interpolated
+from mwd_surface.trajectory.well_path import ASSUMED
 from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 
 if TYPE_CHECKING:
@@ -110,22 +112,31 @@ def _padded(limit: Any, ends: tuple[list[float], list[float]]) -> Any:
 def _path_line(ax: Any, table: SurveyTable, axes: Any) -> None:
     projected = table.path.kind[-1] == "projected"
     last = len(table.path.kind) - projected
+    assumed = table.path.kind[0] == ASSUMED
     # Between stations the path is an arc; drawn as one.
-    whole = _dense(table)
-    ax.plot(*axes(whole), color=_SURVEY, linewidth=1.2)
-    ax.plot(*axes(table.path.positions[:last]), "o", color=_SURVEY, markersize=3.5, label="survey")
+    md, whole = _dense(table)
+    measured = (md >= table.path.md[1]) if assumed else np.full(md.size, True)
+    ax.plot(*axes(whole[measured]), color=_SURVEY, linewidth=1.2)
+    if assumed:
+        # Up to the first survey, so that no gap is left.
+        ax.plot(
+            *axes(whole[md <= table.path.md[1]]), ":", color=_BAD, linewidth=1.4, label="hole assumed, not surveyed"
+        )
+    words = "survey, place assumed" if table.path.assumed else "survey"
+    ax.plot(*axes(table.path.positions[int(assumed) : last]), "o", color=_SURVEY, markersize=3.5, label=words)
     if projected:
         ax.plot(*axes(table.path.positions[-1:]), "D", color=_BAD, markersize=5, label="bit (projected)")
 
 
-def _dense(table: SurveyTable) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _dense(table: SurveyTable) -> tuple[Array, Array]:
+    """Measured depths, m, shape (n,), and positions there, shape (n, 3), m, that draw the path as arcs."""
     from mwd_sensors.core import minimum_curvature as mc
 
     path = table.path
     if path.md.size < 2:
-        return path.positions
+        return path.md, path.positions
     md = np.unique(np.concatenate([path.md, np.linspace(path.md[0], path.md[-1], 400)]))
-    return mc.interpolate(path.md, path.inclination, path.azimuth, path.positions, md)[2]
+    return md, mc.interpolate(path.md, path.inclination, path.azimuth, path.positions, md)[2]
 
 
 def _some(table: SurveyTable) -> list[tuple[str, int]]:

@@ -20,7 +20,7 @@ import numpy as np
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.report_section import Section
-from mwd_surface.list_files.remark import sentences
+from mwd_surface.list_files.remark import RemarkKind, sentences
 from mwd_surface.signals.signal import PLAN, POSITION, SURVEY, Listed, Signal
 from mwd_surface.signals.table import LISTED
 from mwd_surface.surveys.survey_list import SurveyList
@@ -29,7 +29,7 @@ from mwd_surface.surveys.well import Well
 from mwd_surface.surveys.well_position import uncertain
 from mwd_surface.trajectory.plan import Plan, offset_from
 from mwd_surface.trajectory.slide_sheet import Stretch
-from mwd_surface.trajectory.well_path import Definitive
+from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
 _DEG = 180.0 / math.pi
 _FEW = 12  # numbers in a sentence
@@ -88,8 +88,9 @@ class SurveyTable:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences about what the list and the plan assume."""
-        return sentences((*self.surveys.remarks, *(self.plan.remarks if self.plan is not None else ())))
+        """Sentences about what path, list and plan assume."""
+        planned = self.plan.remarks if self.plan is not None else ()
+        return sentences((*self.path.assumptions, *self.surveys.remarks, *planned))
 
     @property
     def rows(self) -> range:
@@ -128,7 +129,7 @@ def survey_table(
     bit_depth : float, optional
         m; the last row is then projected to it. Left out, to `sensor_to_bit` below the last survey.
     plan : Plan, optional
-        Adds distance and direction to it.
+        Other than that of the list; it adds distance and direction to it.
     software : str
         Name and version for the head block.
     stretches : sequence of Stretch
@@ -141,15 +142,14 @@ def survey_table(
     ValueError
         No such leg, or a bit depth that is not finite.
     """
-    if plan is not None and surveys.well.section_azimuth_deg < 0.0:
-        along = dataclasses.replace(surveys.well, section_azimuth_deg=math.degrees(plan.section_azimuth))
-        surveys = surveys.configured(along, surveys.rules)
+    if plan is not None:
+        surveys = surveys.along(plan)
     path = surveys.definitive(leg)
-    if bit_depth is None and path.kind[-1] == "survey" and surveys.well.sensor_to_bit > 0.0:
-        bit_depth = float(path.md[-1]) + surveys.well.sensor_to_bit
+    if bit_depth is None and path.kind[-1] == "survey" and surveys.well.sensor_offset > 0.0:
+        bit_depth = float(path.md[-1]) + surveys.well.sensor_offset
     if bit_depth is not None:
         path = surveys.definitive(leg, bit_depth)
-    table = table_of(surveys, path, made_ns, plan, software, stretches)
+    table = table_of(surveys, path, made_ns, software, stretches)
     return dataclasses.replace(table, sections=tuple(sections))
 
 
@@ -157,11 +157,11 @@ def table_of(
     surveys: SurveyList,
     path: Definitive,
     made_ns: int,
-    plan: Plan | None = None,
     software: str = "",
     stretches: Sequence[Stretch] = (),
 ) -> SurveyTable:
-    """The printed table of a path of the list; see `survey_table`."""
+    """The printed table of a path of the list beside its plan; see `survey_table`."""
+    plan = surveys.plan
     path, left_out = _finite(path)
     left_out += _without_depth(surveys)
     by_number = {r.survey.sequence: r for r in surveys.records}
@@ -275,20 +275,9 @@ def _header(
 ) -> tuple[tuple[str, str], ...]:
     well = surveys.well
     north = well.north_reference
-    unknown = "not available"
-    known_correction = reference is not None or north == "magnetic"
+    unknown, not_given = "not available", "not given"
     g_reference = reference.g_reference if reference is not None else -1.0
-    correction = {
-        "magnetic": 0.0,
-        "true": reference.declination if reference else 0.0,
-        "grid": reference.declination - reference.convergence if reference else 0.0,
-    }[north]
-    leg = next(g for g in surveys.legs if g.name == path.leg)
-    t = leg.tie_on
-    tied = (
-        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(t.inclination * _DEG, 2)} deg,"
-        f" {fixed(t.azimuth * _DEG, 2, 360.0)} deg"
-    )
+    assumed_north = any(one.kind == RemarkKind.NORTH_ASSUMED for one in path.assumptions)
     section = "as set" if well.section_azimuth_deg >= 0.0 else "towards the last survey"
     if plan is not None and math.isclose(path.section_azimuth, plan.section_azimuth):
         section = "along the plan"
@@ -301,20 +290,22 @@ def _header(
         ("Rig", well.rig),
         ("Survey company", well.service_company),
         *_placed(well),
-        ("Depth datum", f"{well.depth_datum}, {fixed(well.datum_elevation, 2)} m above mean sea level"),
-        ("Azimuth reference", f"{north} north"),
-        ("Declination", f"{fixed(reference.declination * _DEG, 3)} deg" if reference else unknown),
-        ("Grid convergence", _convergence(reference, well) if reference else unknown),
-        ("Total azimuth correction", f"{fixed(correction * _DEG, 3)} deg" if known_correction else unknown),
+        ("Depth datum", well.depth_datum or not_given),
+        ("Datum elevation", _metres(well.datum_elevation, " above mean sea level") or not_given),
+        ("Azimuth reference", f"{north} north" + (", assumed" if assumed_north else "")),
+        ("Declination", _degrees(reference.declination if reference else None) or unknown),
+        ("Grid convergence", _degrees(reference.convergence if reference else None) or "no grid given"),
+        ("Total azimuth correction", _degrees(_correction(reference, north)) or unknown),
         ("Geomagnetic model", well.geomagnetic_model or (reference.reference_source if reference else "") or unknown),
         ("Reference total field", f"{fixed(reference.b_reference * 1e9, 0)} nT" if reference else unknown),
         ("Reference dip", f"{fixed(reference.dip_reference * _DEG, 3)} deg" if reference else unknown),
         ("Reference gravity", f"{fixed(g_reference, 5)} m/s2" if g_reference > 0.0 else unknown),
         ("Position uncertainty", covariance_note),
         ("Vertical section azimuth", f"{fixed(path.section_azimuth * _DEG, 2, 360.0)} deg, {section}"),
-        ("Sensor to bit", f"{fixed(well.sensor_to_bit, 2)} m"),
+        ("Sensor to bit", _metres(well.sensor_to_bit) or "not given: depths are those of the bit"),
         ("Leg", path.leg),
-        ("Tie-on", tied),
+        ("Tie-on", _tied(surveys, path)),
+        ("Coordinates", "assumed: " + "; ".join(sentences(path.assumptions)) if path.assumed else ""),
         ("Tools", ", ".join(sorted({r.tool for r in own if r.tool})) or unknown),
         ("Telemetry", _telemetry([r.survey for r in own if r.in_use])),
         ("Method", "minimum curvature"),
@@ -345,11 +336,39 @@ def _placed(well: Well) -> tuple[tuple[str, str], ...]:
     return ("Latitude, longitude (WGS84)", place), ("Map grid", _map_grid(well))
 
 
-def _convergence(reference: Survey, well: Well) -> str:
-    """Convergence in words: 0 is that of a central meridian where there is a grid, else that of none."""
-    if not well.grid and well.north_reference != "grid" and reference.convergence == 0.0:
-        return "no grid given"
-    return f"{fixed(reference.convergence * _DEG, 3)} deg"
+def _tied(surveys: SurveyList, path: Definitive) -> str:
+    """Tie-on of the leg of a path in words; its numbers only where somebody gave them."""
+    t = surveys.find_leg(path.leg).tie_on
+    if path.kind[0] == ASSUMED:
+        return "not given"
+    return (
+        f"{t.source}, {fixed(t.measured_depth, 2)} m MD, {fixed(t.inclination * _DEG, 2)} deg,"
+        f" {fixed(t.azimuth * _DEG, 2, 360.0)} deg"
+    )
+
+
+def _correction(reference: Survey | None, north: str) -> float | None:
+    """Return what was added to magnetic azimuths, rad; None where it is not known."""
+    if north == "magnetic":
+        return 0.0
+    if reference is None or reference.declination is None:
+        return None
+    if north == "true":
+        return reference.declination
+    return None if reference.convergence is None else reference.declination - reference.convergence
+
+
+def degrees(angle: float | None, decimals: int) -> str:
+    """An angle, rad, in degrees with so many decimals; empty for None."""
+    return "" if angle is None else fixed(angle * _DEG, decimals)
+
+
+def _degrees(angle: float | None) -> str:
+    return "" if angle is None else f"{degrees(angle, 3)} deg"
+
+
+def _metres(length: float | None, words: str = "") -> str:
+    return "" if length is None else f"{fixed(length, 2)} m{words}"
 
 
 def _map_grid(well: Well) -> str:

@@ -51,6 +51,14 @@ class Remark:
     values: dict[str, float] = dataclasses.field(default_factory=dict)
 
 
+def distinct(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    """Return remarks in their order, those with the same sentence once."""
+    found: dict[str, Remark] = {}
+    for remark in remarks:
+        found.setdefault(remark.text, remark)
+    return tuple(found.values())
+
+
 def sentences(remarks: Iterable[Remark]) -> tuple[str, ...]:
     """Return the sentences of remarks, each once."""
-    return tuple(dict.fromkeys(remark.text for remark in remarks))
+    return tuple(remark.text for remark in distinct(remarks))

@@ -97,7 +97,8 @@ def start_of(stations: StationList) -> Start:
     vertical = inclination <= _SHARPEST * md
     top = 0.0 if vertical else inclination
     reached = mc.path([0.0, md], [top, inclination], [azimuth, azimuth])[-1]
-    miss = float(np.linalg.norm(reached - np.array(own))) if given else 0.0
+    # What the list does not give cannot contradict the hole.
+    miss = float(np.linalg.norm(np.nan_to_num(reached - stations.positions[0]))) if given else 0.0
     if miss <= _REACHED + _REACHED_SHARE * md:
         how = "vertically and to reach" if vertical else "straight towards"
         text = (
@@ -106,11 +107,16 @@ def start_of(stations: StationList) -> Start:
         )
         assumed = Remark(RemarkKind.HOLE_ABOVE_ASSUMED, text, {"measured_depth": md, "inclination": inclination})
         return Start(0.0, top, 0.0 if vertical else azimuth, (0.0, 0.0, 0.0), "wellhead", (assumed,))
+    kind = RemarkKind.TIE_ON_OF_LIST
+    place = f"{north:+.2f} m north, {east:+.2f} m east"
+    if math.isnan(north) or math.isnan(east):
+        kind = RemarkKind.TIE_ON_ASSUMED
+        place = "north and east not both given, what is missing taken as that of the wellhead"
     text = (
-        f"{stations.name} begins at {md:.2f} m with a position of its own, {own[2]:.2f} m TVD, {own[0]:+.2f} m north,"
-        f" {own[1]:+.2f} m east: the path starts there, and the hole above is not known"
+        f"{stations.name} begins at {md:.2f} m with a position of its own, {own[2]:.2f} m TVD, {place}: the path starts"
+        " there, and the hole above is not known"
     )
-    remark = Remark(RemarkKind.TIE_ON_OF_LIST, text, {"measured_depth": md})
+    remark = Remark(kind, text, {"measured_depth": md})
     return Start(md, inclination, azimuth, own, "first station of the list", (remark,))
 
 

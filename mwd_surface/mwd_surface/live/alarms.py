@@ -12,6 +12,8 @@ import enum
 from collections import deque
 from collections.abc import Mapping
 
+from mwd_sensors.core.settings import printable
+
 
 class Severity(enum.IntEnum):
     """The numbers of the Alarm message."""
@@ -64,6 +66,8 @@ class AlarmBook:
         self._events: deque[Event] = deque(maxlen=max_events)
         self._max_alarms = max_alarms
         self.version = 0
+        #: Events logged so far.
+        self.logged = 0
 
     def alarms(self) -> tuple[Alarm, ...]:
         """Those active or not yet acknowledged, newest first."""
@@ -89,6 +93,8 @@ class AlarmBook:
         """
         if not alarm_id:
             raise ValueError("alarm_id: must not be empty")
+        # Words of files, topics and peers are shown on terminals, which obey control characters.
+        text, remedy = printable(text), printable(remedy)
         severity = int(Severity(severity))
         old = self._alarms.get(alarm_id)
         if old is None:
@@ -167,15 +173,23 @@ class AlarmBook:
     def note(self, source: str, text: str, stamp_ns: int, severity: Severity | int = Severity.INFO) -> Event:
         """Write a line in the log that is no alarm: a survey taken, a recording started, who accepted what."""
         event = Event(stamp_ns, "note", source, text, int(Severity(severity)))
-        self._events.append(event)
+        self._log(event)
         self.version += 1
         return event
 
     def _store(self, alarm: Alarm, kind: str, text: str, stamp_ns: int) -> Alarm:
         self._alarms[alarm.id] = alarm
-        self._events.append(Event(stamp_ns, kind, alarm.id, text, alarm.severity))
+        self._log(Event(stamp_ns, kind, alarm.id, text, alarm.severity))
         self.version += 1
         return alarm
+
+    def events_after(self, logged: int) -> tuple[Event, ...]:
+        """Return the events since a count of `logged`, oldest first, as far as they are kept."""
+        return tuple(self._events)[-(self.logged - logged) :] if self.logged > logged else ()
+
+    def _log(self, event: Event) -> None:
+        self._events.append(dataclasses.replace(event, text=printable(event.text), source=printable(event.source)))
+        self.logged += 1
 
     def _make_room(self, alarm: Alarm) -> bool:
         if len(self._alarms) < self._max_alarms:

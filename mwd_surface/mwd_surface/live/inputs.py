@@ -16,6 +16,7 @@ import math
 
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.live.source_selection import SourceSelection, short_name
+from mwd_surface.live.well_clock import WellClock
 
 SONDE, GAUGE, HAND, BLOCK = "sonde", "gauge", "hand", "block"
 # m; a third of a joint of drill pipe, well above what the stretch of the string and a tally's rounding make.
@@ -98,6 +99,11 @@ class InputClock:
             self._best.append((second, now, ahead))
         while now - self._best[0][1] > _WINDOW:
             self._best.popleft()
+
+    def measured_at(self, stamp_ns: int, well: WellClock, now: float) -> float:
+        """Return when data of a stamp were measured, s, by the shortest way seen; now: when they came."""
+        offset = max((row[2] for row in self._best), default=0.0)
+        return min(now, well.seconds(stamp_ns) - offset) if self._best else now
 
     def state(self, name: str, clock: Clock, host_ns: int, now: float) -> InputState:
         """Return the input as of `now`; data stamped by the surface itself have no offset."""

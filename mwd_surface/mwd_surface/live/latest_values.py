@@ -50,6 +50,9 @@ class LiveValue:
     state : Freshness
     reason : str
         Why a value is withheld; empty where it is not.
+    measured_at : float or None
+        When it was measured, s of the same clock: before `at` by the way from the sensor to here. Over a telemetry link
+        that of the word it comes from.
     """
 
     value: float | None
@@ -60,6 +63,11 @@ class LiveValue:
     stale_after: float
     state: Freshness
     reason: str = ""
+    measured_at: float | None = None
+
+    def measured_age(self, now: float) -> float | None:
+        """Age of the measurement at a time, s; None where there never was one."""
+        return None if self.measured_at is None else max(0.0, now - self.measured_at)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,6 +89,7 @@ class _Latest:
     sigma: float | None = None
     at: float | None = None
     withheld: str = ""
+    measured_at: float | None = None
 
 
 @dataclasses.dataclass
@@ -127,9 +136,10 @@ class LatestValues:
         else:
             s.seconds.append([second, count])
 
-    def put(self, name: str, value: float, sigma: float | None, now: float) -> None:
-        """Store a finite value; a sigma that is not finite is stored as unknown."""
+    def put(self, name: str, value: float, sigma: float | None, now: float, measured_at: float | None = None) -> None:
+        """Store a finite value; a sigma that is not finite is unknown. measured_at: s; None: when it came."""
         latest = self._values[name]
+        latest.measured_at = now if measured_at is None else measured_at
         latest.value, latest.at, latest.withheld = value, now, ""
         latest.sigma = sigma if sigma is not None and math.isfinite(sigma) else None
 
@@ -162,6 +172,7 @@ class LatestValues:
             stale_after=self._stale_after(quantity.stream),
             state=Freshness.NO_DATA if latest.value is None else state,
             reason=latest.withheld,
+            measured_at=latest.measured_at,
         )
 
     def streams(self, now: float) -> dict[str, StreamState]:

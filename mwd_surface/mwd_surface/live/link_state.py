@@ -87,6 +87,8 @@ class LinkStatus:
     words_expected: int
     toolface_age: float
     survey_age: float
+    inclination_age: float
+    azimuth_age: float
     stamp_ns: int
     at: float
     pump_lines: tuple[float, ...] = ()

@@ -13,16 +13,26 @@ import math
 from collections.abc import Iterable, Sequence
 
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
+from mwd_surface.live.latest_values import LiveValue
 from mwd_surface.live.link_state import LinkStatus
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.streams import LiveStreams
-from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress, WellState
+from mwd_surface.live.well_state import (
+    AttitudeState,
+    NodeDiagnostic,
+    ReferenceField,
+    SurveyProgress,
+    ToolfaceState,
+    WellState,
+)
 from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice, AdviceMode
@@ -44,16 +54,20 @@ class LiveState(LiveStreams):
         self._reference: ReferenceField | None = None
         self._survey_reference = ReferenceField()
         self._records: tuple[SurveyRecord, ...] = ()
+        self._remarks: tuple[Remark, ...] = ()
         self._path: Definitive | None = None
         self._covariance: Array | None = None
         self._plan: Plan | None = None
         self._offset: Offset | None = None
         self._dogleg_to_target: float | None = None
         self._clearance: tuple[Clearance, ...] = ()
+        self._clearance_remarks: tuple[Remark, ...] = ()
         self._stretches: tuple[Stretch, ...] = ()
         self._yields: tuple[Yield, ...] = ()
         self._quill: float | None = None
         self._link: LinkStatus | None = None
+        # When the word of each angle of a link was measured: s, and ns on the clock of the gauge.
+        self._words: dict[str, tuple[float, int]] = {}
         self._control = ControlStatus()
         self._advice = Advice()
         self._downlink: DownlinkStatus | None = None
@@ -64,6 +78,11 @@ class LiveState(LiveStreams):
         self._alarms: tuple[Alarm, ...] = ()
         self._events: tuple[Event, ...] = ()
         self._clock_offset: float | None = None
+        self._not_evaluated: tuple[str, ...] = ()
+        #: Whether a telemetry link stands between tool and surface; None: not known.
+        self.over_link: bool | None = None
+        #: Whether somebody described the well; False: its description is assumed.
+        self.well_given = True
 
     def on_quill(self, angle: float, now: float) -> None:
         """Take the angle of the quill, rad clockwise looking down-hole from the zero of the rig."""
@@ -74,6 +93,11 @@ class LiveState(LiveStreams):
     def on_link(self, link: LinkStatus, now: float) -> None:
         """Take the state of the link by which the surface hears the tool."""
         self._link = link
+        for name in ("inclination", "azimuth", "toolface"):
+            age = getattr(link, f"{name}_age")
+            # A word that is taken back leaves the value shown as old as it was.
+            if age >= 0.0:
+                self._words[name] = (link.at - age, link.stamp_ns - round(age * NANOSECONDS))
         self._touch("link", now)
 
     def on_control(self, status: ControlStatus, now: float) -> None:
@@ -109,14 +133,36 @@ class LiveState(LiveStreams):
             return 0.0
         return max(link.toolface_age + (stamp_ns - link.stamp_ns) * 1e-9, 0.0)
 
+    def _attitude(self, now: float) -> AttitudeState:
+        """Continuous attitude; over a link each angle was measured when its word was."""
+        attitude = self.attitude(now)
+        return dataclasses.replace(
+            attitude,
+            inclination=self._of_word("inclination", attitude.inclination),
+            azimuth=self._of_word("azimuth", attitude.azimuth),
+        )
+
+    def _toolface(self, now: float) -> ToolfaceState:
+        toolface = self.toolface(now)
+        if "toolface" not in self._words:
+            return toolface
+        _, measured_ns = self._words["toolface"]
+        return dataclasses.replace(toolface, angle=self._of_word("toolface", toolface.angle), measured_ns=measured_ns)
+
+    def _of_word(self, name: str, value: LiveValue) -> LiveValue:
+        """Return a value with the time of the word that it comes from; without a link as it is."""
+        if value.value is None or name not in self._words:
+            return value
+        return dataclasses.replace(value, measured_at=self._words[name][0])
+
     def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
         """Take the well, and the reference field in force; without one, that of the last survey counts."""
         self._well, self._reference = well, reference
         self._touch("well", now)
 
-    def on_records(self, records: Iterable[SurveyRecord], now: float) -> None:
-        """Take all records of the survey list, in order."""
-        self._records = tuple(records)
+    def on_records(self, records: Iterable[SurveyRecord], now: float, remarks: Iterable[Remark] = ()) -> None:
+        """Take all records of the survey list, in order, and its remarks."""
+        self._records, self._remarks = tuple(records), tuple(remarks)
         self._touch("records", now)
         last = max(self._records, key=lambda r: r.survey.stamp_ns, default=None)
         if last is not None and last.survey.has_reference:
@@ -138,9 +184,9 @@ class LiveState(LiveStreams):
         self._offset, self._dogleg_to_target = offset, dogleg_to_target
         self._touch("offset", now)
 
-    def on_clearance(self, ahead: Sequence[Clearance], now: float) -> None:
-        """Take the clearances from the last survey on, the nearest by the rule first."""
-        self._clearance = tuple(ahead)
+    def on_clearance(self, ahead: Sequence[Clearance], now: float, remarks: Iterable[Remark] = ()) -> None:
+        """Take the clearances from the last survey on, the nearest by the rule first, and the remarks about them."""
+        self._clearance, self._clearance_remarks = tuple(ahead), tuple(remarks)
         self._touch("clearance", now)
 
     def on_steering(self, stretches: Sequence[Stretch], yields: Sequence[Yield], now: float) -> None:
@@ -174,9 +220,19 @@ class LiveState(LiveStreams):
             self._touch("diagnostics", now)
 
     def on_alarms(
-        self, alarms: Sequence[Alarm], events: Sequence[Event], now: float, now_ns: int | None = None
+        self,
+        alarms: Sequence[Alarm],
+        events: Sequence[Event],
+        now: float,
+        now_ns: int | None = None,
+        not_evaluated: tuple[str, ...] = (),
     ) -> None:
-        """Take alarms and events, newest first (`AlarmBook.alarms`, `.events`); now_ns: `now` on their clock."""
+        """
+        Take alarms and events, newest first (`AlarmBook.alarms`, `.events`).
+
+        now_ns: `now` on their clock. not_evaluated: kinds of alarms that could not be judged, in words.
+        """
+        self._not_evaluated = not_evaluated
         self._clock_offset = None if now_ns is None else now_ns * 1e-9 - now
         self._alarms, self._events = tuple(alarms), tuple(events)
         self._touch("alarms", now)
@@ -187,20 +243,22 @@ class LiveState(LiveStreams):
         history, depth_log = self.charts(now)
         return WellState(
             now=now,
-            attitude=self.attitude(now),
-            toolface=self.toolface(now),
+            attitude=self._attitude(now),
+            toolface=self._toolface(now),
             drilling=self.drilling(now),
             rig=self.rig(now),
             streams=self.streams(now),
             well=self._well,
             reference=self._reference or self._survey_reference,
             records=self._records,
+            remarks=self._remarks,
             path=self._path,
             covariance=self._covariance,
             plan=self._plan,
             offset=self._offset,
             dogleg_to_target=self._dogleg_to_target,
             clearance=self._clearance,
+            clearance_remarks=self._clearance_remarks,
             stretches=self._stretches,
             yields=self._yields,
             quill=self._quill,
@@ -215,6 +273,9 @@ class LiveState(LiveStreams):
             alarms=self._alarms,
             events=self._events,
             clock_offset=self._clock_offset,
+            not_evaluated=self._not_evaluated,
+            over_link=self.over_link,
+            well_given=self.well_given,
             history=history,
             depth_log=depth_log,
             changes=dict(self._changes),

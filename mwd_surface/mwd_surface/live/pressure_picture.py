@@ -82,8 +82,8 @@ class PressureHistory:
         recent = self._samples[-round(LINE_S * self._rate) :]
         whole = recent[len(recent) % many :].reshape(-1, many).mean(axis=1) if len(recent) >= many else recent
         base = _running_median(whole, round(_BASE_S * self._rate / many)) if len(whole) else whole
-        line = tuple(round(float(v), 2) for v in (whole - base) * 1e-3)
-        return PressurePicture(self._end_ns, line, tuple(self._spectra), 2.0 * self._rate / WINDOW)
+        line = np.round((whole - base) * 1e-3, 2).tolist()
+        return PressurePicture(self._end_ns, tuple(line), tuple(self._spectra), 2.0 * self._rate / WINDOW)
 
     def _spectrum(self) -> tuple[int, ...]:
         window = self._samples[-WINDOW:]

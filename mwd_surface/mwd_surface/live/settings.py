@@ -65,3 +65,28 @@ class LiveSettings:
         high=10000,
     )
     limits: QualityLimits = setting(QualityLimits)
+
+
+@dataclasses.dataclass(frozen=True)
+class PlanSettings:
+    """The planned well path."""
+
+    file: str = setting(
+        "",
+        "File of the planned path, CSV or WITSML 1.4.1.1; empty: no plan. Any change of a parameter of the node reads "
+        "it again",
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class LinkSettings:
+    """How the surface hears the tool."""
+
+    source: str = setting(
+        "direct",
+        "How attitude and surveys reach the surface. direct: the topics of the tool, as over a wire without limits "
+        "(simulation, bench). mud_pulse, em, serial: the topics link/... of a receiver alone; best: the same, of "
+        "several receivers. With any but direct the surface subscribes to nothing else of the tool",
+        choices=("direct", "mud_pulse", "em", "serial", "best"),
+        fixed=True,
+    )

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import RIG_VALID
+from mwd_surface.live.inputs import SONDE
 from mwd_surface.live.latest_values import Freshness, LatestValues, LiveValue, Quantity, StreamState
 from mwd_surface.live.settings import LiveSettings
 from mwd_surface.live.strip_history import StripHistory
@@ -109,6 +111,9 @@ class LiveStreams:
         self._vertical_limit: float | None = None
         self._in_slips: bool | None = None
         self._changes: dict[str, Change] = {}
+        #: Time at which a sample was measured, s, by whose clock stamped it (sonde or rig) and its stamp, ns.
+        self.moment: Callable[[str, int, float], float] = _when_it_came
+        self._measured_at: float | None = None
 
     def on_stream(self, stream: str, count: int, now: float, lost: int = 0) -> None:
         """
@@ -127,6 +132,7 @@ class LiveStreams:
             return
         self.on_stream("estimator", len(samples), now)
         last = samples[-1]
+        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
         self._sample = samples[-1:].copy()
         why = next((text for bit, text in _WHY if int(last["status"]) & bit), _NOT_KNOWN)
         for name in _ANGLES:
@@ -160,6 +166,7 @@ class LiveStreams:
         known = samples[samples["sigma"] >= 0.0]
         if len(known) == 0:
             return
+        self._measured_at = self.moment(SONDE, int(known["stamp_ns"][-1]), now)
         self._put("vibration", float(np.max(known["non_gravity"])), None, now)
         self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
 
@@ -169,6 +176,7 @@ class LiveStreams:
             return
         self.on_stream("dynamics", len(samples), now)
         last = samples[-1]
+        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
         if last["stick_slip_index"] >= 0.0:
             self._put("stick_slip", float(last["stick_slip_index"]), None, now)
         else:
@@ -190,6 +198,7 @@ class LiveStreams:
         self.on_stream("sonde", len(samples), now)
         self.on_stream("temperature", len(samples), now)
         last = samples[-1]
+        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
         celsius, variance = float(last["temperature"]), float(last["variance"])
         if _COLDEST <= celsius <= _HOTTEST:
             self._put("temperature", celsius, math.sqrt(variance) if variance > 0.0 else None, now)
@@ -202,6 +211,7 @@ class LiveStreams:
             return
         self.on_stream("sonde", len(samples), now)
         self.on_stream("magnetometer", len(samples), now)
+        self._measured_at = self.moment(SONDE, int(samples["stamp_ns"][-1]), now)
         totals = np.linalg.norm(samples["magnetic_field"], axis=1)
         if self._without_magnetometer(now):
             self._withhold("total_field", "no magnetometer", now)
@@ -214,6 +224,7 @@ class LiveStreams:
             return
         self.on_stream("interference", len(samples), now)
         last = samples[-1]
+        self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
         axial, sigma = float(last["axial"]), float(last["sigma_axial"])
         across = np.asarray(last["cross_axial"], dtype=float)
         sigma_across = np.asarray(last["sigma_cross_axial"], dtype=float)
@@ -230,6 +241,7 @@ class LiveStreams:
             return
         self.on_stream("rig", len(samples), now)
         last = samples[-1]
+        self._measured_at = self.moment("rig", int(last["stamp_ns"]), now)
         valid = int(last["valid"])
         for field, name in _RIG.items():
             if valid & RIG_VALID[field]:
@@ -279,6 +291,7 @@ class LiveStreams:
             mode=self._selector.mode if reading is None else reading.mode,
             rotating=bool(reading and reading.rotating),
             stamp_ns=None if reading is None else reading.stamp_ns,
+            measured_ns=None if reading is None else reading.stamp_ns,
             readings=tuple(self._readings),
             advisory=self._advisory_of(angle),
             threshold=self._vertical_limit,
@@ -337,7 +350,7 @@ class LiveStreams:
     def _put(self, name: str, value: float, sigma: float | None, now: float) -> None:
         if not math.isfinite(value):
             return
-        self._values.put(name, value, sigma, now)
+        self._values.put(name, value, sigma, now, self._measured_at)
         self._touch(_PART_OF[name], now)
         if name not in _ANGLES:
             self._chart(name, value, now)
@@ -355,6 +368,10 @@ class LiveStreams:
     def _touch(self, part: str, now: float | None = None) -> None:
         before = self._changes.get(part, Change())
         self._changes[part] = Change(before.count + 1, before.at if now is None else now)
+
+
+def _when_it_came(_clock: str, _stamp_ns: int, now: float) -> float:
+    return now
 
 
 def _angle(sample: Any, name: str) -> Angle | None:

@@ -18,6 +18,7 @@ from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
 from mwd_surface.downlink.status import DownlinkStatus
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.live.alarms import Alarm, Event
 from mwd_surface.live.inputs import InputTable
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
@@ -106,6 +107,8 @@ class ToolfaceState:
     rotating : bool
     stamp_ns : int or None
         Of the last sample; None before the first.
+    measured_ns : int or None
+        When the angle was measured: that of the last sample, or over a link of the word it comes from.
     readings : tuple of DialReading
         Oldest first.
     advisory : Advisory or None
@@ -117,6 +120,7 @@ class ToolfaceState:
     mode: int = GRAVITY
     rotating: bool = False
     stamp_ns: int | None = None
+    measured_ns: int | None = None
     readings: tuple[DialReading, ...] = ()
     advisory: Advisory | None = None
     threshold: float | None = None
@@ -246,16 +250,16 @@ class WellState:
         s of the steady clock.
     streams : mapping of str to StreamState
         The streams by name.
-    records : tuple of SurveyRecord
-        The survey list, in its order.
+    records, remarks
+        The survey list, in its order, and the remarks behind it.
     path, covariance
         The well path, and the covariance of its first m positions, shape (m, 3, 3), m^2.
     offset : Offset or None
         From the plan to the end of the path.
     dogleg_to_target : float or None
         Of the arc that hits the target, rad/m.
-    clearance : tuple of Clearance
-        To offset wells from the last survey on, the nearest by the rule first.
+    clearance, clearance_remarks
+        To offset wells from the last survey on, the nearest by the rule first; what it left out and assumed.
     stretches, yields
         The slide sheet, deepest last.
     quill : float or None
@@ -271,6 +275,12 @@ class WellState:
         Worst first.
     alarms, events
         Newest first.
+    not_evaluated : tuple of str
+        Kinds of alarms that could not be judged, in words.
+    well_given : bool
+        Whether somebody described the well; False: its description is assumed.
+    over_link : bool or None
+        Whether a telemetry link stands between tool and surface; None: not known.
     clock_offset : float or None
         Time since the epoch minus `now` when the alarms came, s: turns their stamps into ages.
     history, depth_log : Chart
@@ -288,12 +298,14 @@ class WellState:
     well: Well
     reference: ReferenceField
     records: tuple[SurveyRecord, ...]
+    remarks: tuple[Remark, ...]
     path: Definitive | None
     covariance: Array | None
     plan: Plan | None
     offset: Offset | None
     dogleg_to_target: float | None
     clearance: tuple[Clearance, ...]
+    clearance_remarks: tuple[Remark, ...]
     stretches: tuple[Stretch, ...]
     yields: tuple[Yield, ...]
     quill: float | None
@@ -311,6 +323,9 @@ class WellState:
     advice: Advice = dataclasses.field(default_factory=Advice)
     downlink: DownlinkStatus | None = None
     inputs: InputTable = dataclasses.field(default_factory=InputTable)
+    not_evaluated: tuple[str, ...] = ()
+    over_link: bool | None = None
+    well_given: bool = True
 
     @property
     def against_plan(self) -> dict[str, float | None]:

@@ -153,10 +153,11 @@ class ControlServer:
         if now - self._updated_at < _PERIOD:
             return
         self._updated_at = now
-        rig, authority = self._live.rig(now), self.authority
+        well_now = self._context.well_now
+        rig, authority = self._live.rig(well_now), self.authority
         achieved = Achieved(_known(rig.rotary_speed), _known(rig.torque), _known(rig.flow_rate))
         authority.on_rig(achieved, now)
-        authority.on_mwd(self._live.streams(now)["estimator"].state == Freshness.LIVE)
+        authority.on_mwd(self._live.streams(well_now)["estimator"].state == Freshness.LIVE)
         for point in authority.update(now):
             self._commands.publish(self._command_message(point))
         for text in authority.take_events():
@@ -180,7 +181,7 @@ class ControlServer:
             return
         self._shown, self._published_at = fields, now
         self._reserve()
-        self._live.on_control(status, now)
+        self._live.on_control(status, self._context.well_now)
         message = state_message(status)
         message.header.stamp = stamp(self._context.now_ns())
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -99,13 +98,10 @@ class DownlinkServer:
         if self._machine is not None:
             self._publish(self._machine, self._now())
 
-    def share(self, handlers: dict[str, Callable[[bytes], None]]) -> None:
-        """Add to the functions called with each serialised message of a topic, which others take as well."""
-        if self._machine is None:
-            return
-        for topic, take in (("link/word", self._on_word), ("link/quality", self._on_quality)):
-            before = handlers[topic]
-            handlers[topic] = partial(_both, before, take)
+    @property
+    def handlers(self) -> dict[str, Callable[[bytes], None]]:
+        """From topic to the function that is called with each serialised message; empty where nothing can be sent."""
+        return {} if self._machine is None else {"link/word": self._on_word, "link/quality": self._on_quality}
 
     def stop(self) -> None:
         """End what runs: the rig returns to what the driller has set."""
@@ -263,7 +259,7 @@ class DownlinkServer:
     def _publish(self, machine: Machine, now: float) -> None:
         self._published_at = now
         status = DownlinkStatus.of(machine, now)
-        self._live.on_downlink(status, now)
+        self._live.on_downlink(status, self._context.well_now)
         message = state_message(status)
         message.header.stamp = stamp(self._context.now_ns())
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
@@ -296,11 +292,6 @@ class DownlinkServer:
             return [] if self._refusal == _NO_TOOL else [Diagnostic("downlink", WARN, self._refusal, _RESTART)]
         level = WARN if machine.state in _LOUD else OK
         return [Diagnostic("downlink", level, machine.reason or "no command was sent yet")]
-
-
-def _both(first: Callable[[bytes], None], second: Callable[[bytes], None], data: bytes) -> None:
-    first(data)
-    second(data)
 
 
 def state_message(status: DownlinkStatus) -> Any:

@@ -53,7 +53,9 @@ class PageBridge:
         self._tried_at = time.monotonic()
         alarm_log = self._context.alarm_log
         token = read_token(self._settings.page.token_file, os.environ)
-        server = PageServer(self._settings.page, self._context.requests.call, token=token)
+        server = PageServer(
+            self._settings.page, self._context.requests.call, token=token, now=lambda: self._context.well_now
+        )
         try:
             server.start()
         except OSError as error:
@@ -71,14 +73,14 @@ class PageBridge:
             self._server.stop()
         self._server = None
 
-    def update(self, now: float, *, without_clients: bool = False) -> None:
+    def update(self, *, without_clients: bool = False) -> None:
         """
         Send the state of the well to the page.
 
-        now: steady time, s. without_clients: also while no browser is connected, for requests of a single state.
+        without_clients: also while no browser is connected, for requests of a single state.
         """
         if self._server is not None and (without_clients or self._server.clients):
-            self._server.push(self._state_json.snapshot(self._context.live.at(now)))
+            self._server.push(self._state_json.snapshot(self._context.state()))
 
     def diagnostics(self) -> list[Diagnostic]:
         """State of the page's server."""

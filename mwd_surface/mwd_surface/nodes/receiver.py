@@ -16,6 +16,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.nodes.diagnostics import reference_diagnostic
 from mwd_estimation.settings.place import reference_of
 from mwd_estimation.survey.tool_code import reference_for, sensor_errors
 from mwd_sensors.core import gauge_burst, wire
@@ -167,6 +168,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
                 link.take_flow(seconds, message.flow_rate if message.valid & msg.RigState.FLOW_RATE else None)
             known = bool(message.valid & msg.RigState.RATE_OF_PENETRATION)
             link.attitude.speed = abs(message.rate_of_penetration) if known else None
+            link.attitude.in_slips = bool(message.valid & msg.RigState.SLIPS and message.in_slips)
             if message.valid & msg.RigState.ROTARY_SPEED:
                 link.attitude.rotating = abs(message.rotary_speed) > _TURNING
 
@@ -302,7 +304,12 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
 
     def diagnostics(self) -> Sequence[Diagnostic]:
         """State of the links."""
-        return [self._diagnostic(one) for one in self._inputs]
+        found = [self._diagnostic(one) for one in self._inputs]
+        heard = [one.feed for one in self._inputs if one.feed.heard]
+        # The field depends on the day, which the gauge tells.
+        if heard:
+            found.append(reference_diagnostic(self._reference_at(heard[0].stamp_of(heard[0].link.now_s))))
+        return found
 
     def _diagnostic(self, one: _Input) -> Diagnostic:
         quality = one.feed.link.quality(silent=one.silent)

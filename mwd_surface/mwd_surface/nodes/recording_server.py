@@ -61,7 +61,7 @@ class RecordingServer:
         tables: Callable[[], Mapping[str, Mapping[str, str]]],
         attachments: Callable[[], Iterable[Attachment]],
     ) -> None:
-        self._node, self._settings = context.node, settings.record
+        self._context, self._node, self._settings = context, context.node, settings.record
         self._live, self._alarm_log = context.live, context.alarm_log
         self._attachments = attachments
         self._wanted = False
@@ -172,12 +172,12 @@ class RecordingServer:
 
     # Once a second.
 
-    def update(self, now: float) -> None:
-        """Publish the recorder's status, raise its alarms, start what could not start; now: steady time, s."""
+    def update(self) -> None:
+        """Publish the recorder's status, raise its alarms, start what could not start."""
         self._start_wanted()
         status = self._recorder.status()
         self._status.publish(messages.recorder_message(status, stamp(self._alarm_log.now_ns())))
-        self._live.on_recorder(status, now)
+        self._live.on_recorder(status, self._context.well_now)
         causes: dict[str, tuple[int, str, str]] = {}
         if status.state in (RecorderState.PAUSED_DISK_FULL, RecorderState.FAILED):
             causes["recorder.state"] = (Severity.CRITICAL, f"recording paused: {status.reason}", _RESUMES)

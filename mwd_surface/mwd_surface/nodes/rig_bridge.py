@@ -62,7 +62,7 @@ class RigBridge:
         simulated: Callable[[], bool],
     ) -> None:
         self._node, self._settings = context.node, settings
-        self._live, self._alarm_log = context.live, context.alarm_log
+        self._context, self._alarm_log = context, context.alarm_log
         self._rig_data: queue.SimpleQueue[tuple[str, Samples]] = queue.SimpleQueue()
         self._surveys: tuple[AcceptedSurvey, ...] = ()
         self._values: RigValues | None = None
@@ -108,24 +108,24 @@ class RigBridge:
         while self._publisher is not None and not self._rig_data.empty():
             source, samples = self._rig_data.get()
             # The interfaces stamp with the wall clock, the graph with the node's clock.
-            samples["stamp_ns"] = self._alarm_log.now_ns()
+            samples["stamp_ns"] = self._context.now_ns()
             self._publisher.publish(wire.RIG_STATE.encode(samples, self._node.frame(source))[0].tobytes())
         if now >= self._send_at:
             # From the time it was due, so that a late call does not slow the rate.
             self._send_at = max(self._send_at, now - _VALUES_PERIOD) + _VALUES_PERIOD
-            self.send_values(now)
+            self.send_values()
         if now - self._status_written_at >= _STATUS_PERIOD:
             self._status_written_at = now
             self._write_status(now)
 
-    def send_values(self, now: float, *, active: bool = True) -> None:
+    def send_values(self, *, active: bool = True) -> None:
         """Send the newest values to every interface; active False: they must not be acted upon."""
         if not self._port.enabled:
             return
         self._values = rig_values(
-            self._live.at(now),
+            self._context.state(),
             self._surveys,
-            now_ns=self._alarm_log.now_ns(),
+            now_ns=self._context.now_ns(),
             active=active,
             simulated=self._simulated(),
             previous=self._values,

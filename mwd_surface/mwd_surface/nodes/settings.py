@@ -11,7 +11,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.bags.recorder.settings import RecorderSettings
 from mwd_surface.control.settings import ControlSettings
 from mwd_surface.downlink.settings import DownlinkSettings
-from mwd_surface.live.settings import LiveSettings
+from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
 from mwd_surface.live.source_selection import SourceRules
 from mwd_surface.page.foxglove_server import FoxgloveSettings
 from mwd_surface.page.settings import PageSettings
@@ -26,17 +26,6 @@ from mwd_surface.trajectory.slide_sheet import SlideRules
 
 
 @dataclasses.dataclass(frozen=True)
-class PlanSettings:
-    """The planned well path."""
-
-    file: str = setting(
-        "",
-        "File of the planned path, CSV or WITSML 1.4.1.1; empty: no plan. Any change of a parameter of the node reads "
-        "it again",
-    )
-
-
-@dataclasses.dataclass(frozen=True)
 class RecordSettings:
     """What is recorded."""
 
@@ -48,20 +37,6 @@ class RecordSettings:
         list(TOPICS),
         "Topics to record, relative to the well or absolute. A topic that does not exist yet is recorded as soon as it "
         "does. Each topic costs disk space; leave the list as it is unless a topic is to be added",
-        fixed=True,
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class LinkSettings:
-    """How the surface hears the tool."""
-
-    source: str = setting(
-        "direct",
-        "How attitude and surveys reach the surface. direct: the topics of the tool, as over a wire without limits "
-        "(simulation, bench). mud_pulse, em, serial: the topics link/... of a receiver alone; best: the same, of "
-        "several receivers. With any but direct the surface subscribes to nothing else of the tool",
-        choices=("direct", "mud_pulse", "em", "serial", "best"),
         fixed=True,
     )
 

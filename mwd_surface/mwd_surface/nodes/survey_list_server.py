@@ -4,72 +4,56 @@
 from __future__ import annotations
 
 import concurrent.futures
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mwd_msgs import msg, srv
 from nav_msgs.msg import Path as PathMessage
-from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Samples
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import EVENT, LATCHED
 from mwd_surface.exports.export import FORMATS, ExportError, export
 from mwd_surface.exports.report_clearance import clearance_sections
-from mwd_surface.exports.survey_table import SurveyTable, survey_table, table_of
+from mwd_surface.exports.survey_table import SurveyTable, survey_table
 from mwd_surface.live.alarms import Severity
-from mwd_surface.nodes.plan_server import PlanServer
+from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.survey_book import SurveyBook
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.ros import messages
 from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.surveys.depth import DepthTrack
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.message_conversion import survey_of
-from mwd_surface.surveys.station_checks import revision_doubt, revision_flags
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import SurveyRecord
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.slide_sheet import Stretch
 from mwd_surface.trajectory.well_path import Definitive
 
-_BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
 
-
-class SurveyListServer:
+class SurveyListServer(SurveyBook):
     """
-    The survey list of one well.
+    The survey list of one well as a part of the surface node: with services, on disk, exported, reported.
 
     Parameters
     ----------
     context : SurfaceContext
-        Node, folder, live state, alarm log and worker. The list is kept in the subfolder `surveys`, exported files in
-        `exports`.
+        Node, folder, alarm log and worker. The list is kept in the subfolder `surveys`, exported files in `exports`.
     settings : SurfaceSettings
-        Its sections `rules`, `leg` and `depth` are used.
-    well : Well
-        With its vertical section.
-    plan : PlanServer
+        Its sections `well`, `rules`, `leg` and `depth` are used.
+    plan : PlanMonitor
         The planned path.
-    on_published : callable
-        Called with the list whenever it was published.
+
+    Attributes
+    ----------
     slide_sheet : callable
         Returns the slide sheet, for reports.
     on_depth_by_hand : callable
         Called with a bit depth, m, that a person has set.
-
-    Attributes
-    ----------
-    surveys : SurveyList
-        The list in force.
-    depth : DepthTrack
-        Bit depth over time.
 
     Raises
     ------
@@ -77,33 +61,21 @@ class SurveyListServer:
         The list on disk cannot be used.
     """
 
-    def __init__(
-        self,
-        context: SurfaceContext,
-        settings: SurfaceSettings,
-        well: Well,
-        *,
-        plan: PlanServer,
-        on_published: Callable[[SurveyList], None],
-        slide_sheet: Callable[[], tuple[Stretch, ...]],
-        on_depth_by_hand: Callable[[float], None],
-    ) -> None:
-        self.depth = DepthTrack(settings.depth)
-        self._node, self._folder, self._live = context.node, context.folder, context.live
-        self._alarm_log, self._worker = context.alarm_log, context.worker
-        self._plan, self._on_published, self._slide_sheet = plan, on_published, slide_sheet
-        self._on_depth_by_hand = on_depth_by_hand
+    slide_sheet: Callable[[], tuple[Stretch, ...]]
+    on_depth_by_hand: Callable[[float], None]
+
+    def __init__(self, context: SurfaceContext, settings: SurfaceSettings, *, plan: PlanMonitor) -> None:
+        store = SurveyStore(context.folder / "surveys")
+        loaded = store.load(settings.well, settings.rules)
+        super().__init__(context.well, plan, loaded.surveys, settings.depth)
+        self._node, self._folder, self._worker = context.node, context.folder, context.worker
         self._save_error = ""
-        self._covariance: Any = None
-        self._shown_bit: float | None = None
         self._reporting, self._reported = False, SurveyList()
         self._files: list[tuple[str, str, bytes]] = []
-        self._store = SurveyStore(context.folder / "surveys")
-        loaded = self._store.load(well, settings.rules)
-        self.surveys = loaded.surveys
+        self._store = store
         for text in loaded.messages:
             self._alarm_log.log_event("survey list", text, Severity.WARNING)
-        self.surveys = self._with_leg(self.surveys, settings.leg)
+        self.surveys = self._with_leg(self.surveys.along(plan.plan), settings.leg)
 
     def open(self) -> None:
         """Open topics and services."""
@@ -121,14 +93,14 @@ class SurveyListServer:
         """Release the list's folder."""
         self._store.close()
 
-    def change_settings(self, well: Well, rules: ListRules, leg: LegSettings) -> None:
-        """Apply other settings of the well, the rules and the leg; where they do not fit the list, raise an alarm."""
+    def change_settings(self, well: Well, rules: ListRules, leg: LegSettings, plan: Plan | None) -> None:
+        """Apply other settings of well, rules, leg and plan; where they do not fit the list, raise an alarm."""
         try:
-            surveys = self.surveys.configured(well, rules)
+            surveys = self.surveys.configured(well, rules).along(plan)
         except ValueError as error:
             self._alarm_settings(error)
             return
-        self._replace(self._with_leg(surveys, leg))
+        self.replace(self._with_leg(surveys, leg))
 
     def _with_leg(self, surveys: SurveyList, leg: LegSettings) -> SurveyList:
         try:
@@ -141,85 +113,6 @@ class SurveyListServer:
 
     def _alarm_settings(self, error: ValueError) -> None:
         self._alarm_log.raise_alarm("surveys.settings", Severity.WARNING, f"survey list: settings not changed: {error}")
-
-    def definitive(self) -> Definitive:
-        """Compute the well path, projected to the bit where the bit is deeper."""
-        return self.surveys.definitive(bit_depth=self.bit_depth)
-
-    @property
-    def bit_depth(self) -> float | None:
-        """Bit depth, m; None until the rig or an operator has given one."""
-        return self.depth.latest[1] if self.depth.latest else None
-
-    # Rig data and surveys.
-
-    def on_rig_state(self, samples: Samples) -> float | None:
-        """Take the rig's depths, `wire.RIG_STATE`; returns the last one if it was accepted, m."""
-        accepted = False
-        for sample in samples:
-            known = bool(sample["valid"] & msg.RigState.BIT_DEPTH)
-            accepted = known and self.depth.update(int(sample["stamp_ns"]), float(sample["bit_depth"]))
-        return self.bit_depth if accepted else None
-
-    def on_sonde(self, samples: Samples) -> None:
-        """Take the time of samples of the sonde, to compare its clock with the rig's."""
-        if len(samples):
-            self.depth.note_sonde(int(samples["stamp_ns"][-1]))
-
-    def on_survey(self, data: bytes) -> str:
-        """Add a serialised survey of the estimator to the list; returns the outcome in words."""
-        survey = survey_of(deserialize_message(data, msg.Survey))
-        at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_to_bit)
-        known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
-        try:
-            self._replace(self.surveys.add(survey, at.measured_depth, at.depth_age, comment=at.reason))
-        except ValueError as error:
-            text = f"survey {survey.sequence} not taken: {error}"
-            self._alarm_log.raise_alarm("survey.refused", Severity.WARNING, text)
-            return text
-        record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
-        self._alarm_verdict(record)
-        number = f"survey {record.survey.sequence}"
-        if known:
-            return f"{number} is in the list already"
-        words = "in use" if record.in_use else "waits for a decision"
-        why = [record.comment, *survey.reasons] if record.comment else survey.reasons
-        self._alarm_log.log_event("survey", f"{number} {words}: {'; '.join(why)}")
-        if record.in_use:
-            self._accepted_publisher.publish(messages.record_message(record))
-        return f"{number}: {Verdict(survey.verdict).name.lower()}"
-
-    def on_revision(self, data: bytes) -> None:
-        """Keep a serialised revision of the estimator beside the first value; a person decides about it."""
-        survey = survey_of(deserialize_message(data, msg.Survey))
-        try:
-            surveys = self.surveys.revise(survey)
-        except ValueError as error:
-            self._alarm_log.log_event("survey", f"revision of survey {survey.sequence} not taken: {error}")
-            return
-        if surveys is self.surveys:
-            return
-        self._replace(surveys)
-        record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
-        words = "; ".join(revision_flags(record, self.surveys.north))
-        severity = Severity.WARNING if record.in_use and survey.verdict != Verdict.ACCEPT else Severity.INFO
-        self._alarm_log.log_event("survey", f"survey {record.survey.sequence}: {words}", severity)
-
-    def _alarm_revisions(self) -> None:
-        """Raise an alarm for each survey in use that later ones contradict, until a person has decided about it."""
-        remedy = "steer by neither value: take a check shot, then accept the first value or reject it in the list"
-        doubts = {r.survey.sequence: revision_doubt(r, self.surveys.north) for r in self.surveys.records}
-        causes = {f"survey.revised.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text}
-        self._alarm_log.set_alarms("survey.revised.", causes)
-
-    def _alarm_verdict(self, record: SurveyRecord) -> None:
-        """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""
-        if not record.azimuth_doubt:
-            self._alarm_log.clear_alarm("survey.azimuth")
-            return
-        severity = Severity.CRITICAL if record.survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
-        remedy = "act on the reason, or decide about it in the list"
-        self._alarm_log.raise_alarm("survey.azimuth", severity, record.azimuth_doubt, remedy)
 
     # Services.
 
@@ -240,13 +133,13 @@ class SurveyListServer:
                 surveys = self.surveys.accept(*judge, measured_depth=depth, replace=replace)
             else:
                 surveys = self.surveys.reject(*judge)
-            self._replace(surveys)
+            self.replace(surveys)
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
         for record in self.surveys.records:
             if record.in_use and record.survey.uuid not in used:
-                self._accepted_publisher.publish(messages.record_message(record))
+                self.publish_accepted(record)
         text = f"survey {request.sequence} {word} by {request.operator_name}"
         self._alarm_log.log_event("survey", text + (f": {request.reason}" if request.reason else ""))
         response.success, response.message = True, text
@@ -262,7 +155,7 @@ class SurveyListServer:
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response
-        self._on_depth_by_hand(request.bit_depth)
+        self.on_depth_by_hand(request.bit_depth)
         response.success = True
         response.message = f"bit depth {request.bit_depth:.2f} m by {request.operator_name}"
         self._alarm_log.log_event("depth", response.message)
@@ -291,13 +184,11 @@ class SurveyListServer:
 
     # Saving, publishing, reports.
 
-    def _replace(self, surveys: SurveyList) -> None:
-        if surveys is self.surveys:
-            return
-        # Saved before it is in force: a list that cannot be written down (ValueError) changes nothing.
-        self._save(surveys)
-        self.surveys = surveys
-        self.publish()
+    def replace(self, surveys: SurveyList) -> None:
+        """Put another list in force, saved: a list that cannot be written down (ValueError) changes nothing."""
+        if surveys is not self.surveys:
+            self._save(surveys)
+            super().replace(surveys)
 
     def _save(self, surveys: SurveyList) -> None:
         try:
@@ -317,33 +208,30 @@ class SurveyListServer:
         if self._save_error:
             self._save(self.surveys)
 
-    def publish(self) -> None:
-        """Publish list and path, and show them on the page."""
-        now, surveys, path = time.monotonic(), self.surveys, self.definitive()
+    def show(self) -> None:
+        """Show list and path, publish them, and make the report."""
+        super().show()
+        self._report()
+
+    def publish(self, surveys: SurveyList, path: Definitive) -> None:
+        """Publish list and path."""
         wellhead, local = (self._node.frame(name) for name in (wire.WELLHEAD_FRAME, wire.LOCAL_FRAME))
-        self._alarm_revisions()
         self._list_publisher.publish(messages.list_message(surveys, wellhead))
         self._trajectory_publisher.publish(messages.trajectory_message(path, surveys.changed_ns, wellhead))
         self._path_publisher.publish(messages.path_message(path, surveys.changed_ns, local))
-        self._live.on_records(surveys.records, now)
-        self._covariance, self._shown_bit = None, self.bit_depth
-        self._live.on_trajectory(path, now)
-        self._plan.show_offset(path)
-        self._on_published(surveys)
-        now_ns = self._alarm_log.now_ns()
-        self._worker.submit(
-            lambda: table_of(surveys, path, now_ns).covariance, lambda job: self._show_ellipses(path, job)
-        )
-        self._report()
+
+    def publish_accepted(self, record: SurveyRecord) -> None:
+        """Publish a survey that came into use."""
+        self._accepted_publisher.publish(messages.record_message(record))
 
     def _table(self) -> Callable[[], SurveyTable]:
         """Return a function that computes the printed table of the present list, in any thread."""
-        surveys, plan, bit_depth = self.surveys, self._plan.plan, self.bit_depth
-        made_ns, stretches = self._alarm_log.now_ns(), self._slide_sheet()
+        surveys, bit_depth = self.surveys, self.bit_depth
+        made_ns, stretches = self._alarm_log.now_ns(), self.slide_sheet()
 
         def table() -> SurveyTable:
-            sections, _ = clearance_sections(surveys, plan, bit_depth)
-            return survey_table(surveys, made_ns, plan=plan, stretches=stretches, sections=sections)
+            sections, _ = clearance_sections(surveys, surveys.plan, bit_depth)
+            return survey_table(surveys, made_ns, stretches=stretches, sections=sections)
 
         return table
 
@@ -368,23 +256,6 @@ class SurveyListServer:
             return []
         # A list that has changed a moment ago has no report yet.
         return self._files if self._reported is self.surveys else _files(self._table()(), report=False)
-
-    def _show_ellipses(self, path: Definitive, job: concurrent.futures.Future[Any]) -> None:
-        covariance = job.result()
-        if covariance is not None:
-            measured = np.isfinite(covariance).all(axis=(1, 2))
-            self._covariance = covariance[measured]
-            self._live.on_trajectory(path, time.monotonic(), self._covariance)
-
-    def update_projection(self, now: float) -> None:
-        """Show projection and offset to the plan again when the bit has moved; called once a second. now: s."""
-        bit = self.bit_depth
-        if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
-            return
-        self._shown_bit = bit
-        path = self.definitive()
-        self._live.on_trajectory(path, now, self._covariance)
-        self._plan.show_offset(path)
 
     def diagnostics(self) -> list[Diagnostic]:
         """State of the list."""

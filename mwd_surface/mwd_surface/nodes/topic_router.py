@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Subscriptions of the surface node: each message is recorded, forwarded to Foxglove and handed to its handler.
+Subscriptions of the surface node: each message is recorded, forwarded to Foxglove and handed to the well.
 
 Streams wait in buffers and are taken twenty times a second; a message of any other topic is handled at once, after the
 stream messages received before it.
@@ -41,9 +41,11 @@ class TopicRouter:
     foxglove : FoxgloveBridge
         Gets every message, where it is switched on.
     handlers : mapping
-        From topic to the function that is called with each serialised message.
-    on_message : callable
-        Called with the name of a topic whenever messages of it have arrived.
+        From topic to the function that is called at once with each serialised message.
+    put : callable
+        `put(topic, data, received_ns)`, called with the messages of all other topics of the contract too.
+    wanted : collection of str
+        Topics that are subscribed to for `put`, recorded or not.
     """
 
     def __init__(
@@ -53,11 +55,13 @@ class TopicRouter:
         record: Callable[..., None],
         foxglove: FoxgloveBridge,
         handlers: Mapping[str, Handler],
-        on_message: Callable[[str], None],
+        put: Callable[[str, bytes, int], None],
+        wanted: Collection[str],
     ) -> None:
         self._node, self._alarm_log = context.node, context.alarm_log
-        self._record, self._foxglove, self._handlers, self._on_message = record, foxglove, handlers, on_message
-        self._streams: list[tuple[str, MessageBuffer, Callable[[bytes, int], None]]] = []
+        self._record, self._foxglove, self._handlers = record, foxglove, handlers
+        self._put, self._wanted = put, wanted
+        self._streams: list[tuple[MessageBuffer, Callable[[bytes, int], None]]] = []
         self._missing: set[str] = set()
 
     def open(self, recorded_topics: list[str], excluded: Collection[str] = ()) -> None:
@@ -73,7 +77,7 @@ class TopicRouter:
                 recorded.pop(node.resolve_topic_name(name), None)
                 continue
             is_recorded = recorded.pop(node.resolve_topic_name(name), None) is not None
-            if is_recorded or self._foxglove.put is not None or name in self._handlers:
+            if is_recorded or self._foxglove.put is not None or name in self._handlers or name in self._wanted:
                 self._subscribe(name, msg_type, profile, is_recorded=is_recorded)
         self._missing = set(recorded)
 
@@ -82,7 +86,8 @@ class TopicRouter:
         handler = self._handlers.get(name)
         record = self._record if is_recorded else None
         self._foxglove.advertise(full_name, typed)
-        forward, on_message = self._foxglove.put, self._on_message
+        forward = self._foxglove.put
+        put = self._put if name in self._wanted else None
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
         def route(data: bytes, received_ns: int) -> None:
@@ -90,28 +95,28 @@ class TopicRouter:
                 record(full_name, typed, data, received_ns, qos=offered)
             if forward is not None:
                 forward(full_name, typed, data, received_ns, latched=latched)
+            if put is not None:
+                put(name, data, received_ns)
             if handler is not None:
                 handler(data)
 
         def on_event(data: bytes) -> None:
             # Stream messages received before this one are recorded before it.
             self.take_streams()
-            on_message(name)
             route(data, time.time_ns())
 
         if profile.reliability == ReliabilityPolicy.BEST_EFFORT:
             buffer = self._node.add_buffered_subscription(msg_type, name, buffered(profile))
-            self._streams.append((name, buffer, route))
+            self._streams.append((buffer, route))
         else:
             self._node.add_subscription(msg_type, name, on_event, buffered(profile), raw=True)
 
     def take_streams(self) -> None:
         """Route the stream messages that wait, in the order in which they were received."""
         taken = []
-        for name, buffer, route in self._streams:
+        for buffer, route in self._streams:
             messages = buffer.take()
             if messages:
-                self._on_message(name)
                 taken += [(received_ns, route, data) for data, received_ns in messages]
         taken.sort(key=_RECEIVED_NS)
         for received_ns, route, data in taken:

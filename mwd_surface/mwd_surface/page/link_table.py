@@ -42,6 +42,8 @@ def _table(link: LinkStatus) -> dict[str, Any]:
         "words_expected": link.words_expected,
         "toolface_age": _known(link.toolface_age),
         "survey_age": _known(link.survey_age),
+        "inclination_age": _known(link.inclination_age),
+        "azimuth_age": _known(link.azimuth_age),
         "stamp_ns": link.stamp_ns,
         "pumps_hz": [number(rate) for rate in link.pump_lines],
         "survey": [_word(word) for word in link.survey],

@@ -19,6 +19,7 @@ from mwd_estimation.core.status import words
 from mwd_sensors.core import settings as settings_tables
 from mwd_surface.bags.recorder.status import RecorderState
 from mwd_surface.clearance.clearance import Clearance
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.alarms import Alarm, Event, Severity
 from mwd_surface.live.latest_values import Freshness, LiveValue, StreamState
 from mwd_surface.live.settings import LiveSettings
@@ -74,10 +75,11 @@ class StateJson:
         -------
         dict
             now: of the state. sections: name to table. revisions: name to a number that changes whenever the table
-            does, apart from the ages in it. Single values are {value, sigma, unit, at, age, stale_after, state,
-            reason}: value None while there never was one, state "live", "stale" or "no data", at in s of the clock of
-            `now`. Tables carry since and age of their last change. Sections history and depth_log are {columns, rows},
-            oldest and shallowest row first; the first column is s of that clock, or m of depth of the sensor.
+            does, apart from the ages in it. Single values are {value, sigma, unit, at, measured_at, age, stale_after,
+            state, reason}: value None while there never was one, state "live", "stale" or "no data", at when it came,
+            from which it turns stale, measured_at when it was measured, both in s of the clock of `now`. Tables carry
+            since and age of their last change. Sections history and depth_log are {columns, rows}, oldest and
+            shallowest row first; the first column is s of that clock, or m of depth of the sensor.
         """
         sections = {**self._streams(state), **self._tables(state)}
         for name, chart in (("history", state.history), ("depth_log", state.depth_log)):
@@ -133,7 +135,7 @@ class StateJson:
             "path": ("path", None, lambda: _path(state, most)),
             "plan": ("plan", section, lambda: _plan(state.plan, section, most)),
             "offset": ("offset", None, lambda: _offset(state)),
-            "clearance": ("clearance", None, lambda: {"rows": [_near(c) for c in state.clearance[:_MAX_NEAR]]}),
+            "clearance": ("clearance", None, lambda: _clearance(state)),
             "steering": ("steering", None, lambda: _steering(state, most)),
             "control": ("control", None, lambda: control_table(state.control)),
             "advice": ("advice", None, lambda: advice_table(state.advice)),
@@ -160,7 +162,7 @@ class StateJson:
     def _surveys(self, state: WellState, most: int) -> Table:
         north, kept = North[state.well.north_reference.upper()], state.records[-most:]
         rows = [survey_row(record, north, self._settings.limits) for record in kept]
-        return {"rows": rows, "left_out": len(state.records) - len(kept)}
+        return {"rows": rows, "left_out": len(state.records) - len(kept), "remarks": list(sentences(state.remarks))}
 
     def _revise(self, name: str, signature: Any) -> bool:
         """Count the revision of a table up where its signature is new; return whether it is."""
@@ -180,7 +182,8 @@ def _alarms(state: WellState) -> Table:
     """Alarms; raised_at: s of the steady clock, None where the clock of their stamps is not known."""
     offset = state.clock_offset
     ages = [None if offset is None else number(a.raised_ns * 1e-9 - offset) for a in state.alarms]
-    return {"rows": [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]}
+    rows = [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]
+    return {"rows": rows, "not_evaluated": list(state.not_evaluated)}
 
 
 def plain_events(events: Iterable[Event]) -> list[Table]:
@@ -203,6 +206,7 @@ def _value(value: LiveValue) -> Table:
         "sigma": number(value.sigma),
         "unit": value.unit,
         "at": number(value.at),
+        "measured_at": number(value.measured_at),
         "age": number(value.age),
         "stale_after": value.stale_after,
         "state": value.state,
@@ -230,6 +234,7 @@ def _toolface(toolface: ToolfaceState, north: str) -> Table:
         "known": toolface.stamp_ns is not None,
         "rotating": toolface.rotating,
         "stamp_ns": toolface.stamp_ns,
+        "measured_ns": toolface.measured_ns,
         "north": north,
         "threshold": number(toolface.threshold),
         "readings": [
@@ -274,6 +279,8 @@ def _well(state: WellState) -> Table:
         "north_reference": well.north_reference,
         "section_azimuth": number(_section(state)),
         "sensor_to_bit": number(well.sensor_to_bit),
+        "over_link": state.over_link,
+        "given": state.well_given,
         "field_total": number(reference.total),
         "field_dip": number(reference.dip),
         "field_declination": number(reference.declination),
@@ -316,7 +323,14 @@ def _offset(state: WellState) -> Table:
         return {"known": False}
     against = state.against_plan
     table = {name: number(against.get(signal.field)) for name, signal in page_fields("offset").items()}
-    return {"known": True, **table}
+    return {"known": True, "assumed": state.path is not None and state.path.assumed, **table}
+
+
+def _clearance(state: WellState) -> Table:
+    return {
+        "rows": [_near(one) for one in state.clearance[:_MAX_NEAR]],
+        "remarks": list(sentences(state.clearance_remarks)),
+    }
 
 
 def _near(one: Clearance) -> Table:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.page.plain import number, numbers
 from mwd_surface.signals.table import LISTED, page_fields
 from mwd_surface.surveys.azimuth_source import azimuth_source
@@ -67,6 +68,7 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
         "verdict": word,
         "accepted_by": by,
         "in_use": record.in_use,
+        "assumed": record.assumed,
         "reasons": list(s.reasons),
         "judged_reason": record.reason,
         "flags": list(record.flags),
@@ -153,11 +155,19 @@ def path_table(path: Definitive | None, section: float, covariance: Array | None
     """
     columns = {name: signal.field for name, signal in page_fields("path").items() if signal.name in _ON_PATH}
     if path is None:
-        return {**{name: [] for name in columns}, "kind": [], "north_reference": "", "ellipses": [], "left_out": 0}
+        return {
+            **{name: [] for name in columns},
+            "kind": [],
+            "assumptions": [],
+            "north_reference": "",
+            "ellipses": [],
+            "left_out": 0,
+        }
     first = max(0, len(path.md) - most)
     return {
         **{name: numbers(getattr(path, field)[first:]) for name, field in columns.items()},
         "kind": list(path.kind[first:]),
+        "assumptions": list(sentences(path.assumptions)),
         "north_reference": path.north.name.lower(),
         "section_azimuth": number(section),
         "ellipses": [] if covariance is None else _ellipses(np.asarray(covariance, dtype=float), first, section),

@@ -45,6 +45,8 @@ from mwd_surface.processing.run_summary import Summary, pipeline_warnings
 from mwd_surface.surveys.recorded_settings import Recorded
 
 BlockSamples = dict[str | None, Samples]
+# Between the stamps of sensors that were logged together, s; beyond, one of them has another clock.
+_SKEW_S = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -201,6 +203,8 @@ class BagEstimate:
         samples: BlockSamples = {name: part[1] for name, part in block.items()}
         self._check_units(samples)
         self._judge_covariances(samples)
+        self._leave_out_skewed(samples, block)
+        self._pass_gate(samples)
         if self._compensation is not None:
             _compensate(self._compensation, samples, self.topics)
         return samples
@@ -226,6 +230,34 @@ class BagEstimate:
             self._summary.warnings += [text for text in said if text not in self._summary.warnings]
         if len(self._noise.noise) != known:
             self._pipeline.set_noise(self._noise.noise)
+
+    def _leave_out_skewed(self, samples: BlockSamples, block: Block) -> None:
+        """Leave out sensors whose stamps are of another clock than the IMU's, by the times of recording."""
+        topics = self.topics
+        if topics.imu not in samples or topics.imu in self._stream.without_time:
+            return
+
+        def offset_s(topic: str) -> float:
+            return float(np.median(samples[topic]["stamp_ns"] - block[topic][0])) * 1e-9
+
+        for topic in (topics.mag, topics.precision):
+            if topic is None or topic not in samples or topic in self._stream.without_time:
+                continue
+            skew_s = offset_s(topic) - offset_s(topics.imu)
+            if abs(skew_s) > _SKEW_S:
+                del samples[topic]
+                words = f"{topic}: stamps are seconds ahead of those of {topics.imu}" if skew_s > 0.0 else ""
+                words = words or f"{topic}: stamps are seconds behind those of {topics.imu}"
+                words = f"{words}, by the times of recording: not used there; stamp both with one clock"
+                self._summary.warnings += [words] * (words not in self._summary.warnings)
+
+    def _pass_gate(self, samples: BlockSamples) -> None:
+        """Take out what no sensor can read, before calibration and smoother spread it."""
+        topics, gate = self.topics, self._pipeline.gate
+        passes = {topics.imu: gate.imu, topics.mag: gate.mag, topics.precision: gate.precision}
+        for topic, take in {**passes, topics.temperature: gate.temperature}.items():
+            if topic in samples:
+                samples[topic] = take(samples[topic])
 
     def _push_companions(self, samples: BlockSamples, block: Block) -> None:
         """Push all samples but those of the IMU; block: the same with the times of their messages."""

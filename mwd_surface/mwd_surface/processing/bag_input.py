@@ -248,7 +248,7 @@ def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
     for fault in last.values():
         if fault.code == FaultCode.UNIT and not fault.cleared_ns:
             option, unit = QUANTITIES[(1, 0, 2)[fault.place // 3]][3], unit_words(fault)
-            topic = topics.mag if fault.place == 6 else topics.imu
+            topic = topics.mag if fault.place // 3 == 2 else topics.imu
             raise OptionNeededError(f"{topic}: {describe(fault).message}; say so with {option} {unit}")
 
 

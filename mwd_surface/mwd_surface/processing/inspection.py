@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from mwd_estimation.core.fault_messages import describe, unit_words
+from mwd_estimation.core.input_gate import InputGate
 from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
 from mwd_estimation.core.verdicts import ACCEPT
@@ -243,7 +244,7 @@ def _read(
     """Pass all samples through the checks of the sensors."""
     mount = mount_of(bag, topics, estimator.tool.mount)
     params = derivation.health_params(estimator)
-    state = monitor.initial()
+    state, gate = monitor.initial(), InputGate(derivation.input_ranges(estimator))
     rests = Rests(estimator.survey)
     reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
     stream = InputStream(bag, topics, given)
@@ -253,16 +254,17 @@ def _read(
         for name, (log_ns, _) in block.items():
             reading.times[name].take(samples[name]["stamp_ns"], log_ns)
         if topics.mag in samples and "mag" not in mount.unusable:
-            mag = mount.mag_in_tool(samples[topics.mag])
+            mag = mount.mag_in_tool(gate.mag(samples[topics.mag]))
             monitor.push_mag(state, mag["stamp_ns"], mag["magnetic_field"])
         if topics.imu in samples:
-            raw = samples[topics.imu]
+            raw = gate.imu(samples[topics.imu])
             if first:
                 _expect(state, estimator, int(raw["stamp_ns"][0]))
                 first = False
             _note_turns(reading, raw)
             imu = mount.imu_in_tool(raw)
             reading.rests.take(imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+            monitor.push_refused(state, gate.take_refused())
             monitor.run(params, state, imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
         if block:
             done = max(int(log_ns[-1]) for log_ns, _ in block.values())
@@ -392,7 +394,8 @@ def _command(
             day = place.date or f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
             words += ["--date", day]
     elif place.field == "fixed":
-        words += ["--field", f"{place.total_nt:g},{place.dip_deg:g},{place.declination_deg:g}"]
+        figures = (place.total_nt, place.dip_deg, place.declination_deg)
+        words += ["--field", ",".join(f"{v:g}" for v in figures if v is not None)]
     if not bag.complete:
         words.append("--partial")
     return shlex.join(words)

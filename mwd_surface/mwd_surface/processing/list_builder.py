@@ -76,9 +76,10 @@ class ListBuilder:
         well = namespace.strip("/") if namespace != topics.imu else ""
         self._well = recorded.well(Well(name=well or Well().name))
         known = self._well.sensor_to_bit
+        #: m; None where neither the options nor the recording give it.
         self.sensor_to_bit = given.sensor_to_bit_m if given.sensor_to_bit_m >= 0.0 else known
         self._table = read_depths(Path(given.depths)) if given.depths else None
-        self._live = recorded_list(bag, namespace) if recorded.surface is not None else RecordedList()
+        self._live = recorded_list(bag, namespace, self._well) if recorded.surface is not None else RecordedList()
         # The live depth of a survey holds unless depths are given otherwise.
         self._live_depths = not given.depths and not given.rig_topic and self.sensor_to_bit == known
         self.depth = DepthTrack(self._surface.depth)
@@ -174,11 +175,7 @@ class ListBuilder:
         # A message has the last decision about a survey only, without the revision that was known then.
         told = (dataclasses.replace(r, decisions=r.decisions[-1:], decided_revision=0) for r in self.surveys.records)
         ours = {record.survey.uuid: record for record in told}
-        # The vertical section may have been that of a plan, which the recording does not hold.
-        same = sum(
-            uuid in ours and dataclasses.replace(ours[uuid], vertical_section=record.vertical_section) == record
-            for uuid, record in self._live.records.items()
-        )
+        same = sum(ours.get(uuid) == record for uuid, record in self._live.records.items())
         missing = sum(uuid not in ours for uuid in self._live.records)
         text = f"{same} of {len(self._live.records)} surveys equal those of the live list"
         return self.surveys, text + (f", {missing} of it are not found again" if missing else "")
@@ -197,11 +194,7 @@ class ListBuilder:
         if recorded is None or place != recorded.place:
             well = dataclasses.replace(well, latitude_deg=place.lat_deg, longitude_deg=place.lon_deg)
         well = dataclasses.replace(well, sensor_to_bit=self.sensor_to_bit)
-        self.surveys = SurveyList(well=well, rules=self._surface.rules)
-        try:
-            self.surveys = arranged(self.surveys, self._surface.leg)
-        except ValueError as error:
-            self.warnings.append(f"the leg of the recording is not taken over: {error}")
+        self.surveys = self._empty(well)
         earlier = self._live.before(self._bag.start_ns if self._clock_is_the_recorder_s(first) else first.stamp_ns)
         if earlier:
             legs = {leg.name for leg in self.surveys.legs}
@@ -210,14 +203,32 @@ class ListBuilder:
             self.surveys = SurveyList.from_mapping(table, self._surface.rules)
             self.warnings.append(f"{len(kept)} surveys of earlier recordings are taken over from the live list")
 
+    def _empty(self, well: Well) -> SurveyList:
+        """Return the list before its first survey: with legs and plan of the live one, else as the settings say."""
+        bare = SurveyList(well=well, rules=self._surface.rules)
+        live = self._live.last
+        if live is not None and live.well.north_reference == well.north_reference:
+            tool = self._surface.leg.tool
+            return dataclasses.replace(bare, legs=live.legs, leg=live.leg, plan=live.plan, tool=tool)
+        if live is not None and (live.legs, live.plan) != (bare.legs, None):
+            self.warnings.append(
+                f"legs and plan of the recording are not taken over: they are from {live.well.north_reference} north"
+            )
+            return bare
+        try:
+            return arranged(bare, self._surface.leg)
+        except ValueError as error:
+            self.warnings.append(f"the leg of the recording is not taken over: {error}")
+            return bare
+
     def _clock_is_the_recorder_s(self, first: Survey) -> bool:
         return self._bag.start_ns <= first.stamp_ns <= self._bag.end_ns
 
     def _depth_of(self, survey: Survey) -> DepthReading:
         if self._table is not None:
-            return self._table.sensor_depth(survey.sequence, survey.stamp_ns, self.sensor_to_bit)
+            return self._table.sensor_depth(survey.sequence, survey.stamp_ns, self.sensor_to_bit or 0.0)
         live = self._live.first.get(survey.uuid)
         if live is not None and self._live_depths:
             self._live_used += 1
             return DepthReading(live.measured_depth, live.depth_age, reason=live.comment)
-        return self.depth.sensor_depth(survey.stamp_ns, self.sensor_to_bit)
+        return self.depth.sensor_depth(survey.stamp_ns, self.sensor_to_bit or 0.0)

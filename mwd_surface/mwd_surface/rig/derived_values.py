@@ -8,24 +8,45 @@ import math
 
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.control.status import ControlStatus
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.inputs import HAND, SONDE, InputState, InputTable, Role
+from mwd_surface.live.latest_values import Freshness
 from mwd_surface.live.well_state import WellState
 from mwd_surface.rig.value import Condition, RigValue
 from mwd_surface.signals.table import FROM_ADVICE, FROM_CONTROL, FROM_PLAN
 from mwd_surface.trajectory.advice import AdviceMode
+from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, TIE_ON
 
 
 def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
     """Return what follows from path and plan; as old as the path itself."""
     path, values = state.path, {}
-    beyond = path is not None and len(path.kind) > 0 and path.kind[-1] != "tie-on"
+    beyond = path is not None and len(path.kind) > 0 and path.kind[-1] not in (TIE_ON, ASSUMED)
     for name in ("inclination", "azimuth"):
         value = float(getattr(path, name)[-1]) if beyond else None
         values[f"projected_{name}"] = _derived(value, state.age("path"), now_ns)
     against = state.against_plan
     for signal in FROM_PLAN:
         values[signal.name] = _derived(against.get(signal.field), state.age("offset"), now_ns)
-    return values
+    doubt = _doubt(state)
+    if doubt is None:
+        return values
+    good = {name for name, value in values.items() if value.condition == Condition.GOOD}
+    # Directions of the hole do not depend on where its path starts.
+    doubted = {name for name in good if doubt[0] != Condition.DOUBTFUL or not name.startswith("projected_")}
+    return {
+        k: dataclasses.replace(v, condition=doubt[0], reason=doubt[1]) if k in doubted else v for k, v in values.items()
+    }
+
+
+def _doubt(state: WellState) -> tuple[Condition, str] | None:
+    """Return why values at the bit are not good: an old depth of the bit, or a path that rests on an assumption."""
+    bit = state.rig.bit_depth
+    if state.path is not None and state.path.kind[-1] == PROJECTED and bit.state == Freshness.STALE:
+        return Condition.STALE, "projected to an old depth of the bit"
+    if state.path is not None and state.path.assumed:
+        return Condition.DOUBTFUL, f"assumed: {'; '.join(sentences(state.path.assumptions))}"
+    return None
 
 
 def control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:

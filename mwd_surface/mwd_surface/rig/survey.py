@@ -13,15 +13,19 @@ import dataclasses
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core.constants import CELSIUS_ZERO
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Three, Verdict
 from mwd_surface.trajectory.north import North
-from mwd_surface.trajectory.well_path import Definitive
+from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
 LAST = 32
 _UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED
+# Fields that follow from the whole path above, and from the interval above.
+_PLACE = frozenset({"vertical_depth", "position_north", "position_east", "vertical_section"})
+_CURVATURE = frozenset({"dogleg_severity", "build_rate", "turn_rate"})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +35,8 @@ class AcceptedSurvey:
 
     azimuth: from the north of the well. azimuth_uncorrected: magnetic, before correction for interference, or None.
     source: what the azimuth is made of. overridden: in use on a person's word against the automatic verdict.
-    remark: why the azimuth deserves doubt, in words; empty otherwise.
+    remark: why the azimuth deserves doubt, in words; empty otherwise. assumption: what its depth and position rest on
+    beside measurements, in words; empty: nothing. assumed: names of the fields that do.
     """
 
     sequence: int
@@ -63,6 +68,8 @@ class AcceptedSurvey:
     overridden: bool
     source: AzimuthSource
     remark: str = ""
+    assumption: str = ""
+    assumed: frozenset[str] = frozenset()
 
     @property
     def key(self) -> tuple[str, int]:
@@ -119,7 +126,15 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
         overridden=record.judgement == Judgement.ACCEPTED and s.verdict != Verdict.ACCEPT,
         source=source,
         remark=revision_doubt(record, path.north) or _remark(s, source, path.north),
+        assumption="; ".join(sentences(path.assumptions)),
+        assumed=(_PLACE if path.assumed else frozenset())
+        | (_CURVATURE if path.kind[k - 1] == ASSUMED else frozenset()),
     )
+
+
+def _assumed(path: Definitive, k: int) -> frozenset[str]:
+    """Return the fields of the survey at index k of a path that rest on an assumption."""
+    return (_PLACE if path.assumed else frozenset()) | (_CURVATURE if path.kind[k - 1] == ASSUMED else frozenset())
 
 
 def _uncorrected(s: Survey) -> float | None:

@@ -165,7 +165,7 @@ def nothing_yet(now_ns: int = 0) -> RigValues:
 
 def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     attitude = state.attitude
-    in_force = _aged(_of_value(state.toolface.angle, now_ns, state.toolface.stamp_ns), state, now_ns)
+    in_force = _of_value(state.toolface.angle, state, now_ns, state.toolface.stamp_ns)
     gravity, magnetic = (
         _of_angle(angle, attitude.stamp_ns, state.streams["estimator"], now_ns)
         for angle in (attitude.gravity_toolface, attitude.magnetic_toolface)
@@ -178,20 +178,11 @@ def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
     for section, part in (("attitude", attitude), ("drilling", state.drilling), ("rig", state.rig)):
         stamp_ns = attitude.stamp_ns if part is attitude else None
         values |= {
-            signal.name: _of_value(getattr(part, signal.field), now_ns, stamp_ns)
+            signal.name: _of_value(getattr(part, signal.field), state, now_ns, stamp_ns)
             for signal in page_fields(section).values()
             if signal.name in sent
         }
     return values
-
-
-def _aged(toolface: RigValue, state: WellState, now_ns: int) -> RigValue:
-    """Toolface with the age of the word it came in, where a link brought it; its sigma has grown with that age."""
-    link = state.link
-    if link is None or link.toolface_age < 0.0 or toolface.age is None:
-        return toolface
-    age = link.toolface_age + max(state.now - link.at, 0.0)
-    return dataclasses.replace(toolface, age=age, stamp_ns=now_ns - round(age * NANOSECONDS))
 
 
 def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:
@@ -203,15 +194,17 @@ def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:
     return False, False
 
 
-def _of_value(value: LiveValue, now_ns: int, stamp_ns: int | None = None) -> RigValue:
-    if value.value is None or value.age is None:
+def _of_value(value: LiveValue, state: WellState, now_ns: int, stamp_ns: int | None = None) -> RigValue:
+    """Return a value with the age of its measurement; stamp_ns: of the sample, which no link brought."""
+    age = value.measured_age(state.now)
+    if value.value is None or value.age is None or age is None:
         return RigValue(reason=value.reason or "none came yet")
     live = value.state == Freshness.LIVE
     return RigValue(
         value.value,
         Condition.GOOD if live else Condition.STALE,
-        stamp_ns if live and stamp_ns else now_ns - round(value.age * NANOSECONDS),
-        value.age,
+        stamp_ns if live and stamp_ns and state.link is None else now_ns - round(age * NANOSECONDS),
+        age,
         value.sigma,
         "" if live else value.reason or f"the last came {value.age:.1f} s ago",
     )
@@ -273,7 +266,10 @@ def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigVa
             continue
         sigma = getattr(survey, f"sigma_{signal.field}") if signal.sigma else None
         condition, reason = whole, "in use on a person's word" if survey.overridden else ""
-        if name == "survey_azimuth" and survey.remark and whole == Condition.GOOD:
+        # Nobody's word makes a position sure that rests on an assumption.
+        if signal.field in survey.assumed:
+            condition, reason = Condition.DOUBTFUL, f"assumed: {survey.assumption}"
+        elif name == "survey_azimuth" and survey.remark and whole == Condition.GOOD:
             condition, reason = Condition.DOUBTFUL, survey.remark
         values[name] = RigValue(value, condition, survey.stamp_ns, age, sigma, reason)
     return values

@@ -88,6 +88,8 @@ def quality_message(quality: Quality, link: str, stamp_ns: int) -> msg.LinkQuali
         words_expected=quality.words_expected,
         toolface_age=quality.toolface_age,
         survey_age=quality.survey_age,
+        inclination_age=quality.inclination_age,
+        azimuth_age=quality.azimuth_age,
         mode=quality.mode,
     )
     message.header.stamp = stamp(stamp_ns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Survey list, well path, alarms and recorder state between the surface's own objects and the graph's messages."""
+"""Messages of what the surface tells: survey list, path, alarms, events, inputs, advice, state of the recorder."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from nav_msgs.msg import Path
 from mwd_sensors.core import frames
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.status import RecorderStatus
-from mwd_surface.live.alarms import Alarm
+from mwd_surface.live.alarms import Alarm, Event
+from mwd_surface.live.inputs import InputTable
 from mwd_surface.surveys.message_conversion import fill_list, fill_record, fill_trajectory
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.trajectory.advice import Advice
 from mwd_surface.trajectory.well_path import Definitive
 
 
@@ -30,7 +32,7 @@ def list_message(surveys: SurveyList, frame_id: str) -> msg.SurveyList:
     """Message of the whole list."""
     message = msg.SurveyList()
     message.header.frame_id = frame_id
-    fill_list(message, surveys, msg.SurveyRecord, msg.AzimuthEstimate)
+    fill_list(message, surveys, msg.SurveyRecord, msg.AzimuthEstimate, msg.Leg, msg.Remark)
     return message
 
 
@@ -68,6 +70,7 @@ def alarm_message(alarm: Alarm) -> msg.Alarm:
         remedy=alarm.remedy,
         active=alarm.active,
         acknowledged=alarm.acknowledged,
+        acknowledged_by=alarm.acknowledged_by,
         count=alarm.count,
     )
 
@@ -86,3 +89,63 @@ def recorder_message(status: RecorderStatus, now: Time) -> msg.RecorderStatus:
     )
     message.header.stamp = now
     return message
+
+
+def event_message(event: Event) -> msg.Event:
+    """Message of a line of the log."""
+    message = msg.Event(kind=event.kind, source=event.source, text=event.text, severity=event.severity)
+    message.header.stamp = stamp(event.stamp_ns)
+    return message
+
+
+def inputs_message(table: InputTable) -> msg.InputList:
+    """Message of the inputs, without its header."""
+
+    def known(value: float | None) -> float:
+        return -1.0 if value is None else value
+
+    rows = [
+        msg.InputState(
+            name=row.name,
+            clock=int(row.clock),
+            clock_offset=row.clock_offset or 0.0,
+            offset_age=known(row.offset_age),
+            data_age=known(row.data_age),
+            role=int(row.role),
+            priority=row.priority,
+            bit_depth=known(row.bit_depth),
+            reason=row.reason,
+        )
+        for row in table.inputs
+    ]
+    return msg.InputList(
+        inputs=rows,
+        depth_source=table.depth_source,
+        depth_age=known(table.depth_age),
+        depth_difference=known(table.depth_difference),
+    )
+
+
+def advice_message(advice: Advice) -> msg.SteeringAdvice:
+    """Message of an advice, without its header."""
+
+    def known(value: float | None) -> float:
+        return -1.0 if value is None else value
+
+    return msg.SteeringAdvice(
+        mode=int(advice.mode),
+        toolface_mode=msg.Toolface.MAGNETIC if advice.magnetic else msg.Toolface.GRAVITY,
+        toolface=0.0 if advice.toolface is None else advice.toolface,
+        limit=advice.limit,
+        sigma=known(advice.sigma),
+        confidence=known(advice.confidence),
+        from_depth=known(advice.from_depth),
+        slide_to_depth=known(advice.slide_to_depth),
+        to_depth=known(advice.to_depth),
+        valid_for=-1.0,
+        dogleg_severity=known(advice.dogleg_severity),
+        motor_yield=known(advice.motor_yield),
+        survey=advice.survey,
+        source=advice.source,
+        reason=advice.reason,
+    )

@@ -60,6 +60,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "path": (Path, LATCHED),
     "steering/advice": (msg.SteeringAdvice, LATCHED),
     "alarms": (msg.AlarmList, LATCHED),
+    "events": (msg.Event, EVENT),
     "recorder": (msg.RecorderStatus, STATE),
     "inputs": (msg.InputList, STATE),
     "heartbeat": (DiagnosticStatus, STATE),
@@ -70,14 +71,13 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 }
 
 
-# What comes from the tool or tells of it, and what a surface that hears the tool through a link hears instead.
+# What comes from the tool or tells of it; a surface that hears the tool through a link does not subscribe to it.
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
     *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "innovations", "survey"),
     "survey/revised",
     "/tf",
 )
-OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey"}
 
 
 def type_name(kind: Any) -> str:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario
 
 FIRST_PORT = 8080
+TIE_ON = "leg.tie_on_"  # how the parameters of the surface begin that tie a path on
 WELL = ("surface", "estimator", "sonde")  # nodes that `mwd node well` runs in one process
 # How the middleware is set up for streams; a profile of the caller's own comes first.
 MIDDLEWARE = Path(__file__).with_name("fastdds.xml")
@@ -86,12 +87,52 @@ def reference_parameters(scenario: Scenario) -> dict[str, Any]:
 
 
 def surface_parameters(scenario: Scenario) -> dict[str, Any]:
-    """Parameters of the surface that follow from a scenario: place of the well, sensor to bit, what its author set."""
+    """
+    Parameters of the surface that follow from a scenario: place of the well, tie-on, sensor to bit.
+
+    A tie-on that the author of the scenario set for the surface replaces the one of the simulated hole.
+    """
+    own = any(name.startswith(TIE_ON) for name in scenario.surface)
     return {
+        **({} if own else tie_on_parameters(scenario)),
         **scenario.surface,
         "well.sensor_to_bit": scenario.well.sensor_to_bit_m,
         "well.latitude_deg": float(scenario.place.latitude_deg),
         "well.longitude_deg": float(scenario.place.longitude_deg),
+    }
+
+
+def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
+    """
+    Parameters of the surface that tie the path to the true hole: to its point one stand above the sensor at the start.
+
+    A run before this one would have taken its last survey about there. The azimuth is from true north.
+    """
+    import numpy as np
+
+    from mwd_sensors.core import minimum_curvature as mc
+
+    md, inclination, azimuth = np.array(scenario.well.stations, dtype=float).T
+    depth = max(0.0, scenario.well.bit_m - scenario.well.sensor_to_bit_m - scenario.rig.stand_m)
+    # Beyond both ends of its stations the hole goes straight on; the first one lies straight below the wellhead.
+    ends = np.array([min(md[0], depth) - 1.0, max(md[-1], depth) + 1.0])
+    stations = (
+        np.concatenate([ends[:1], md, ends[1:]]),
+        np.radians(np.concatenate([inclination[:1], inclination, inclination[-1:]])),
+        np.radians(np.concatenate([azimuth[:1], azimuth, azimuth[-1:]])),
+    )
+    start = np.array([0.0, 0.0, md[0]]) - (md[0] - ends[0]) * mc.tangent(stations[1][0], stations[2][0])
+    # The arcs do not depend on where depth counts from, and the first depth of a path is not negative.
+    along = stations[0] - ends[0]
+    path = mc.path(along, *stations[1:], start)
+    inc, azi, (north, east, down) = mc.interpolate(along, *stations[1:], path, depth - ends[0])
+    return {
+        f"{TIE_ON}depth": depth,
+        f"{TIE_ON}inclination_deg": math.degrees(inc),
+        f"{TIE_ON}azimuth_deg": math.degrees(azi) % 360.0,
+        f"{TIE_ON}north": float(north),
+        f"{TIE_ON}east": float(east),
+        f"{TIE_ON}vertical_depth": float(down),
     }
 
 

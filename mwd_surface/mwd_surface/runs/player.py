@@ -2,35 +2,83 @@
 """
 A recording played into the state of a well: what the live page showed at any moment of it, at any rate.
 
-The state is that of `live.LiveState`, by a clock that runs with the recording: a pause stops it, and what was fresh
-stays fresh.
+The state is made by `live.LiveWell`, which the surface node feeds with what it hears; here it is fed with what was
+recorded, by a clock that runs with the recording: a pause stops it, and what was fresh stays fresh.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Samples
-from mwd_surface.bags.bag_reader import Bag, Block
-from mwd_surface.live.alarms import Alarm
+from mwd_surface.bags.bag_reader import Bag, Message
+from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.live_well import CELL_NS, LiveWell, live_settings
+from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.said import SAID
+from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
+from mwd_surface.live.source_selection import SourceRules
+from mwd_surface.live.survey_book import SurveyBook
+from mwd_surface.live.well_clock import WellClock
+from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.live.well_state import WellState
-from mwd_surface.surveys.message_conversion import advice_of, stamp_of, survey_of
+from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.leg_settings import LegSettings, arranged
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE, recorded_sections
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey
-from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
+from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.advice import AdvisorySettings
+from mwd_surface.trajectory.plan import Plan
+from mwd_surface.trajectory.slide_sheet import SlideRules
 
-# Time before the moment that is looked for that is played first, for the charts and for latched values, s.
-CHARTS_S = 300.0
-# The state is brought forward in steps of at most so long, s: charts keep their rows.
-_STEP_S = 0.5
-_BLOCK = 512  # messages read at a time
-_TOPICS = ("imu/data_raw", "rig/state", "gravity", "attitude", "dynamics", "interference", "imu/temperature", "imu/mag")
+_LINK_ATTITUDE = "link/attitude"
+_STEP_S = 5.0  # of the recording that are read at a time
+# What the surface says stood on its page before it was recorded: it hears itself through the middleware.
+_SAID_BEFORE_NS = 2 * CELL_NS
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordedWell:
+    """The sections of the surface's settings that a well needs, as they are in a recording."""
+
+    live: LiveSettings = dataclasses.field(default_factory=LiveSettings)
+    link: LinkSettings = dataclasses.field(default_factory=LinkSettings)
+    well: Well = dataclasses.field(default_factory=Well)
+    plan: PlanSettings = dataclasses.field(default_factory=PlanSettings)
+    advisory: AdvisorySettings = dataclasses.field(default_factory=AdvisorySettings)
+    rules: ListRules = dataclasses.field(default_factory=ListRules)
+    leg: LegSettings = dataclasses.field(default_factory=LegSettings)
+    depth: DepthRules = dataclasses.field(default_factory=DepthRules)
+    rig_sources: SourceRules = dataclasses.field(default_factory=SourceRules)
+    slides: SlideRules = dataclasses.field(default_factory=SlideRules)
+
+
+def recorded_well(bag: Bag, namespace: str) -> RecordedWell:
+    """
+    Return the settings of the surface in a recording; without any, how it heard the tool is told by its topics.
+
+    namespace: of the well, with a slash at its end.
+    """
+    settings = recorded_sections(bag, RecordedWell())
+    if settings is not None:
+        return settings
+    over_link = namespace + "attitude" not in bag.topics and namespace + _LINK_ATTITUDE in bag.topics
+    return RecordedWell(link=LinkSettings("best")) if over_link else RecordedWell()
+
+
+class _Simulated(WellOutlet):
+    """Tells nothing, but that a simulator made the data."""
+
+    def is_simulated(self) -> bool:
+        """Return True."""
+        return True
 
 
 class Player:
@@ -42,176 +90,103 @@ class Player:
     bag : Bag
     namespace : str
         Of the well, with a slash at its end.
-    surveys : SurveyList
-        All surveys of the recording; each is shown from its stamp on, a revision from when it was recorded, or else at
-        the end, where the whole run was judged.
+    settings : RecordedWell, optional
+        By default those of the recording.
     plan : Plan, optional
         Of the well.
+    said : collection of str
+        Topics of the surface itself of which the recorded content is shown; what they tell is evaluated otherwise.
 
     Attributes
     ----------
     length_s : float
     at_s : float
         Time played so far, after the first message.
+    well : LiveWell
     """
 
-    def __init__(self, bag: Bag, namespace: str, surveys: SurveyList, plan: Plan | None = None) -> None:
-        self._bag, self._surveys, self._plan = bag, surveys, plan
-        self._names = {namespace + topic: topic for topic in _TOPICS if bag.topics.get(namespace + topic) is not None}
+    def __init__(
+        self,
+        bag: Bag,
+        namespace: str,
+        settings: RecordedWell | None = None,
+        plan: Plan | None = None,
+        *,
+        said: frozenset[str] = SAID,
+    ) -> None:
+        self._bag, self._namespace, self._plan = bag, namespace, plan
+        self._settings = settings or recorded_well(bag, namespace)
+        self._said = frozenset(topic for topic in said if self._count(topic))
         self.length_s = bag.duration_s
-        self._alarms = _alarms(bag, f"{namespace}alarms")
-        self._advice = [
-            (log_ns, advice_of(message))
-            for log_ns, message in _messages(bag, f"{namespace}steering/advice", "mwd_msgs/msg/SteeringAdvice")
-        ]
-        self._revisions = [
-            (log_ns, survey_of(message))
-            for log_ns, message in _messages(bag, f"{namespace}survey/revised", "mwd_msgs/msg/Survey")
-        ]
-        self.at_s = 0.0
-        self.seek(0.0)
+        self._begin()
 
-    def seek(self, at_s: float) -> None:
-        """Go to a moment, s after the first message; the charts before it are filled."""
-        at_s = min(max(at_s, 0.0), self.length_s)
-        begin_s = max(at_s - CHARTS_S, 0.0)
-        self._live = LiveState()
-        self._handlers: dict[str, Callable[[Samples, float], None]] = {
-            "imu/data_raw": lambda _samples, now: self._live.on_stream("sonde", 0, now),
-            "rig/state": self._on_rig_state,
-            "gravity": self._live.on_gravity,
-            "attitude": self._live.on_attitude,
-            "dynamics": self._live.on_dynamics,
-            "interference": self._live.on_interference,
-            "imu/temperature": self._live.on_temperature,
-            "imu/mag": self._live.on_magnetic_field,
-        }
-        self._shown = self._alarms_shown = self._advice_shown = -1
-        self._revised: tuple[int, bool] | None = None
-        self._bit_depth: float | None = None
-        self._path_to: tuple[int, float | None] | None = None
-        if self._plan is not None:
-            self._live.on_plan(interpolated(self._plan, DRAWN_STEP), begin_s)
-        begin_ns = self._bag.start_ns + round(begin_s * 1e9)
-        self._blocks: Iterator[Block] = self._bag.blocks(list(self._names), begin_ns, block_messages=_BLOCK)
-        self._pending: Block = {}
-        self.at_s = begin_s
-        self.advance(at_s - begin_s)
+    def _count(self, topic: str) -> int:
+        about = self._bag.topics.get(self._full(topic))
+        return 0 if about is None else about.count
+
+    def _full(self, topic: str) -> str:
+        return topic if topic.startswith("/") else self._namespace + topic
+
+    def _begin(self) -> None:
+        """Make a well that knows nothing yet, at the begin of the recording."""
+        settings, clock = self._settings, WellClock(self._bag.start_ns - 1)
+        outlet = _Simulated() if self._count("truth") else WellOutlet()
+        context = WellContext(clock, LiveState(live_settings(settings)), AlarmLog(clock), outlet)
+        planned = PlanMonitor(context)
+        planned.plan = self._plan
+        begun = arranged(SurveyList(well=settings.well, rules=settings.rules, plan=self._plan), settings.leg)
+        book = SurveyBook(context, planned, begun, settings.depth)
+        full_name = f"{self._namespace}surface"
+        self.well = LiveWell(
+            context, settings, self._decode, book=book, plan=planned, full_name=full_name, said=self._said
+        )
+        limit = dict(self._bag.metadata().get(ESTIMATOR, {})).get("attitude.vertical_deg")
+        self.well.vertical_limit = None if limit is None else math.radians(float(limit))
+        self.well.live.well_given = SURFACE in self._bag.metadata() or self._settings.well != Well()
+        self.well.diagnostics.show_well(settings.well)
+        planned.show_plan()
+        book.show()
+        topics = {self._full(topic): topic for topic in self.well.topics}
+        self._names = {full: topic for full, topic in topics.items() if full in self._bag.topics}
+        self._messages: Iterator[Message] = self._bag.messages(list(self._names)) if self._names else iter(())
+        self._next: Message | None = next(self._messages, None)
+        self.at_s = 0.0
+
+    def _decode(self, topic: str, data: bytes) -> Any:
+        return self._bag.decode(self._full(topic), data)
+
+    def clipped(self, at_s: float) -> float:
+        """Return a moment, s after the first message, within the recording."""
+        return min(max(at_s, 0.0), self.length_s)
+
+    def seek(self, at_s: float, patience_s: float = math.inf) -> bool:
+        """
+        Go to a moment, s after the first message: from the begin on, where it lies before the present one.
+
+        patience_s: s of work after which it stops on the way. Returns whether it went back.
+        """
+        at_s, back = self.clipped(at_s), self.clipped(at_s) < self.at_s
+        if back:
+            self._begin()
+        ends = time.monotonic() + patience_s
+        while self.at_s < at_s and time.monotonic() < ends:
+            self.advance(min(_STEP_S, at_s - self.at_s))
+        return back
 
     def advance(self, seconds: float) -> None:
         """Play on by so many seconds of the recording, at most to its end."""
-        end = min(self.at_s + seconds, self.length_s)
-        while self.at_s < end:
-            self.at_s = min(self.at_s + _STEP_S, end)
-            self._feed(self.at_s)
-        self._show_surveys(self.at_s)
-        self._show_alarms(self.at_s)
-        self._show_advice(self.at_s)
+        self.at_s = min(self.at_s + max(seconds, 0.0), self.length_s)
+        until_ns = self._bag.start_ns + round(self.at_s * 1e9)
+        while self._next is not None and self._next[0] <= until_ns + _SAID_BEFORE_NS:
+            log_ns, name, _, data = self._next
+            topic = self._names[name]
+            self.well.put(topic, data, log_ns - _SAID_BEFORE_NS if topic in self._said else log_ns)
+            self._next = next(self._messages, None)
+        self.well.advance(until_ns)
 
     def state(self) -> WellState:
         """State of the well at this moment."""
-        return self._live.at(self.at_s)
-
-    def _feed(self, until_s: float) -> None:
-        """Take all messages logged up to a moment."""
-        until_ns = self._bag.start_ns + round(until_s * 1e9)
-        parts: dict[str, list[Samples]] = {}
-        while True:
-            for name in list(self._pending):
-                log_ns, samples = self._pending[name]
-                count = int(np.searchsorted(log_ns, until_ns, side="right"))
-                if count:
-                    parts.setdefault(self._names[name], []).append(samples[:count])
-                if count < len(log_ns):
-                    self._pending[name] = log_ns[count:], samples[count:]
-                else:
-                    del self._pending[name]
-            if self._pending:
-                break
-            following = next(self._blocks, None)
-            if following is None:
-                break
-            self._pending = dict(following)
-        # In the order of the surface node: what a topic shows may depend on those before it.
-        for topic in _TOPICS:
-            if topic in parts:
-                self._handlers[topic](np.concatenate(parts[topic]), until_s)
-
-    def _show_surveys(self, now: float) -> None:
-        """Show the surveys that had been taken by this moment."""
-        now_ns = self._bag.start_ns + round(now * 1e9)
-        records = tuple(r for r in self._surveys.records if r.survey.stamp_ns <= now_ns)
-        revised = [survey for log_ns, survey in self._revisions if log_ns <= now_ns]
-        state = len(revised), now >= self.length_s
-        if len(records) != self._shown or state != self._revised:
-            self._shown, self._revised = len(records), state
-            if now < self.length_s:
-                known: dict[str, Survey] = {survey.uuid: survey for survey in revised}
-                records = tuple(
-                    dataclasses.replace(r, revised=(known[r.survey.uuid],) if r.survey.uuid in known else ())
-                    for r in records
-                )
-            table = dataclasses.replace(self._surveys, records=records).to_mapping()
-            self._known = SurveyList.from_mapping(table, self._surveys.rules)
-            self._live.on_well(self._known.well, now)
-            self._live.on_records(self._known.records, now)
-        if self._path_to == (len(records), self._bit_depth):
-            return
-        self._path_to = len(records), self._bit_depth
-        path = self._known.definitive(bit_depth=self._bit_depth)
-        self._live.on_trajectory(path, now)
-        offset, dogleg = offset_of_end(self._plan, path)
-        self._live.on_offset(offset, now, dogleg)
-
-    def _on_rig_state(self, samples: Samples, now: float) -> None:
-        """Take the state of the rig; the path is projected to its bit."""
-        self._live.on_rig_state(samples, now)
-        known = samples["bit_depth"][(samples["valid"] & wire.RIG_VALID["bit_depth"]) != 0]
-        self._bit_depth = float(known[-1]) if len(known) else self._bit_depth
-
-    def _show_alarms(self, now: float) -> None:
-        """Show the alarms that stood at this moment."""
-        now_ns = self._bag.start_ns + round(now * 1e9)
-        which = sum(log_ns <= now_ns for log_ns, _ in self._alarms) - 1
-        if which != self._alarms_shown:
-            self._alarms_shown = which
-            self._live.on_alarms(self._alarms[which][1] if which >= 0 else (), (), now, now_ns)
-
-    def _show_advice(self, now: float) -> None:
-        """Show the advice on steering that held at this moment."""
-        now_ns = self._bag.start_ns + round(now * 1e9)
-        which = sum(log_ns <= now_ns for log_ns, _ in self._advice) - 1
-        if which != self._advice_shown:
-            self._advice_shown = which
-            self._live.on_advice(self._advice[which][1], now)
-
-
-def _messages(bag: Bag, topic: str, type_name: str) -> Iterator[tuple[int, Any]]:
-    """Each message of a topic with the time at which it was logged, ns; none where the topic is of another type."""
-    about = bag.topics.get(topic)
-    if about is None or about.type_name != type_name:
-        return
-    for log_ns, _, _, data in bag.messages([topic]):
-        yield log_ns, bag.decode(topic, data)
-
-
-def _alarms(bag: Bag, topic: str) -> list[tuple[int, tuple[Alarm, ...]]]:
-    """Each list of alarms in a recording, newest alarm first, with the time at which it was logged, ns."""
-    fields = ("id", "severity", "text", "remedy", "active", "acknowledged", "count")
-    return [
-        (
-            log_ns,
-            tuple(
-                Alarm(
-                    raised_ns=stamp_of(one.raised),
-                    last_ns=stamp_of(one.last),
-                    **{name: getattr(one, name) for name in fields},
-                )
-                for one in message.alarms
-            ),
-        )
-        for log_ns, message in _messages(bag, topic, "mwd_msgs/msg/AlarmList")
-    ]
+        return self.well.state()
 
 
 @dataclasses.dataclass
@@ -234,4 +209,17 @@ def namespace_of(bag: Bag) -> str:
     """
     if not any(topic.type_name == wire.ATTITUDE.type_name and topic.count for topic in bag.topics.values()):
         return ""
-    return bag.find_topic(wire.ATTITUDE.type_name, "attitude").removesuffix("attitude")
+    ends = ("attitude", _LINK_ATTITUDE)
+    found = [
+        topic.name
+        for topic in bag.topics.values()
+        if topic.type_name == wire.ATTITUDE.type_name and topic.count and topic.name.endswith(ends)
+    ]
+    spaces = {name.removesuffix(_LINK_ATTITUDE).removesuffix("attitude") for name in found}
+    return spaces.pop() if len(spaces) == 1 else bag.find_topic(wire.ATTITUDE.type_name, "attitude")[:-8]
+
+
+def named_plan(bag: Bag) -> Path | None:
+    """File of the plan that the surface node of a recording had; None: it had none."""
+    named = dict(bag.metadata().get(SURFACE, {})).get("plan.file", "")
+    return Path(named).expanduser() if named else None

@@ -72,7 +72,7 @@ class SimulatedTool:
         """
         flow = self._flow(until_s)
         pipeline, imu = self._pipeline, block["imu/data_raw"]
-        imu_t = pipeline.mount.imu_in_tool(imu)
+        imu_t = pipeline.mount.imu_in_tool(pipeline.gate.imu(imu))
         for transmitter in self._transmitters:
             transmitter.take_flow(flow)
             transmitter.take_rotation(imu_t)

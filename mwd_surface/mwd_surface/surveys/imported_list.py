@@ -17,7 +17,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core import utc
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.station_list import StationList, start_of
-from mwd_surface.surveys.leg import Leg, TieOn
+from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Nine, Survey, SurveyRecord, Verdict
 from mwd_surface.surveys.well import Well
@@ -76,7 +76,10 @@ def survey_list(
     start = tie_on
     if start is None:
         first = start_of(stations)
-        start = TieOn(first.md, first.inclination, first.azimuth, *first.position, first.source)
+        origin = Origin.STATION if first.md == stations.md[0] else Origin.WELLHEAD
+        if any(one.kind == RemarkKind.TIE_ON_ASSUMED for one in first.remarks):
+            origin = Origin.WITHOUT_POSITION
+        start = TieOn(first.md, first.inclination, first.azimuth, *first.position, origin)
         remarks += first.remarks
     below = [k for k in range(stations.md.size) if stations.md[k] > start.measured_depth]
     records = [_record(stations, k, North[north.upper()], reference, every=every) for k in below]

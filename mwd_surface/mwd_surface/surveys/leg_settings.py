@@ -23,16 +23,26 @@ class LegSettings:
     )
     parent: str = setting("", "leg from which a new leg branches off; empty: the present one")
     tool: str = setting("", "serial number or name of the tool in the hole; empty: unchanged")
-    tie_on_depth: float = setting(
-        -1.0, "measured depth of the tie-on station of the main leg; below 0: unchanged", unit="m", low=-1.0
+    tie_on_depth: float | None = setting(
+        None,
+        "measured depth of the tie-on station of the main leg; nan: not given. Without one the hole above the first "
+        "survey is taken as vertical, and its coordinates are marked as assumed",
+        unit="m",
+        low=0.0,
     )
     tie_on_inclination_deg: float = setting(0.0, "inclination of the tie-on station", unit="deg", low=0.0, high=180.0)
     tie_on_azimuth_deg: float = setting(
         0.0, "azimuth of the tie-on station, from the north reference of the well", unit="deg", low=0.0, high=360.0
     )
-    tie_on_north: float = setting(0.0, "distance of the tie-on station north of the wellhead", unit="m")
-    tie_on_east: float = setting(0.0, "distance of the tie-on station east of the wellhead", unit="m")
-    tie_on_vertical_depth: float = setting(0.0, "vertical depth of the tie-on station", unit="m")
+    tie_on_north: float | None = setting(
+        None, "distance of the tie-on station north of the wellhead; nan: not given", unit="m"
+    )
+    tie_on_east: float | None = setting(
+        None, "distance of the tie-on station east of the wellhead; nan: not given", unit="m"
+    )
+    tie_on_vertical_depth: float | None = setting(
+        None, "vertical depth of the tie-on station; nan: not given", unit="m"
+    )
 
 
 def arranged(surveys: SurveyList, asked: LegSettings) -> SurveyList:
@@ -45,15 +55,12 @@ def arranged(surveys: SurveyList, asked: LegSettings) -> SurveyList:
         A new leg without a kick-off depth, one that is not on the parent's path, or a tie-on that stations lie above.
         The list is unchanged.
     """
-    if asked.tie_on_depth >= 0.0:
-        tie_on = TieOn(
+    if asked.tie_on_depth is not None:
+        tie_on = TieOn.given(
             asked.tie_on_depth,
             math.radians(asked.tie_on_inclination_deg),
             math.radians(asked.tie_on_azimuth_deg),
-            asked.tie_on_north,
-            asked.tie_on_east,
-            asked.tie_on_vertical_depth,
-            "given",
+            (asked.tie_on_north, asked.tie_on_east, asked.tie_on_vertical_depth),
         )
         if next(leg for leg in surveys.legs if leg.name == MAIN).tie_on != tie_on:
             surveys = surveys.tied_on(tie_on, MAIN)

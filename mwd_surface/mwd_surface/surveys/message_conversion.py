@@ -10,13 +10,19 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from mwd_surface.list_files.remark import Remark, RemarkKind, sentences
+from mwd_surface.surveys.leg import MAIN, Leg, Origin, TieOn
+from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Decision, Judgement, Survey, SurveyRecord
+from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import Advice, AdviceMode
-from mwd_surface.trajectory.well_path import Definitive
+from mwd_surface.trajectory.plan import Plan, plan_of
+from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, Definitive
 
 _SECOND = 10**9
 # On the message these are part of the header, or messages of their own.
@@ -42,7 +48,10 @@ _LATER = {
     "hypothesis_odds",
 }
 
-
+# Fields of Survey that are NaN on the message where they are not known.
+_NAN = {"declination", "convergence"}
+# Numbers of a tie-on, by the names of Leg.msg and `TieOn`.
+_TIE_ON = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth")
 # Fields of SteeringAdvice that are -1 where they are not known.
 _KNOWN_OR_NOT = (
     "sigma",
@@ -70,7 +79,7 @@ def survey_of(message: Any) -> Survey:
     values: dict[str, Any] = {"stamp_ns": stamp_of(message.header.stamp), "frame_id": str(message.header.frame_id)}
     for field in dataclasses.fields(Survey):
         if field.name not in _OWN_WAY and (field.name not in _LATER or hasattr(message, field.name)):
-            values[field.name] = _plain(getattr(message, field.name))
+            values[field.name] = _known(field.name, _plain(getattr(message, field.name)))
         elif field.name in _QUANTITIES:
             # One verdict stood for all.
             values[field.name] = int(message.verdict)
@@ -83,7 +92,7 @@ def survey_of(message: Any) -> Survey:
 
 def survey_of_fields(fields: Mapping[str, Any], stamp_ns: int) -> Survey:
     """The Survey of the fields of such a message, by name, as the estimator's `survey_fields` gives them."""
-    values = {name: _plain(value) for name, value in fields.items() if name not in _OWN_WAY}
+    values = {name: _known(name, _plain(value)) for name, value in fields.items() if name not in _OWN_WAY}
     azimuths = tuple(AzimuthEstimate(**one) for one in fields["azimuths"])
     return Survey(stamp_ns=stamp_ns, azimuths=azimuths, **values)
 
@@ -137,7 +146,54 @@ def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], An
             _fill(message, field.name, getattr(record, field.name))
 
 
-def fill_list(message: Any, surveys: SurveyList, new_record: Callable[[], Any], new_azimuth: Callable[[], Any]) -> None:
+def list_of(message: Any, well: Well, rules: ListRules | None = None) -> SurveyList:
+    """
+    Return the SurveyList of a mwd_msgs/msg/SurveyList, under a well and rules that the message does not have.
+
+    Raises
+    ------
+    ValueError
+        No path goes through its stations.
+    """
+    legs = tuple(
+        Leg(
+            str(one.name),
+            TieOn(**{name: float(getattr(one, name)) for name in _TIE_ON}, source=Origin(one.source)),
+            str(one.parent),
+        )
+        for one in getattr(message, "legs", ())  # recordings of earlier versions have neither legs nor plan
+    )
+    records = tuple(record_of(record) for record in message.records)
+    bare = SurveyList(
+        well=well,
+        rules=rules or ListRules(),
+        legs=legs or (Leg(),),
+        records=records,
+        leg=str(message.leg) if legs else MAIN,
+        changed_ns=stamp_of(message.header.stamp),
+        plan=plan_of_message(message.plan) if legs else None,
+        remarks=_remarks_of(message),
+    )
+    return SurveyList.from_mapping(bare.to_mapping(), rules)
+
+
+def plan_of_message(message: Any) -> Plan | None:
+    """Return the plan of a mwd_msgs/msg/Plan; None where it has no stations."""
+    if not len(message.measured_depth):
+        return None
+    angles = message.inclination, message.azimuth
+    plan = plan_of(message.measured_depth, *angles, message.start, str(message.north), str(message.name))
+    return dataclasses.replace(plan, remarks=_remarks_of(message))
+
+
+def fill_list(
+    message: Any,
+    surveys: SurveyList,
+    new_record: Callable[[], Any],
+    new_azimuth: Callable[[], Any],
+    new_leg: Callable[[], Any],
+    new_remark: Callable[[], Any],
+) -> None:
     """Write a list into an empty mwd_msgs/msg/SurveyList, all but its frame."""
     fill_stamp(message.header.stamp, surveys.changed_ns)
     message.well = surveys.well.name
@@ -146,6 +202,23 @@ def fill_list(message: Any, surveys: SurveyList, new_record: Callable[[], Any], 
         line = new_record()
         fill_record(line, record, new_azimuth)
         message.records.append(line)
+    message.leg = surveys.leg
+    message.legs = []
+    for leg in surveys.legs:
+        line = new_leg()
+        line.name, line.parent, line.source = leg.name, leg.parent, leg.tie_on.source.value
+        for name in _TIE_ON:
+            setattr(line, name, getattr(leg.tie_on, name))
+        message.legs.append(line)
+    message.remarks = _remark_messages(surveys.remarks, new_remark)
+    if surveys.plan is not None:
+        planned = surveys.plan
+        message.plan.name, message.plan.north = planned.name, planned.north
+        message.plan.measured_depth = planned.md.tolist()
+        message.plan.inclination = planned.inclination.tolist()
+        message.plan.azimuth = planned.azimuth.tolist()
+        message.plan.start = planned.positions[0].tolist()
+        message.plan.remarks = _remark_messages(planned.remarks, new_remark)
 
 
 def advice_of(message: Any) -> Advice:
@@ -179,7 +252,27 @@ def fill_trajectory(message: Any, path: Definitive, stamp_ns: int) -> None:
     message.east = path.positions[:, 1].tolist()
     message.vertical_depth = path.positions[:, 2].tolist()
     message.dogleg_severity = path.dogleg_severity.tolist()
-    message.last_is_projected = path.kind[-1] == "projected"
+    message.last_is_projected = path.kind[-1] == PROJECTED
+    message.first_is_assumed = path.kind[0] == ASSUMED
+    message.assumptions = list(sentences(path.assumptions))
+
+
+def _remarks_of(message: Any) -> tuple[Remark, ...]:
+    """Return the remarks of a message; recordings of earlier versions have none."""
+    return tuple(
+        Remark(RemarkKind(one.kind), str(one.text), dict(zip(one.names, map(float, one.values), strict=True)))
+        for one in getattr(message, "remarks", ())
+    )
+
+
+def _remark_messages(remarks: Iterable[Remark], new_remark: Callable[[], Any]) -> list[Any]:
+    messages = []
+    for remark in remarks:
+        line = new_remark()
+        line.kind, line.text = remark.kind.value, remark.text
+        line.names, line.values = list(remark.values), list(remark.values.values())
+        messages.append(line)
+    return messages
 
 
 def _plain(value: Any) -> Any:
@@ -190,5 +283,11 @@ def _plain(value: Any) -> Any:
     return tuple(items) if isinstance(items, (list, tuple)) else items
 
 
+def _known(name: str, value: Any) -> Any:
+    return None if name in _NAN and math.isnan(value) else value
+
+
 def _fill(message: Any, name: str, value: Any) -> None:
+    if value is None:
+        value = math.nan
     setattr(message, name, list(value) if isinstance(value, tuple) else value)

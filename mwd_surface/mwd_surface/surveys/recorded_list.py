@@ -10,9 +10,10 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.surveys.message_conversion import record_of
+from mwd_surface.surveys.message_conversion import list_of, record_of
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, SurveyRecord
+from mwd_surface.surveys.well import Well
 
 LIST_TYPE = "mwd_msgs/msg/SurveyList"
 
@@ -28,11 +29,14 @@ class RecordedList:
         By uuid: as it was listed first, and last.
     judged : tuple of SurveyRecord
         As it was after each decision of a person, in order.
+    last : SurveyList or None
+        The last list, which has legs and plan; None where there is no list.
     """
 
     first: dict[str, SurveyRecord] = dataclasses.field(default_factory=dict)
     records: dict[str, SurveyRecord] = dataclasses.field(default_factory=dict)
     judged: tuple[SurveyRecord, ...] = ()
+    last: SurveyList | None = None
 
     def before(self, start_ns: int) -> list[SurveyRecord]:
         """Records of surveys taken before a time: of earlier recordings."""
@@ -66,24 +70,26 @@ class RecordedList:
         return surveys, tuple(failed)
 
 
-def recorded_list(bag: Bag, namespace: str) -> RecordedList:
+def recorded_list(bag: Bag, namespace: str, well: Well) -> RecordedList:
     """
     Return what the survey lists of a well in a recording tell; empty where there is none.
 
-    namespace: of the well, with a slash at its end.
+    namespace: of the well, with a slash at its end. well: as the recording describes it.
     """
     about = bag.topics.get(f"{namespace}surveys")
     if about is None or about.type_name != LIST_TYPE:
         return RecordedList()
     first: dict[str, SurveyRecord] = {}
     last: dict[str, SurveyRecord] = {}
+    message = None
     judged: dict[tuple[str, int], SurveyRecord] = {}
     for _, _, _, data in bag.messages([about.name]):
-        last = {r.survey.uuid: r for r in map(record_of, bag.decode(about.name, data).records)}
+        message = bag.decode(about.name, data)
+        last = {r.survey.uuid: r for r in map(record_of, message.records)}
         for uuid, record in last.items():
             first.setdefault(uuid, record)
             if record.judgement != Judgement.NOT_JUDGED:
                 judged.setdefault((uuid, record.judged_ns), record)
     # A rejection first: it makes room for the survey that replaced it at the same time.
     order = sorted(judged.values(), key=lambda r: (r.judged_ns, r.judgement != Judgement.REJECTED))
-    return RecordedList(first, last, tuple(order))
+    return RecordedList(first, last, tuple(order), None if message is None else list_of(message, well))

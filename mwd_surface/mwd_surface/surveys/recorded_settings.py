@@ -99,14 +99,30 @@ def recorded_settings(bag: Bag) -> Recorded:
     if before:
         estimator = kept(EstimatorSettings(), former.present(_values(before, usual), usual), remarks, "recording")
     if SURFACE in tables:
-        parts = settings.values(SurfacePart())
-        # The surface has more sections than these.
-        sections = {name: text for name, text in tables[SURFACE].items() if name in parts}
-        surface = kept(SurfacePart(), _values(sections, parts), remarks, "recording")
+        surface = _sections(tables[SURFACE], SurfacePart(), remarks)
     source = "those of the recording" if estimator is not None else ""
     if estimator is None:
         estimator, source = _by_receiver(bag)
     return Recorded(estimator, surface, source, tuple(remarks))
+
+
+def recorded_sections(bag: Bag, usual: S) -> S | None:
+    """
+    Return sections of the surface's settings in a recording; None where it has none of them.
+
+    usual: their defaults. A parameter that changed while it was recorded has its last value.
+    """
+    table = bag.metadata().get(SURFACE)
+    if table is None:
+        return None
+    return _sections(dict(table) | _changes(bag).get("surface", {}), usual, [])
+
+
+def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
+    """Settings from a table of all parameters of the surface, which has more sections than these."""
+    parts = settings.values(usual)
+    known = {name: text for name, text in table.items() if name in parts}
+    return kept(usual, _values(known, parts), remarks, "recording")
 
 
 def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:

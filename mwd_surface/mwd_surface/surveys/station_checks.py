@@ -14,16 +14,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
-from mwd_surface.surveys.leg import Leg
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, Judgement, SurveyRecord, Verdict
 from mwd_surface.trajectory.north import North
-from mwd_surface.trajectory.well_path import Definitive, path_of, projected
+from mwd_surface.trajectory.well_path import ASSUMED, SURVEY, TIE_ON, Definitive, path_of, projected
 
 if TYPE_CHECKING:
     from mwd_surface.surveys.survey_list import SurveyList
 
 NO_DEPTH = "no measured depth"
+# Remarks of a reader that make the coordinates of the whole path doubtful.
+_OF_COORDINATES = (RemarkKind.NORTH_ASSUMED, RemarkKind.UNIT_ASSUMED, RemarkKind.NUMBERS_ASSUMED)
 
 
 def in_use_on(whole: SurveyList, leg: str) -> list[SurveyRecord]:
@@ -123,14 +126,16 @@ def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int
 
 def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: int) -> list[str]:
     """Return what is worth attention about a station in use, at index k of its path."""
-    flags = _age_flag(record, whole.rules)
+    flags = [*_age_flag(record, whole.rules), *([COORDINATES_ASSUMED] if path.assumed else [])]
     if record.survey.azimuth_from(whole.north) is None:
         flags.append("no azimuth: that of the station above is used")
     severity = math.degrees(path.dogleg_severity[k]) * 30.0
     if severity > whole.rules.dogleg_limit_deg:
         flags.append(f"dogleg {severity:.1f} deg/30 m is over {whole.rules.dogleg_limit_deg:g}")
     gap = float(path.md[k] - path.md[k - 1])
-    if path.kind[k - 1] != "tie-on" and gap > whole.rules.gap_limit:
+    # From a tie-on that is known a vertical hole needs no stations; an assumed hole is said to be one.
+    vertical = path.kind[k - 1] == TIE_ON and max(path.inclination[k - 1 : k + 1]) <= _vertical_limit(whole.rules)
+    if path.kind[k - 1] != ASSUMED and not vertical and gap > whole.rules.gap_limit:
         flags.append(f"gap {gap:.0f} m is over {whole.rules.gap_limit:g}")
     if record.judgement == Judgement.ACCEPTED and record.survey.verdict != Verdict.ACCEPT:
         verdict = Verdict(record.survey.verdict).name.lower()
@@ -182,7 +187,14 @@ def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: f
         inc.append(record.survey.inclination)
         azi.append(azi[-1] if azimuth is None else azimuth)
     positions = mc.path(md, inc, azi, (t.north, t.east, t.vertical_depth))
-    kind: tuple[str, ...] = ("tie-on", *("survey" for _ in own))
+    first = (md[1], inc[1]) if own else (bit_depth, 0.0)
+    assumptions = tie_on_assumptions(whole.rules, t, *first)
+    if assumptions:
+        # The reader of a list has said it in the words of that list.
+        said = tuple(one for one in whole.remarks if one.kind == assumptions[0].kind)
+        assumptions = said or assumptions
+    made_up = any(one.kind == RemarkKind.HOLE_ABOVE_ASSUMED for one in assumptions)
+    kind: tuple[str, ...] = (ASSUMED if made_up else TIE_ON, *(SURVEY for _ in own))
     sequence: tuple[int, ...] = (0, *(r.survey.sequence for r in own))
     columns = np.column_stack([md, inc, azi])
     if leg.parent:
@@ -191,11 +203,54 @@ def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: f
         columns = np.vstack([np.column_stack([above.md, above.inclination, above.azimuth])[:keep], columns])
         positions = np.vstack([above.positions[:keep], positions])
         kind, sequence = above.kind[:keep] + kind, above.sequence[:keep] + sequence
-    section_deg = whole.well.section_azimuth_deg
-    section_azimuth = math.radians(section_deg) if section_deg >= 0.0 else mc.closure(positions)
+        assumptions = above.assumptions
+    else:
+        assumptions = (*assumptions, *(one for one in whole.remarks if one.kind in _OF_COORDINATES))
+    set_deg = whole.well.section_azimuth_deg
+    if set_deg >= 0.0:
+        section_azimuth = math.radians(set_deg)
+    else:
+        section_azimuth = mc.closure(positions) if whole.plan is None else whole.plan.section_azimuth
     md_all, inc_all, azi_all = columns.T
     path = path_of(leg.name, whole.north, section_azimuth, (md_all, inc_all, azi_all), positions, kind, sequence)
+    path = dataclasses.replace(path, assumptions=assumptions)
     return path if bit_depth is None else projected(path, bit_depth, whole.rules.projection)
+
+
+def tie_on_assumptions(
+    rules: ListRules, tie_on: TieOn, first_depth: float | None, inclination: float
+) -> tuple[Remark, ...]:
+    """
+    Return what a tie-on assumes about the hole above the first station.
+
+    Nothing, where a person, a list or another leg gave it, or where the first station is near the wellhead: within the
+    interval between stations and the dogleg that pass without a warning.
+
+    Parameters
+    ----------
+    rules : ListRules
+    tie_on : TieOn
+        Of a leg without a parent.
+    first_depth, inclination : float
+        Measured depth, m, and inclination, rad, of the first station below it; depth None where there is none yet.
+    """
+    if tie_on.source == Origin.WITHOUT_POSITION:
+        text = (
+            f"the position of the tie-on at {tie_on.measured_depth:.2f} m is not given in full; what is missing is"
+            " taken as straight below the wellhead"
+        )
+        return (Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": tie_on.measured_depth}),)
+    if tie_on.source != Origin.WELLHEAD or first_depth is None:
+        return ()
+    length = first_depth - tie_on.measured_depth
+    bend = math.degrees(inclination) * 30.0
+    if length <= rules.gap_limit and bend <= rules.dogleg_limit_deg * length:
+        return ()
+    text = (
+        f"no tie-on is given; the hole above the first station at {first_depth:.2f} m is assumed to leave the wellhead"
+        " vertically and to reach the station in one arc"
+    )
+    return (Remark(RemarkKind.HOLE_ABOVE_ASSUMED, text, {"measured_depth": first_depth}),)
 
 
 def _age_flag(record: SurveyRecord, rules: ListRules) -> list[str]:
@@ -206,4 +261,8 @@ def _age_flag(record: SurveyRecord, rules: ListRules) -> list[str]:
 
 
 def _is_vertical(record: SurveyRecord, rules: ListRules) -> bool:
-    return record.survey.inclination <= math.radians(rules.vertical_limit_deg)
+    return record.survey.inclination <= _vertical_limit(rules)
+
+
+def _vertical_limit(rules: ListRules) -> float:
+    return math.radians(rules.vertical_limit_deg)

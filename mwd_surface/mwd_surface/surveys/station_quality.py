@@ -18,7 +18,8 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_record import STATIC, Survey, Verdict
 
-GOOD, DOUBTFUL, REJECT, NO_REFERENCE = "good", "doubtful", "reject", "no reference"
+GOOD, DOUBTFUL, REJECT = "good", "doubtful", "reject"
+NO_REFERENCE, NOT_MEASURED = "no reference", "not measured"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Total:
 
     read: as measured, None without that sensor. value: as judged. reference: None where there is none. deviation: as
     the verdict takes it, None where value or reference is not known. limit: of the deviation. light: GOOD, DOUBTFUL,
-    REJECT or NO_REFERENCE. corrected: whether value is without the string's field.
+    REJECT, or why there is none: NO_REFERENCE, NOT_MEASURED. corrected: whether value is without the string's field.
     """
 
     name: str
@@ -78,7 +79,7 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
         if away is not None and mine >= 0.0 and off != 0.0:
             # As the verdict takes it: gravity off standard gravity where that is what the tool was calibrated by.
             away = off
-        light = _light(away, limit, usual.reject_factor)
+        light = NOT_MEASURED if value is None else _light(away, limit, usual.reject_factor)
         of_string = corrected and name != "total gravity"
         found.append(Total(name, unit, read, value, wanted, away, limit, light, of_string))
     return found[0], found[1], found[2]

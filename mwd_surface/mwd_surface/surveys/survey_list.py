@@ -18,8 +18,8 @@ from typing import Any
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
-from mwd_surface.list_files.remark import Remark
-from mwd_surface.surveys.leg import MAIN, Leg, TieOn
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.surveys.leg import MAIN, Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import DEEPEST, LAST_SEQUENCE, ListRules
 from mwd_surface.surveys.station_checks import (
     at_same_depth,
@@ -33,7 +33,11 @@ from mwd_surface.surveys.station_checks import (
 from mwd_surface.surveys.survey_record import Decision, Judgement, Survey, SurveyRecord, Verdict, checked_survey
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.well_path import Definitive
+
+#: Kinds of remarks about where the path of a list starts.
+OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED, RemarkKind.TIE_ON_OF_LIST)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +51,8 @@ class SurveyList:
     leg: str = MAIN
     tool: str = ""
     changed_ns: int = 0
+    #: In force; the vertical section lies along it where the well sets no azimuth.
+    plan: Plan | None = None
     #: Assumptions behind the list, such as those of the reader that imported it.
     remarks: tuple[Remark, ...] = ()
 
@@ -252,7 +258,9 @@ class SurveyList:
         if above:
             raise ValueError(f"tie_on: surveys {above} of leg {there.name!r} lie at or above {tie_on.measured_depth} m")
         legs = tuple(dataclasses.replace(g, tie_on=tie_on) if g is there else g for g in self.legs)
-        return dataclasses.replace(self, legs=legs)._with(self.records)
+        # A reader's assumption about the start of the path ends where a person gives the start.
+        remarks = self.remarks if there.parent else tuple(one for one in self.remarks if one.kind not in OF_START)
+        return dataclasses.replace(self, legs=legs, remarks=remarks)._with(self.records)
 
     def sidetracked(self, name: str, measured_depth: float, parent: str | None = None) -> SurveyList:
         """
@@ -268,7 +276,7 @@ class SurveyList:
             raise ValueError(f"name: a new leg needs a name of its own, got {name!r}")
         inc, azi, position = self.definitive(source.name).at(measured_depth)
         n, e, d = (float(v) for v in position)
-        tie_on = TieOn(measured_depth, inc, azi, n, e, d, f"leg {source.name}")
+        tie_on = TieOn(measured_depth, inc, azi, n, e, d, Origin.LEG)
         return dataclasses.replace(self, legs=(*self.legs, Leg(name, tie_on, source.name)), leg=name)
 
     def using(self, *, leg: str | None = None, tool: str | None = None) -> SurveyList:
@@ -299,11 +307,15 @@ class SurveyList:
                     raise ValueError(f"north_reference: survey {record.survey.sequence}: {'; '.join(fatal)}")
         return changed._with(self.records)
 
+    def along(self, plan: Plan | None) -> SurveyList:
+        """Return the same stations beside another plan, or none."""
+        return self if plan == self.plan else dataclasses.replace(self, plan=plan)._with(self.records)
+
     def to_mapping(self) -> dict[str, Any]:
         """Return everything but the rules as a plain table for a file."""
-        table = settings.to_mapping(self)
+        table = settings.to_mapping(dataclasses.replace(self, plan=None))
         table.pop("rules")
-        return table
+        return {**table, "plan": None if self.plan is None else self.plan.to_mapping()}
 
     @classmethod
     def from_mapping(cls, table: Mapping[str, Any], rules: ListRules | None = None) -> SurveyList:
@@ -315,7 +327,9 @@ class SurveyList:
         ValueError
             A key or value that does not belong there (settings.SettingsError), or a path that cannot be computed.
         """
-        plain = settings.from_mapping(cls, {**table, "rules": settings.to_mapping(rules or ListRules())})
+        planned = table.get("plan")
+        plan = None if planned is None else Plan.from_mapping(planned)
+        plain = settings.from_mapping(cls, {**table, "plan": plan, "rules": settings.to_mapping(rules or ListRules())})
         plain.find_leg(plain.leg)
         return plain._with(plain.records)
 
@@ -344,12 +358,29 @@ class SurveyList:
         fresh = dataclasses.replace(
             self, records=tuple(ordered), changed_ns=self.changed_ns if changed_ns is None else changed_ns
         )
+        fresh = fresh._with_kick_offs()
         places = {}
-        for leg in self.legs:
+        for leg in fresh.legs:
             path = fresh.definitive(leg.name)
             places.update({(leg.name, s): (path, k) for k, s in enumerate(path.sequence) if s})
         done = tuple(placed(fresh, r, places.get((r.leg, r.survey.sequence))) for r in ordered)
         return dataclasses.replace(fresh, records=done)
+
+    def _with_kick_offs(self) -> SurveyList:
+        """Return the list with each sidetrack starting on the path of its parent, where that still gets there."""
+        whole = self
+        for k, leg in enumerate(self.legs):
+            if leg.tie_on.source != Origin.LEG:
+                continue
+            path = whole.definitive(leg.parent)
+            if leg.tie_on.measured_depth > path.md[-1]:
+                continue
+            inc, azi, (north, east, down) = path.at(leg.tie_on.measured_depth)
+            place = float(north), float(east), float(down)
+            tie_on = TieOn(leg.tie_on.measured_depth, inc, azi, *place, Origin.LEG)
+            legs = (*whole.legs[:k], dataclasses.replace(leg, tie_on=tie_on), *whole.legs[k + 1 :])
+            whole = dataclasses.replace(whole, legs=legs)
+        return whole
 
 
 def _rejected(record: SurveyRecord, operator_name: str, reason: str, stamp_ns: int) -> SurveyRecord:

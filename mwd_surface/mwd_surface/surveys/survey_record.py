@@ -94,8 +94,8 @@ class Survey:
     g_reference: float = -1.0
     b_reference: float = -1.0
     dip_reference: float = 0.0
-    declination: float = 0.0
-    convergence: float = 0.0
+    declination: float | None = None
+    convergence: float | None = None
     reference_source: str = ""
     axial_interference: float = 0.0
     sigma_axial_interference: float = -1.0
@@ -167,7 +167,7 @@ class Survey:
 
     @property
     def has_reference(self) -> bool:
-        """True where a reference field, and with it declination and convergence, was configured."""
+        """True where a reference field was configured."""
         return self.b_reference > 0.0
 
     @property
@@ -189,7 +189,7 @@ class Survey:
         Another azimuth, rad, of this survey's place from the asked north, rad in [0, 2 pi); None where not known.
 
         True = magnetic + declination, grid = true - convergence (S0's note in the seeds). Declination needs a
-        reference field; convergence alone may come without one.
+        reference field.
         """
         if North.UNKNOWN in (given, north):
             return None
@@ -197,10 +197,9 @@ class Survey:
             return azimuth % math.tau
         if North.MAGNETIC in (given, north) and not self.has_reference:
             return None
-        if not self.has_reference and self.convergence == 0.0:
-            return None
         to_true = {North.MAGNETIC: self.declination, North.TRUE: 0.0, North.GRID: self.convergence}
-        return (azimuth + to_true[given] - to_true[north]) % math.tau
+        before, after = to_true[given], to_true[north]
+        return None if before is None or after is None else (azimuth + before - after) % math.tau
 
 
 @dataclasses.dataclass(frozen=True)
@@ -212,6 +211,9 @@ class Decision:
     reason: str
     stamp_ns: int
     measured_depth: float
+
+
+COORDINATES_ASSUMED = "coordinates assumed"  # flag of a record
 
 
 @dataclasses.dataclass(frozen=True)
@@ -248,6 +250,11 @@ class SurveyRecord:
     build_rate: float = 0.0
     turn_rate: float = 0.0
     flags: tuple[str, ...] = ()
+
+    @property
+    def assumed(self) -> bool:
+        """Whether its place on the path rests on an assumption, which the path names."""
+        return COORDINATES_ASSUMED in self.flags
 
     @property
     def revision(self) -> Survey | None:

@@ -17,8 +17,7 @@ from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.list_files.list_file import is_list, read_list
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.imported_list import survey_list
-from mwd_surface.surveys.leg import Leg, TieOn
-from mwd_surface.surveys.message_conversion import record_of, stamp_of
+from mwd_surface.surveys.message_conversion import list_of
 from mwd_surface.surveys.recorded_settings import recorded_settings
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_store import decoded
@@ -82,12 +81,12 @@ def stretches_of(path: Path) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
 
 def surveys_of_bag(bag: Bag) -> SurveyList:
     """
-    The last survey list of a recording, tied on where its trajectory begins.
+    The last survey list of a recording, with its legs and its plan.
 
     Raises
     ------
     BagError
-        It has none, lists of several wells, or a list of several legs, whose tie-ons are not in a recording.
+        It has none, or lists of several wells.
     """
     if all(topic.type_name != LIST_TYPE for topic in bag.topics.values()):
         if unread := bag.unread(LIST_TYPE):
@@ -101,21 +100,11 @@ def surveys_of_bag(bag: Bag) -> SurveyList:
     if last is None:
         raise BagError(f"{bag.path} has no message in {topic}", "export from the surveys folder of the run")
     message = bag.decode(topic, last)
-    records = tuple(record_of(record) for record in message.records)
-    legs = {record.leg for record in records}
-    if len(legs) > 1:
-        raise BagError(
-            f"{bag.path} has the legs {', '.join(sorted(legs))}, and no recording says where they are tied on",
-            "export from the surveys folder of the run",
-        )
-    leg = legs.pop() if legs else Leg().name
-    tie_on, north = _start(bag, topic.removesuffix("surveys") + "trajectory")
     well = recorded_settings(bag).well(Well(name=message.well or Well().name))
-    well = dataclasses.replace(well, north_reference=north.name.lower())
-    bare = SurveyList(
-        well=well, legs=(Leg(leg, tie_on),), records=records, leg=leg, changed_ns=stamp_of(message.header.stamp)
-    )
-    return SurveyList.from_mapping(bare.to_mapping())
+    north = _north(bag, topic.removesuffix("surveys") + "trajectory")
+    if north is not None:
+        well = dataclasses.replace(well, north_reference=north.name.lower())
+    return list_of(message, well)
 
 
 def _folders(path: Path) -> list[Path]:
@@ -148,23 +137,13 @@ def _remarked(surveys: SurveyList, notes: Sequence[str] = ()) -> tuple[SurveyLis
     return surveys, (*sentences(surveys.remarks), *notes)
 
 
-def _start(bag: Bag, topic: str) -> tuple[TieOn, North]:
-    """Where the recorded path begins, and its north; the wellhead and true north where none is recorded."""
-    last = None
+def _north(bag: Bag, topic: str) -> North | None:
+    """North of the recorded path; None where none is recorded."""
     about = bag.topics.get(topic)
+    found = North.UNKNOWN
     if about is not None and about.type_name == PATH_TYPE:
+        last = None
         for _, _, _, data in bag.messages([topic]):
             last = data
-    if last is None:
-        return TieOn(), North.TRUE
-    path = bag.decode(topic, last)
-    north = North(path.north_reference) if path.north_reference else North.TRUE
-    if not len(path.measured_depth):
-        return TieOn(), north
-    md, inclination, azimuth, n, e, d = (
-        float(getattr(path, name)[0])
-        for name in ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth")
-    )
-    at_wellhead = not any((md, inclination, azimuth, n, e, d))
-    source = "wellhead" if at_wellhead else "the recorded path"
-    return TieOn(md, inclination, azimuth, n, e, d, source), north
+        found = North.UNKNOWN if last is None else North(bag.decode(topic, last).north_reference)
+    return None if found == North.UNKNOWN else found

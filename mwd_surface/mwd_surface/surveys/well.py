@@ -4,10 +4,8 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 from mwd_sensors.core.settings import setting
-from mwd_surface.trajectory.plan import Plan
 
 NORTHS = ("magnetic", "true", "grid")
 
@@ -31,8 +29,12 @@ class Well:
     grid: str = setting(
         "", "map grid of reports: utm (the zone of the wellhead) or an EPSG code such as EPSG:23031; empty: none"
     )
-    depth_datum: str = setting("RKB", "datum of measured and vertical depth, as printed in reports")
-    datum_elevation: float = setting(0.0, "height of the depth datum above mean sea level", unit="m")
+    depth_datum: str = setting(
+        "", "datum of measured and vertical depth, as printed in reports, such as RKB; empty: not given"
+    )
+    datum_elevation: float | None = setting(
+        None, "height of the depth datum above mean sea level; nan: not given", unit="m"
+    )
     north_reference: str = setting(
         "true", "north reference of azimuths and map axes; must be that of the plan", choices=NORTHS
     )
@@ -44,9 +46,10 @@ class Well:
         low=-1.0,
         high=360.0,
     )
-    sensor_to_bit: float = setting(
-        0.0,
-        "distance from the directional sensor to the bit; a survey is this much shallower than the bit",
+    sensor_to_bit: float | None = setting(
+        None,
+        "distance from the directional sensor to the bit; a survey is this much shallower than the bit. nan: not "
+        "given, surveys then get the depth of the bit",
         unit="m",
         low=0.0,
     )
@@ -63,13 +66,11 @@ class Well:
     )
 
     @property
+    def sensor_offset(self) -> float:
+        """Distance from the sensor to the bit that depths are computed with, m: 0 where it is not given."""
+        return self.sensor_to_bit or 0.0
+
+    @property
     def wellbore_name(self) -> str:
         """Name of the wellbore, or of the well where the wellbore has none."""
         return self.wellbore or self.name
-
-
-def with_section(well: Well, plan: Plan | None) -> Well:
-    """Set the vertical section of a well along the plan, where no other is configured."""
-    if plan is None or well.section_azimuth_deg >= 0.0:
-        return well
-    return dataclasses.replace(well, section_azimuth_deg=math.degrees(plan.section_azimuth))

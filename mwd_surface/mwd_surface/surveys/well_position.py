@@ -19,6 +19,7 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
@@ -31,6 +32,7 @@ from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
 AHEAD = "planned"
+_OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,12 +65,20 @@ def programme_of(well: Well) -> Programme | None:
 
 def error_reference(well: Well, survey: Survey) -> ErrorReference:
     """Return the local field a survey was judged by, at the place of the well."""
+    # What turns the well's north to true north must be known; else it has no effect on the result.
+    unknown = {North.MAGNETIC: ("declination",), North.GRID: ("convergence",)}.get(
+        North[well.north_reference.upper()], ()
+    )
+    declination, convergence = (
+        (math.nan if name in unknown else 0.0) if angle is None else angle
+        for name, angle in (("declination", survey.declination), ("convergence", survey.convergence))
+    )
     return ErrorReference(
         latitude=math.nan if well.latitude_deg is None else math.radians(well.latitude_deg),
         b_total=survey.b_reference,
         dip=survey.dip_reference,
-        declination=survey.declination,
-        convergence=survey.convergence,
+        declination=declination,
+        convergence=convergence,
         # Of an imported survey neither may be known.
         g_total=survey.g_reference if survey.g_reference > 0.0 else survey.g_total or STANDARD_GRAVITY,
     )
@@ -76,17 +86,22 @@ def error_reference(well: Well, survey: Survey) -> ErrorReference:
 
 def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> UncertainPath:
     """
-    Return a path of the list with its covariance.
+    Return a path of the list with its covariance; without one where its start is assumed.
 
     records: of each station of the path, None for tie-ons, projection and planned stations.
     """
+    # The error model tells how measurements spread, not how wrong an assumption is.
+    made_up = [one.text for one in path.assumptions if one.kind in _OF_START]
+    if made_up:
+        return UncertainPath(path, None, f"not given, because the coordinates are assumed: {'; '.join(made_up)}")
     try:
         covariance = uncertain_well(surveys, path, records).covariance()
     except (CovarianceUnavailableError, ValueError) as error:
         return UncertainPath(path, None, str(error))
     well = surveys.well
     what = f"survey programme {Path(well.programme).name}" if well.programme else f"error model {well.error_model}"
-    return UncertainPath(path, covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station")
+    beside = "".join(f"; without the error of an assumption: {one.text}" for one in path.assumptions)
+    return UncertainPath(path, covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
 
 
 def uncertain_well(
@@ -168,7 +183,7 @@ def continued(path: Definitive, plan: Plan | None, reach: float, step: float = 3
     azi = np.append(path.azimuth, whole.azimuth[ahead])
     n = path.md.size
     beyond = mc.path(md[n - 1 :], inc[n - 1 :], azi[n - 1 :], path.positions[-1])[1:]
-    return path_of(
+    longer = path_of(
         path.leg,
         North(path.north),
         path.section_azimuth,
@@ -177,3 +192,4 @@ def continued(path: Definitive, plan: Plan | None, reach: float, step: float = 3
         (*path.kind, *[AHEAD] * len(beyond)),
         (*path.sequence, *[0] * len(beyond)),
     )
+    return dataclasses.replace(longer, assumptions=path.assumptions)

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.settings import setting
+from mwd_surface.list_files.remark import sentences
 from mwd_surface.trajectory.plan import Plan, azimuth_at, nearest, steering_to
 from mwd_surface.trajectory.slide_sheet import Yield
 from mwd_surface.trajectory.well_path import Definitive
@@ -156,6 +157,9 @@ def advise(
         return dataclasses.replace(base, source="", reason="no plan: set plan.file, or advisory.toolface_deg")
     if len(path.md) < 2:
         return dataclasses.replace(base, reason="no survey is accepted yet")
+    if path.assumed:
+        why = "; ".join(sentences(path.assumptions))
+        return dataclasses.replace(base, reason=f"the position is assumed, so the way to the plan is not known: {why}")
     return _to_plan(settings, plan, path, yields, known, base)
 
 

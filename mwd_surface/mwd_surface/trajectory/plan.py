@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mwd_sensors.core import minimum_curvature as mc
+from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import mat_nt, wrap_tau
 from mwd_surface.list_files.remark import Remark
@@ -23,7 +26,7 @@ from mwd_surface.trajectory.well_path import Definitive
 DRAWN_STEP = 10.0  # m between the points of the plan that the page draws
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Plan:
     """
     Stations of a plan and their positions.
@@ -39,6 +42,45 @@ class Plan:
     north: str = ""
     name: str = ""
     remarks: tuple[Remark, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        """Whether two plans have the same stations, start, north and name."""
+        return isinstance(other, Plan) and self.to_mapping() == other.to_mapping()
+
+    def __hash__(self) -> int:
+        """Return a hash that equal plans share."""
+        return hash((self.name, self.north, self.md.tobytes()))
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the plan as a plain table for a file; its path follows from stations and start."""
+        stations = np.column_stack([self.md, self.inclination, self.azimuth])
+        start = self.positions[0].tolist()
+        remarks = [settings.to_mapping(one) for one in self.remarks]
+        return {
+            "name": self.name,
+            "north": self.north,
+            "start": start,
+            "stations": stations.tolist(),
+            "remarks": remarks,
+        }
+
+    @classmethod
+    def from_mapping(cls, table: Mapping[str, Any]) -> Plan:
+        """
+        Return the plan of such a table.
+
+        Raises
+        ------
+        ValueError
+            The table has not the fields of a plan, or no path goes through its stations.
+        """
+        try:
+            md, inclination, azimuth = np.asarray(table["stations"], dtype=float).reshape(-1, 3).T
+            start, words = np.asarray(table["start"], dtype=float), (str(table["north"]), str(table["name"]))
+            remarks = tuple(settings.from_mapping(Remark, one, "plan.remarks") for one in table["remarks"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise ValueError(f"plan: expected name, north, start, stations and remarks, got {table!r:.80}") from error
+        return dataclasses.replace(plan_of(md, inclination, azimuth, start, *words), remarks=remarks)
 
     @property
     def target(self) -> Array:

@@ -14,7 +14,10 @@ import numpy as np
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
+from mwd_surface.list_files.remark import Remark
 from mwd_surface.trajectory.north import North
+
+TIE_ON, ASSUMED, SURVEY, PROJECTED = "tie-on", "assumed", "survey", "projected"  # kinds of stations
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,9 +26,10 @@ class Definitive:
     The path of one leg from the wellhead down, by minimum curvature.
 
     md, inclination, azimuth, vertical_section: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m.
-    dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above. kind: "tie-on", "survey" or
-    "projected". sequence: of the survey, 0 for the other kinds. north: what azimuth and positions refer to.
-    section_azimuth: of the vertical section, rad.
+    dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above. kind: `TIE_ON`, `ASSUMED` (a
+    tie-on that nobody gave: the hole from it to the next station is assumed too), `SURVEY` or `PROJECTED`. sequence: of
+    the survey, 0 for the other kinds. north: what azimuth and positions refer to. section_azimuth: of the vertical
+    section, rad. assumptions: what the coordinates of every station rest on beside measurements; empty: nothing.
     """
 
     leg: str
@@ -41,6 +45,12 @@ class Definitive:
     vertical_section: Array
     kind: tuple[str, ...]
     sequence: tuple[int, ...]
+    assumptions: tuple[Remark, ...] = ()
+
+    @property
+    def assumed(self) -> bool:
+        """Whether the coordinates rest on an assumption, so that depths and positions may be wrong by any amount."""
+        return bool(self.assumptions)
 
     @property
     def measured_depth(self) -> Array:
@@ -111,10 +121,11 @@ def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
         inc, azi = math.atan2(math.hypot(t[0], t[1]), t[2]), math.atan2(t[1], t[0]) % math.tau
     md, incs, azis = np.append(path.md, bit_depth), np.append(path.inclination, inc), np.append(path.azimuth, azi)
     bit = mc.path(md[-2:], incs[-2:], azis[-2:], path.positions[-1])[-1]
-    kind, sequence = (*path.kind, "projected"), (*path.sequence, 0)
-    return path_of(
+    kind, sequence = (*path.kind, PROJECTED), (*path.sequence, 0)
+    longer = path_of(
         path.leg, path.north, path.section_azimuth, (md, incs, azis), np.vstack([path.positions, bit]), kind, sequence
     )
+    return dataclasses.replace(longer, assumptions=path.assumptions)
 
 
 def path_of(

@@ -14,7 +14,7 @@ from lxml import etree
 from mwd_surface.exports.export_witsml import NAMESPACE, witsml
 from mwd_surface.exports.survey_table import survey_table, table_of
 from mwd_surface.list_files.list_file import list_of
-from mwd_surface.surveys.leg import TieOn
+from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import ROTARY
@@ -128,7 +128,7 @@ def test_stations_that_print_the_same_depth_are_not_written_twice():
 
 def test_an_empty_list_and_equal_uuids_are_valid():
     checked(witsml(survey_table(SurveyList(), example.MADE)))
-    tied = SurveyList().tied_on(TieOn(100.0, 0.1, 0.2, 1.0, 2.0, 99.0, "gyro"))
+    tied = SurveyList().tied_on(TieOn(100.0, 0.1, 0.2, 1.0, 2.0, 99.0, Origin.GIVEN))
     checked(witsml(survey_table(tied.sidetracked("ST 1", 100.0), example.MADE)))
 
 

@@ -31,7 +31,7 @@ def test_the_head_block_names_every_reference_and_correction():
         "-0.600 deg",
         "2.000 deg",
     )
-    assert got["Depth datum"] == "RKB, 25.00 m above mean sea level"
+    assert (got["Depth datum"], got["Datum elevation"]) == ("RKB", "25.00 m above mean sea level")
     assert got["Reference total field"] == "50300 nT"
     assert got["Surveys"] == "11 in use of 12 taken; 1 judged by a person"
     assert got["Report made"] == "2026-05-15T17:43:40.123Z"
@@ -142,10 +142,10 @@ def test_an_unknown_column_is_a_key_error():
         example.table().column("nonsense")
 
 
-@pytest.mark.parametrize(("north", "grid", "text"), [("true", "", "no grid given"), ("true", "utm", "0.000 deg")])
-def test_a_convergence_of_zero_is_that_of_a_central_meridian_where_there_is_a_grid(north, grid, text):
-    well = dataclasses.replace(example.WELL, north_reference=north, grid=grid)
-    whole = SurveyList(well=well).add(example.survey(1, 10.0, 40.0, convergence=0.0), 300.0, 0.0)
+@pytest.mark.parametrize(("convergence", "text"), [(None, "no grid given"), (0.0, "0.000 deg")])
+def test_a_convergence_of_zero_is_that_of_a_central_meridian_and_none_is_that_of_no_grid(convergence, text):
+    well = dataclasses.replace(example.WELL, north_reference="true")
+    whole = SurveyList(well=well).add(example.survey(1, 10.0, 40.0, convergence=convergence), 300.0, 0.0)
     assert head(tables.survey_table(whole, example.MADE))["Grid convergence"] == text
 
 

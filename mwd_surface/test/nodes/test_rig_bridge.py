@@ -23,8 +23,8 @@ def test_rig_data_that_come_while_the_node_is_inactive_are_dropped(tmp_path, mon
     node = SimpleNamespace(active=False, frame=lambda name: name, add_publisher=lambda *_: publisher)
     context = SimpleNamespace(
         node=node,
-        live=None,
-        alarm_log=SimpleNamespace(now_ns=lambda: 7),
+        alarm_log=None,
+        now_ns=lambda: 7,
         requests=SimpleNamespace(call=None),
         folder=tmp_path,
     )

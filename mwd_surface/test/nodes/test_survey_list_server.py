@@ -4,23 +4,29 @@
 import concurrent.futures
 import dataclasses
 import logging
+import math
 from types import SimpleNamespace
 
 import example_surveys as example
 import pytest
 from mwd_msgs import msg
-from rclpy.serialization import serialize_message
 
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.well_clock import WellClock
+from mwd_surface.live.well_context import WellContext, WellOutlet
 from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.nodes.survey_list_server import SurveyListServer
 from mwd_surface.page.survey_panel import survey_row
-from mwd_surface.surveys.message_conversion import fill_survey
+from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.surveys.leg_settings import LegSettings
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.message_conversion import list_of
 from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.plan import plan_of
 
 
 class Log:
@@ -39,7 +45,8 @@ class Log:
         """No alarm stands here."""
 
     def set_alarms(self, prefix, causes):
-        self.standing = {key: (severity, text) for key, (severity, text, _) in causes.items()}
+        self.standing = {key: cause for key, cause in self.standing.items() if not key.startswith(prefix)}
+        self.standing |= {key: (severity, text) for key, (severity, text, _) in causes.items()}
         assert all(key.startswith(prefix) for key in causes)
 
     def now_ns(self):
@@ -70,35 +77,30 @@ def server(tmp_path):
         frame=lambda name: name,
         get_logger=lambda: logging.getLogger("surface"),
     )
-    context = SimpleNamespace(node=node, folder=tmp_path, live=LiveState(), alarm_log=Log(), worker=Worker())
+    outlet, log = WellOutlet(), Log()
+    outlet.run = nothing
+    well = WellContext(WellClock(example.MADE), LiveState(), log, outlet)
+    context = SurfaceContext(node, tmp_path, well, Worker(), requests=None)
     server = SurveyListServer(
         context,
-        SurfaceSettings(),
-        example.WELL,
+        SurfaceSettings(well=example.WELL, leg=LegSettings(tie_on_depth=0.0)),
         plan=SimpleNamespace(plan=None, show_offset=nothing),
-        on_published=nothing,
-        slide_sheet=tuple,
-        on_depth_by_hand=nothing,
     )
+    server.slide_sheet, server.on_depth_by_hand = tuple, nothing
+    outlet.on_surveys, outlet.on_accepted = server.publish, server.publish_accepted
     server.open()
     server.depth.set_by_hand(example.survey(1, 10.0, 40.0).stamp_ns, 500.0)
-    yield SimpleNamespace(server=server, published=published, events=context.alarm_log.events, log=context.alarm_log)
+    yield SimpleNamespace(server=server, published=published, events=log.events, log=log)
     server.close()
-
-
-def serialised(survey):
-    message = msg.Survey()
-    fill_survey(message, survey, msg.AzimuthEstimate)
-    return serialize_message(message)
 
 
 def test_a_revision_is_listed_published_shown_and_logged_and_moves_no_station(server):
     first = example.survey(1, 10.0, 40.0)
-    server.server.on_survey(serialised(first))
+    server.server.on_survey(first)
     (before,) = server.published["surveys"][-1].records
     later = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(Verdict.DOUBTFUL), headline="steel")
     for revision in (1, 1):
-        server.server.on_revision(serialised(dataclasses.replace(later, revision=revision)))
+        server.server.on_revision(dataclasses.replace(later, revision=revision))
     assert len(server.published["surveys"]) == 2
     (record,) = server.published["surveys"][-1].records
     assert record.survey == before.survey
@@ -115,10 +117,10 @@ def test_a_revision_is_listed_published_shown_and_logged_and_moves_no_station(se
 @pytest.mark.parametrize("verdict", [Verdict.ACCEPT, Verdict.DOUBTFUL])
 def test_a_value_in_use_that_later_surveys_contradict_is_an_alarm_until_a_person_decides(server, verdict):
     first = example.survey(1, 10.0, 40.0)
-    server.server.on_survey(serialised(first))
+    server.server.on_survey(first)
     assert server.server.surveys.records[0].in_use
     near = dataclasses.replace(first, azimuth=first.azimuth + 0.5 * first.sigma_azimuth, revision=1)
-    server.server.on_revision(serialised(near))
+    server.server.on_revision(near)
     assert server.log.standing == {}
 
     def decide(service):
@@ -127,7 +129,7 @@ def test_a_value_in_use_that_later_surveys_contradict_is_an_alarm_until_a_person
 
     far = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(verdict), headline="steel")
     for revision in (2, 3):
-        server.server.on_revision(serialised(dataclasses.replace(far, revision=revision)))
+        server.server.on_revision(dataclasses.replace(far, revision=revision))
         ((key, (severity, text)),) = server.log.standing.items()
         assert (key, severity) == ("survey.revised.1", Severity.CRITICAL)
         assert "in use with azimuth 40.00 deg" in text
@@ -136,7 +138,7 @@ def test_a_value_in_use_that_later_surveys_contradict_is_an_alarm_until_a_person
         # What he decides holds for what he knew: the next revision asks him again.
         assert decide(server.server.accept).success
         assert server.log.standing == {}
-    server.server.on_revision(serialised(dataclasses.replace(far, azimuth=first.azimuth + 0.2, revision=4)))
+    server.server.on_revision(dataclasses.replace(far, azimuth=first.azimuth + 0.2, revision=4))
     assert server.log.standing
     assert decide(server.server.reject).success
     assert server.log.standing == {}
@@ -158,5 +160,27 @@ def test_a_revision_that_says_no_more_than_the_value_in_use_raises_no_alarm():
 
 
 def test_a_revision_of_a_survey_that_is_not_listed_changes_nothing(server):
-    server.server.on_revision(serialised(dataclasses.replace(example.survey(9, 10.0, 40.0), revision=1)))
+    server.server.on_revision(dataclasses.replace(example.survey(9, 10.0, 40.0), revision=1))
     assert "surveys" not in server.published
+
+
+def test_a_path_without_a_tie_on_raises_an_alarm_until_one_is_given_and_the_plan_goes_out_with_the_list(server):
+    listed = server.server
+    plan = plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 0.7], [0.8, 0.8, 0.9], name="plan B")
+    listed.surveys = SurveyList(well=example.WELL)
+    listed.on_survey(example.survey(1, 10.0, 40.0))
+    assert "path.assumed.hole_above_assumed" in server.log.standing
+    path = server.published["trajectory"][-1]
+    assert path.first_is_assumed
+    assert "no tie-on is given" in path.assumptions[0]
+    well = dataclasses.replace(example.WELL, section_azimuth_deg=-1.0)
+    listed.change_settings(well, ListRules(), LegSettings(tie_on_depth=0.0), plan)
+    assert not server.log.standing
+    path, sent = server.published["trajectory"][-1], server.published["surveys"][-1]
+    assert (path.first_is_assumed, path.assumptions) == (False, [])
+    assert list_of(sent, well).plan == plan
+    assert listed.definitive().section_azimuth == plan.section_azimuth
+    # Of a section azimuth that is set the plan says nothing.
+    listed.change_settings(dataclasses.replace(well, section_azimuth_deg=75.0), ListRules(), LegSettings(), plan)
+    assert math.degrees(listed.definitive().section_azimuth) == pytest.approx(75.0)
+    assert listed.surveys.plan == plan

@@ -20,7 +20,7 @@ from mwd_surface.page.state_feed import dumps
 from mwd_surface.page.state_json import StateJson
 
 QUALITY = LinkStatus(
-    *("mud_pulse", LOCKED, "", True, 9.5, 3.5, 1e-4, 0.01, 0.4, "survey", 2, 7, 12.0, -1.0),
+    *("mud_pulse", LOCKED, "", True, 9.5, 3.5, 1e-4, 0.01, 0.4, "survey", 2, 7, 12.0, -1.0, 40.0, 50.0),
     stamp_ns=1_700_000_000_000_000_000,
     at=5.0,
 )

@@ -55,7 +55,7 @@ def test_a_survey_without_magnetometer_depth_or_azimuth_shows_gaps_not_minus_one
     row = survey_row(record, North.TRUE)
     assert [row[k] for k in ("measured_depth", "azimuth", "sigma_azimuth", "b_total", "dip")] == [None] * 5
     lights = {light["name"]: light["light"] for light in quality_lights(record, QualityLimits())["lights"]}
-    assert lights == {"total gravity": "good", "total field": "no reference", "dip": "no reference"}
+    assert lights == {"total gravity": "good", "total field": "not measured", "dip": "not measured"}
 
 
 @pytest.mark.parametrize(("off_nt", "light"), [(0.0, "good"), (-299.0, "good"), (301.0, "doubtful"), (460.0, "reject")])

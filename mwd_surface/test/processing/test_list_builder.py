@@ -20,6 +20,7 @@ from mwd_surface.surveys import message_conversion
 from mwd_surface.surveys.depth_table import read_depths
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE, SurfacePart, recorded_settings
 from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.trajectory.plan import plan_of
 
 LIST = "mwd_msgs/msg/SurveyList"
 IN_FORCE = settings.changed(
@@ -62,6 +63,8 @@ def raw(path, metadata=True, surveys=None):
                 surveys,
                 lambda: plotted_bag.blank(store, "mwd_msgs/msg/SurveyRecord"),
                 lambda: plotted_bag.blank(store, "mwd_msgs/msg/AzimuthEstimate"),
+                lambda: plotted_bag.blank(store, "mwd_msgs/msg/Leg"),
+                lambda: plotted_bag.blank(store, "mwd_msgs/msg/Remark"),
             )
             data = bytes(store.serialize_cdr(plotted_bag.arrays(table), LIST))
             out.write(out.topic("/w1/surveys", LIST), data, bag.end_ns, bag.end_ns)
@@ -135,10 +138,11 @@ def test_depth_and_decision_of_the_live_list_are_kept(live, tmp_path):
     assert again.listed == judged
     assert again.live == "1 of 1 surveys equal those of the live list"
     assert again.depths == "of the live list"
-    # A live list whose vertical section is that of a plan is the same list.
-    along = judged.configured(dataclasses.replace(judged.well, section_azimuth_deg=47.0), judged.rules)
+    # The plan of the live list, and with it the vertical section, is found again.
+    along = judged.along(plan_of([0.0, 300.0, 900.0], [0.0, 0.0, 0.7], [0.8, 0.8, 0.9], name="plan B"))
     assert along.records != judged.records
     planned = processed(raw(tmp_path / "bag_1", surveys=along), tmp_path / "out_1")
+    assert planned.listed == along
     assert planned.live == "1 of 1 surveys equal those of the live list"
     # Another distance to the bit is another depth, from the data of the rig.
     other = processed(raw(tmp_path / "bag_2", surveys=judged), tmp_path / "out_2", sensor_to_bit_m=10.0)

@@ -16,6 +16,7 @@ from mwd_surface.rig.value import Condition
 from mwd_surface.rig.values import nothing_yet, rig_values, silenced
 from mwd_surface.signals.signal import PLAN
 from mwd_surface.signals.table import OF_SURVEY, TO_RIG
+from mwd_surface.surveys.leg import Leg, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 
 TOOL = ("inclination", "azimuth", "gravity_toolface", "magnetic_toolface", "rotary_speed", "temperature")
@@ -111,7 +112,8 @@ def test_a_toolface_that_is_not_defined_keeps_its_last_value_as_stale():
 
 
 def test_a_survey_by_a_persons_word_is_an_override_and_an_uncorrected_azimuth_is_doubtful():
-    whole = SurveyList().add(survey(1, 30.0, 75.0, verdict=1, north=2), 300.0, 0.0)
+    vertical = (Leg(tie_on=TieOn.given(0.0, 0.0, 0.0)),)
+    whole = SurveyList(legs=vertical).add(survey(1, 30.0, 75.0, verdict=1, north=2), 300.0, 0.0)
     whole = whole.accept(1, "Bo", "gyro agrees", START + S)
     table = values(whole)
     assert {table.values[signal.name].condition for signal in OF_SURVEY} == {Condition.OVERRIDE}

@@ -1,22 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """What `mwd run` starts: arguments ROS understands, and nothing two runs could share by accident."""
 
+import dataclasses
+import math
 import os
 import socket
 import sys
 import types
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import reference_of
 from mwd_sensors.core import settings
-from mwd_sensors.simulator.scenario import parse
+from mwd_sensors.simulator.motion import well_path
+from mwd_sensors.simulator.scenario import parse, read
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.commands.node import node_main
+from mwd_surface.nodes.settings import SurfaceSettings
 from mwd_surface.runs import launch_plan
+from mwd_surface.surveys.leg_settings import arranged
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Survey
+from mwd_surface.trajectory.north import North
+from project import SCENARIOS
+
+RAD = math.pi / 180.0
+SURE = (1e-8, 0.0, 0.0, 0.0, 1e-8, 0.0, 0.0, 0.0, 1e-8)
 
 
 def test_parameters_keep_their_type_through_the_yaml_of_ros():
@@ -145,3 +158,31 @@ def test_locks_lie_in_a_folder_of_this_user_alone(tmp_path, monkeypatch):
     (tmp_path / "mwd").chmod(0o777)
     with pytest.raises(ValueError, match="every middleware domain"), launch_plan.own_domain({}):
         pass
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENARIOS.glob("*.yaml")))
+def test_the_path_of_each_scenario_starts_on_the_hole_that_the_simulator_drills(name):
+    scenario = read(SCENARIOS / f"{name}.yaml")
+    given = {k: v for k, v in launch_plan.surface_parameters(scenario).items() if k.startswith("leg.")}
+    leg = settings.changed(SurfaceSettings(), given).leg
+    assert leg.tie_on_vertical_depth is not None
+    whole = arranged(SurveyList(), leg)
+    well = scenario.well
+    hole = well_path(*(np.array(well.stations) * (1.0, RAD, RAD)).T)
+    first = max(well.bit_m - well.sensor_to_bit_m, 0.5)
+    deeper = [row for row in well.stations if row[0] > leg.tie_on_depth]
+    for k, (md, inclination_deg, azimuth_deg) in enumerate(deeper, start=1):
+        survey = Survey(k, f"u{k}", k, inclination_deg * RAD, azimuth_deg * RAD, int(North.TRUE), covariance=SURE)
+        whole = whole.add(survey, md, 0.0)
+    assert not whole.definitive(bit_depth=first).assumed
+    if launch_plan.tie_on_parameters(scenario).items() <= given.items():
+        for record in whole.records:
+            position = record.north, record.east, record.vertical_depth
+            at = int(np.searchsorted(hole.md, record.measured_depth))
+            assert position == pytest.approx(tuple(hole.position[at]), abs=1e-6)
+
+
+def test_a_tie_on_of_the_scenario_s_author_replaces_the_whole_of_the_simulated_one():
+    scenario = dataclasses.replace(read(SCENARIOS / "telemetry_deep.yaml"), surface={"leg.tie_on_depth": 50.0})
+    tied = {k: v for k, v in launch_plan.surface_parameters(scenario).items() if k.startswith("leg.")}
+    assert tied == {"leg.tie_on_depth": 50.0}

@@ -2,7 +2,6 @@
 """A recording as the page shows it: the state of each moment, whatever the way to it."""
 
 import contextlib
-import dataclasses
 import json
 import math
 import signal
@@ -11,20 +10,18 @@ import sys
 import urllib.error
 import urllib.request
 
-import example_surveys as example
 import pytest
 
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.simulator.scenario import parse, read
 from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.cli import app
 from mwd_surface.page.state_json import StateJson
 from mwd_surface.processing import process
 from mwd_surface.processing.run_output import OutputSettings
 from mwd_surface.runs import simulate
-from mwd_surface.runs.player import Player, namespace_of
-from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.runs.player import Player, RecordedWell, namespace_of
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import plan_of
 from running_graph import until
@@ -61,7 +58,7 @@ def shown(player):
 def test_a_moment_is_the_same_played_to_or_sought(recorded):
     with Bag(recorded[1]) as bag:
         assert namespace_of(bag) == "/w1/"
-        played, sought = (Player(bag, "/w1/", SurveyList()) for _ in range(2))
+        played, sought = (Player(bag, "/w1/") for _ in range(2))
         for _ in range(130):
             played.advance(0.17)
         sought.seek(played.at_s)
@@ -85,9 +82,9 @@ def deepest(path, at_s):
 
 
 def test_the_path_goes_to_the_bit_and_is_compared_with_the_plan(recorded):
-    surveys = SurveyList(well=Well(sensor_to_bit=3.0, section_azimuth_deg=40.0))
+    settings = RecordedWell(well=Well(sensor_to_bit=3.0, section_azimuth_deg=40.0))
     with Bag(recorded[1]) as bag:
-        player = Player(bag, "/w1/", surveys, plan_of([0.0, 600.0], [0.0, 0.0], [0.0, 0.0], name="straight"))
+        player = Player(bag, "/w1/", settings, plan_of([0.0, 600.0], [0.0, 0.0], [0.0, 0.0], name="straight"))
         for at in (20.0, 5.0):
             player.seek(at)
             sections = StateJson().snapshot(player.state())["sections"]
@@ -98,25 +95,34 @@ def test_the_path_goes_to_the_bit_and_is_compared_with_the_plan(recorded):
             assert sections["links"]["sonde"]["state"] == "live"
 
 
-def test_a_revision_is_shown_from_when_it_was_made(recorded):
-    first = example.survey(1, 10.0, 40.0)
+def test_a_recording_without_settings_says_that_the_well_is_assumed_and_what_is_not_evaluated(recorded, tmp_path):
+    with Bag(recorded[1]) as bag, BagWriter(tmp_path / "bare") as bare:
+        channels = {}
+        for at, topic, kind, data in bag.messages():
+            if topic not in channels:
+                channels[topic] = bare.topic(topic, kind)
+            bare.write(channels[topic], data, at)
+    with Bag(tmp_path / "bare") as bag:
+        player = Player(bag, "/w1/")
+        player.seek(20.0)
+        sections = StateJson().snapshot(player.state())["sections"]
+    assert sections["well"]["given"] is False
+    missing = sections["alarms"]["not_evaluated"]
+    assert {"sensors and nodes", "heartbeats", "recording and disk"} <= set(missing)
+    assert "rig data and depth" not in missing
+    assert "attitude and surveys" not in missing
+    assert sections["control"]["since"] is None
+
+
+def test_a_way_to_a_moment_that_takes_long_stops_and_goes_on(recorded):
     with Bag(recorded[1]) as bag:
-        first = dataclasses.replace(first, stamp_ns=bag.start_ns + 10**9)
-        later = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(Verdict.DOUBTFUL), revision=1)
-        surveys = SurveyList(well=example.WELL).add(first, 30.0, 0.0).revise(later)
-        player = Player(bag, "/w1/", surveys)
-
-        def revised(at):
-            player.seek(at)
-            (row,) = StateJson().snapshot(player.state())["sections"]["surveys"]["rows"]
-            return row["revised"]
-
-        assert revised(20.0) is None
-        assert revised(player.length_s) == "doubtful"
-        assert revised(20.0) is None
-        player._revisions = [(bag.start_ns + 15 * 10**9, later)]
-        assert revised(14.0) is None
-        assert revised(16.0) == "doubtful"
+        player = Player(bag, "/w1/")
+        assert not player.seek(29.0, patience_s=0.0)
+        assert player.at_s < 29.0
+        player.seek(29.0)
+        assert player.at_s == 29.0
+        assert player.seek(3.0)
+        assert player.clipped(1e9) == player.length_s
 
 
 def ask(address, given):
@@ -157,7 +163,7 @@ def viewed(folder, *words):
 def listed(address):
     """What the page shows once it lists surveys; None before."""
     shown = state(address)
-    return shown if shown["sections"]["surveys"]["rows"] else None
+    return shown if shown["sections"].get("surveys", {}).get("rows") else None
 
 
 def test_results_of_a_recording_are_viewed_as_they_were_made(tmp_path):
@@ -167,9 +173,8 @@ def test_results_of_a_recording_are_viewed_as_they_were_made(tmp_path):
         results = str(tmp_path / form)
         app(["process", str(tmp_path / "bag"), "-o", results, "-f", form], standalone_mode=False)
         with viewed(tmp_path, results) as address:
-            assert ask(address, {"seek": 21.0}) == 200
-            until(lambda a=address: shown_at(a, 21.0), 60, "the moment")
-            # Surveys may be shown a moment later than the samples.
+            # To the end: a survey is shown from when it was given, not from its own time on.
+            assert ask(address, {"seek": 1e6}) == 200
             after = until(lambda a=address: listed(a), 60, "the survey")
         assert after["sections"]["attitude"]["inclination"]["value"] == pytest.approx(math.radians(30.0), abs=0.01)
         (survey,) = after["sections"]["surveys"]["rows"]
@@ -184,7 +189,7 @@ def test_the_page_of_a_recording_is_played_paused_and_wound(recorded, tmp_path):
         assert replay["length"] == pytest.approx(30.0, abs=0.2)
         assert ask(address, {"seek": 20.0}) == 200
         after = until(lambda: shown_at(address, 20.0), 20, "the moment")
-        assert after["now"] == 20.0
+        assert after["now"] - before["now"] == pytest.approx(17.0)
         assert after["sections"]["rig"]["bit_depth"]["value"] == deepest(recorded[1], 20.0)
         assert ask(address, {"playing": True, "rate": 5}) == 200
         until(lambda: state(address)["server"]["replay"]["at"] > 25.0, 20, "it plays")

@@ -16,7 +16,7 @@ from mwd_surface.exports.survey_table import survey_table
 from mwd_surface.list_files.list_file import list_of, read_list
 from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import reference_in, survey_list
-from mwd_surface.surveys.leg import TieOn
+from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.survey_source import surveys_of
 from mwd_surface.surveys.survey_store import decoded, encoded
 from mwd_surface.surveys.well import Well
@@ -48,7 +48,7 @@ def test_the_path_starts_at_the_first_station_the_wellhead_or_where_the_caller_s
     surveys = survey_list(bare)
     assert surveys.definitive().md.tolist() == [0.0, 500.0, 600.0]
     assert RemarkKind.HOLE_ABOVE_ASSUMED in {remark.kind for remark in surveys.remarks}
-    tied = survey_list(bare, tie_on=TieOn(550.0, 0.2, 0.0, 30.0, 0.0, 545.0, "given"))
+    tied = survey_list(bare, tie_on=TieOn(550.0, 0.2, 0.0, 30.0, 0.0, 545.0, Origin.GIVEN))
     assert tied.definitive().md.tolist() == [550.0, 600.0]
     with pytest.raises(ValueError, match="no station lies below the tie-on at 900 m"):
         survey_list(bare, tie_on=TieOn(900.0))

@@ -7,9 +7,11 @@ import types
 import example_surveys as example
 import pytest
 
+from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.surveys import message_conversion as between
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
+from mwd_surface.trajectory.plan import plan_of
 
 msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
 if not hasattr(msg, "Survey"):
@@ -58,10 +60,20 @@ def test_what_comes_from_a_message_is_accepted_by_the_list():
 
 def test_the_list_message_is_stamped_by_its_last_change():
     whole, message = example.surveys(), msg.SurveyList()
-    between.fill_list(message, whole, msg.SurveyRecord, msg.AzimuthEstimate)
+    between.fill_list(message, whole, msg.SurveyRecord, msg.AzimuthEstimate, msg.Leg, msg.Remark)
     assert between.stamp_of(message.header.stamp) == whole.changed_ns
     assert (message.well, len(message.records)) == ("Åsgard Ω-1", 12)
     assert [between.record_of(r) for r in message.records] == list(whole.records)
+
+
+def test_a_list_of_a_message_has_the_remarks_of_list_and_plan():
+    remark = Remark(RemarkKind.NORTH_ASSUMED, "a.csv does not say its north", {"measured_depth": 3.5})
+    plan = dataclasses.replace(plan_of([0.0, 600.0], [0.0, 0.3], [1.3, 1.3]), remarks=(remark,))
+    whole, message = dataclasses.replace(example.surveys(), plan=plan, remarks=(remark,)), msg.SurveyList()
+    between.fill_list(message, whole, msg.SurveyRecord, msg.AzimuthEstimate, msg.Leg, msg.Remark)
+    again = between.list_of(message, whole.well, whole.rules)
+    assert (again.remarks, again.plan.remarks) == ((remark,), (remark,))
+    assert again.definitive().assumptions == whole.definitive().assumptions != ()
 
 
 def test_the_trajectory_message_carries_the_path_and_its_projection():

@@ -11,11 +11,12 @@ from plotted_bag import recorded
 from mwd_surface.bags.bag_reader import BagError
 from mwd_surface.exports.export_csv import definitive_csv
 from mwd_surface.exports.survey_table import survey_table
-from mwd_surface.surveys.leg import TieOn
+from mwd_surface.surveys.leg import Origin, TieOn
 from mwd_surface.surveys.recorded_settings import ESTIMATOR, SURFACE
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_source import stretches_of, surveys_of
 from mwd_surface.surveys.survey_store import SurveyStore, encoded
+from mwd_surface.trajectory.plan import plan_of
 from mwd_surface.trajectory.slide_file import NAME, append_stretch
 
 
@@ -37,7 +38,7 @@ def test_a_file_a_folder_and_the_folder_of_a_run_give_the_same_list(tmp_path):
 
 def test_a_recording_gives_the_last_list_with_its_tie_on_and_its_north(tmp_path):
     whole = example.surveys()
-    tied = whole.tied_on(TieOn(100.0, 0.02, 1.0, 1.0, 2.0, 99.0, "the recorded path"))
+    tied = whole.tied_on(TieOn(100.0, 0.02, 1.0, 1.0, 2.0, 99.0, Origin.RECORDED))
     got, notes = surveys_of(recorded(tmp_path / "bag", [whole, tied]))
     assert got == without_well(tied)
     assert "description of the well" in notes[0]
@@ -67,11 +68,14 @@ def test_a_recording_with_the_settings_of_the_surface_gives_the_well_and_its_pla
     assert (got.well.latitude_deg, got.well.longitude_deg) == (58.5, 1.9)
 
 
-def test_a_recorded_sidetrack_is_refused_for_its_tie_on_is_not_recorded(tmp_path):
-    surveys = example.surveys().sidetracked("st1", 400.0)
-    surveys = surveys.add(example.survey(20, 15.0, 80.0), 450.0, 0.4)
-    with pytest.raises(BagError, match="legs main, st1, and no recording says where they are tied on"):
-        surveys_of(recorded(tmp_path / "bag", [surveys]))
+def test_a_recorded_sidetrack_keeps_its_kick_off_and_the_plan(tmp_path):
+    planned = plan_of([0.0, 300.0, 700.0], [0.0, 0.0, 0.7], [1.3, 1.3, 1.4], north="grid", name="Ω-1 plan")
+    surveys = example.surveys(dataclasses.replace(example.WELL, section_azimuth_deg=-1.0)).along(planned)
+    surveys = surveys.sidetracked("st1", 400.0).add(example.survey(20, 15.0, 80.0), 450.0, 0.4)
+    got, _ = surveys_of(recorded(tmp_path / "bag", [surveys]))
+    assert (got.legs, got.leg, got.plan) == (surveys.legs, "st1", planned)
+    assert got.definitive().section_azimuth == surveys.definitive().section_azimuth == planned.section_azimuth
+    assert [r.vertical_section for r in got.records] == [r.vertical_section for r in surveys.records]
 
 
 def test_a_damaged_file_gives_way_to_the_one_before_and_says_so(tmp_path):

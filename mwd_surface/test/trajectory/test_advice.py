@@ -27,6 +27,8 @@ class Path:
     inclination: np.ndarray
     azimuth: np.ndarray
     positions: np.ndarray
+    assumptions: tuple = ()
+    assumed: bool = False
 
 
 def path_at(md, up=0.0, right=0.0, inclination=None, azimuth=None):

@@ -1,6 +1,7 @@
 // Alarms with their acknowledgement, the log of events, and a sound for a new critical alarm.
 
 import { byId, el, mark, pill, setText } from "./dom.js";
+import { notEvaluated } from "./header.js";
 import { act, mayCommand, operatorName } from "./operator_tab.js";
 import * as units from "./units.js";
 
@@ -28,6 +29,7 @@ export function showAlarms({ sections, server }) {
   const { alarms, events } = sections;
   if (!alarms || !events) return;
   const may = mayCommand(server);
+  const unknown = notEvaluated(alarms);
   const rows = alarms.rows.map((a) => el("li", { class: "alarm", "data-severity": a.severity_word },
     pill(SEVERITIES[a.severity_word], a.severity_word),
     el("div", {},
@@ -44,7 +46,9 @@ export function showAlarms({ sections, server }) {
     el("td", {}, units.clock(e.stamp_ns)), el("td", {}, e.kind), el("td", {}, e.source), el("td", {}, e.text)));
   byId("tab-alarms").replaceChildren(
     el("div", { class: "split two" },
-      el("div", {}, el("h2", {}, "Alarms"), rows.length ? el("ul", { class: "alarms" }, rows) : el("p", { class: "empty" }, "No alarms.")),
+      el("div", {}, el("h2", {}, "Alarms"), 
+        rows.length ? el("ul", { class: "alarms" }, rows) : el("p", { class: "empty" }, unknown ? "No alarm is known." : "No alarms."),
+        unknown ? el("p", {}, pill("unknown", "not evaluated"), ` ${unknown.replace(/^not evaluated: /, "")}: nothing that came would show it`) : null),
       el("div", {}, el("h2", {}, `Events, UTC, ${sections.well?.name || ""}`), log.length
         ? el("table", { class: "log" }, el("thead", {}, el("tr", {}, ["Time", "What", "Source", "Text"].map((t) => el("th", { scope: "col" }, t)))), el("tbody", {}, log))
         : el("p", { class: "empty" }, "No events yet."))),

@@ -16,6 +16,9 @@ export function stateOf(cell, now, silent) {
   return "live";
 }
 
+// The age of the measurement, which over a telemetry link is that of the word it comes from.
+export const ageOf = (cell, now) => units.age(Math.max(0, now - (cell.measured_at ?? cell.at)));
+
 export function valueBox(where, label, kind, options = {}) {
   const parts = {
     name: el("span", {}, label),
@@ -46,7 +49,7 @@ export function refresh(sections, now, silent) {
       setText(parts.number, "no data");
       setText(parts.unit, "");
       setText(parts.sigma, "");
-      setText(parts.age, reason);
+      setText(parts.age, reason || (where.startsWith("drilling.") && sections.well?.over_link ? "not sent over the link" : ""));
       continue;
     }
     const text = options.bearing ? units.bearing(cell.value, options.decimals ?? 2) : units.number(kind, cell.value);
@@ -54,7 +57,7 @@ export function refresh(sections, now, silent) {
     setText(parts.unit, units.unit(kind));
     const sigma = options.big ? " 1σ" : "";
     setText(parts.sigma, cell.sigma === null ? "" : `± ${units.spread(kind, cell.sigma)}${sigma}`);
-    const old = units.age(Math.max(0, now - cell.at));
+    const old = ageOf(cell, now);
     setText(parts.age, state === "stale" ? [`STALE ${old}`, reason].filter(Boolean).join(" · ") : old);
   }
 }

@@ -16,6 +16,7 @@ export class Connection {
     this.onChange = onChange;
     this.receivedAt = null;
     this.offset = null;
+    this.said = null;
     this.failures = 0;
     this.polling = null;
     this.socket = null;
@@ -31,7 +32,12 @@ export class Connection {
   // Seconds on the server's steady clock. The smallest offset is the message that travelled fastest; creeping up
   // slowly follows two clocks that do not run at quite the same speed. The browser's time of day is not used.
   now() {
-    return this.offset === null ? null : seconds() - this.offset;
+    if (this.offset === null) return null;
+    const { replay } = this.server;
+    if (!replay) return seconds() - this.offset;
+    // The clock of a recording stands while it is paused, and runs at its rate.
+    const since = replay.playing && !replay.seeking ? Math.min(seconds() - this.receivedAt, 1) * replay.rate : 0;
+    return this.said + since;
   }
 
   silence() {
@@ -105,6 +111,7 @@ export class Connection {
     if (whole || message.server.replay || this.offset === null || offset < this.offset) this.offset = offset;
     else this.offset += Math.min(offset - this.offset, DRIFT * (at - this.receivedAt));
     this.receivedAt = at;
+    this.said = message.now;
     this.server = message.server;
     if (whole) this.sections = {};
     for (const [name, section] of Object.entries(message.sections)) {

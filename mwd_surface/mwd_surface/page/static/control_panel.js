@@ -25,6 +25,7 @@ function buttons(control, judge) {
 }
 
 function controlPart(control) {
+  if (control.since === null) return [el("p", { class: "empty" }, "Not known: nothing has told who has control of the rig.")];
   if (!control.enabled) return [el("p", { class: "empty" }, `The driller has the rig: ${control.reason || "control is switched off (control.enabled)."}`)];
   return [
     el("p", {}, pill(KINDS[control.state], control.owner ? `${control.owner} has control` : control.state === "fault" ? "fault" : "the driller has the rig"), ` ${control.role}`),

@@ -1,7 +1,7 @@
 // The toolface dial: high side or north up, clockwise looking down-hole.
 
 import { el, mark, setText, svg } from "./dom.js";
-import { stateOf } from "./cells.js";
+import { ageOf, stateOf } from "./cells.js";
 import * as units from "./units.js";
 
 const CENTRE = 200;
@@ -120,8 +120,7 @@ export class Dial {
       mark(this.needle, "transform", `rotate(${((cell.value * 180) / Math.PI).toFixed(1)} 200 200)`);
       setText(this.number, `${degrees}°`);
       setText(this.side, gravity ? sideOf(degrees) : "");
-      // A prediction is as old as the word it comes from.
-      const old = units.age(Math.max(0, now - cell.at, wordAge ?? 0));
+      const old = ageOf(cell, now);
       const inside = toolface.advisory?.inside;
       const word = inside === undefined || inside === null ? "" : inside ? "INSIDE " : "OUTSIDE ";
       const note = state === "stale" ? `STALE ${old}` : toolface.rotating ? "ROTATING" : word + old;
@@ -129,7 +128,7 @@ export class Dial {
       mark(this.svg, "aria-label", `Toolface ${degrees} degrees, ${words}, ${note}`);
     }
     this.showFar(state);
-    this.showLegend(toolface, words, cell, state);
+    this.showLegend(toolface, words, cell, state, wordAge !== null);
   }
 
   // How old the toolface of a link is: a ring that closes within two minutes.
@@ -188,14 +187,14 @@ export class Dial {
     }
   }
 
-  showLegend(toolface, words, cell, state) {
+  showLegend(toolface, words, cell, state, overLink) {
     const parts = [words];
     if (state !== "live" && cell.reason) parts.push(cell.reason);
     else if (state !== "none" && cell.sigma !== null) parts.push(`± ${units.spread("coarse_angle", cell.sigma)}° 1σ`);
     const advisory = toolface.advisory;
     const lines = [parts.join(" · ")];
     const second = [];
-    if (toolface.stamp_ns) second.push(`read ${units.clock(toolface.stamp_ns)} UTC`);
+    if (state !== "none" && toolface.measured_ns) second.push(`${overLink ? "word of" : "read"} ${units.clock(toolface.measured_ns)} UTC`);
     if (advisory) {
       const wanted = `wanted ${units.bearing(advisory.toolface, 0)}° ± ${units.size("coarse_angle", advisory.limit, -1)}°`;
       second.push(wanted);

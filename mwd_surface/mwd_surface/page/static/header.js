@@ -27,10 +27,12 @@ export function showWell(well) {
   const total = {
     grid: declination === null || convergence === null ? null : declination - convergence, true: declination, magnetic: 0,
   }[well.north_reference];
+  // What nobody has given is assumed, and says so.
+  const assumed = well.given ? "" : " (assumed)";
   setText(byId("datum"), [
-    `Depth from ${well.depth_datum || "a datum not given"}`,
-    `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
-    `${well.north_reference} north`,
+    well.depth_datum ? `Depth from ${well.depth_datum}${assumed}` : "Depth from a datum not given",
+    well.sensor_to_bit === null ? "sensor to bit not given" : `sensor ${units.number("length", well.sensor_to_bit)} ${units.unit("length")} above bit`,
+    `${well.north_reference} north${assumed}`,
     `decl. ${angle(declination)}`,
     `conv. ${angle(convergence)}`,
     `total correction ${angle(total)}`,
@@ -59,13 +61,28 @@ const TROUBLE = {
   no_reference: "no reference field", correction_refused: "azimuth not corrected",
 };
 
-function linkPills(links, now, silent, overLink) {
+// What the telemetry link does now; the tool is silent while no mud flows.
+const LINK = {
+  locked: ["good", "words arrive"], doubtful: ["doubtful", "words doubtful"], searching: ["info", "searching for words"],
+  "no flow": ["idle", "no flow, tool silent"], "no pressure": ["reject", "no pressure"],
+};
+const LINK_LASTS = 5; // s; the receiver says its state once a second
+
+function telemetryPill(link, now) {
+  if (now - link.since > LINK_LASTS) return ["link", "stale", `${link.name}: receiver silent ${units.age(now - link.since)}`];
+  const [kind, words] = LINK[link.state] || ["idle", link.state];
+  return ["link", kind, `${link.name}: ${words}`];
+}
+
+function linkPills(links, now, silent, link) {
   const stream = (name) => stateOfStream(links[name], now, silent);
   // Over a link nothing comes from the sonde itself.
-  const down = (overLink ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
+  const down = (link ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
   const word = (name) => `no ${STREAM_NAMES[name].toLowerCase()}${stream(name) === "none" ? "" : ` ${units.age(now - links[name].at)}`}`;
   if (silent) return [["system", "reject", "link lost"]];
-  return down.length ? down.map((name) => ["system", "doubtful", word(name)]) : [["system", "good", "link"]];
+  const pills = down.map((name) => ["system", "doubtful", word(name)]);
+  if (link) return [...pills, telemetryPill(link, now)];
+  return pills.length ? pills : [["system", "good", "link"]];
 }
 
 function recorderPill(recorder, now, silent) {
@@ -80,7 +97,7 @@ export function showPills(sections, now, silent, select, replayed) {
   const { links, recorder, attitude, rig } = sections;
   const list = [];
   const alive = (name) => links && stateOfStream(links[name], now, silent) === "live";
-  if (links) list.push(...linkPills(links, now, silent, sections.link?.known));
+  if (links) list.push(...linkPills(links, now, silent, sections.link?.known ? sections.link : null));
   if (attitude && alive("estimator")) {
     const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));
     if (doing) list.push(["system", "info", TOOL[doing]]);
@@ -106,17 +123,25 @@ export function showPills(sections, now, silent, select, replayed) {
   if (held >= 0) byId("pills").children[Math.min(held, list.length - 1)]?.focus();
 }
 
+// What of the alarms is not evaluated, in words; empty where all are.
+export function notEvaluated(alarms) {
+  if (alarms.since === null) return "alarms are not evaluated yet";
+  return alarms.not_evaluated.length ? `not evaluated: ${alarms.not_evaluated.join(", ")}` : "";
+}
+
 // One line, always there: the worst alarm nobody has seen, then the worst that is still there.
 export function showAlarmStrip({ alarms }, now) {
   if (!alarms) return;
   const rows = alarms.rows.filter((a) => a.active || !a.acknowledged);
+  // Nobody looked for the cause of an alarm that is not evaluated: its absence says nothing.
+  const unknown = notEvaluated(alarms);
   const [worst] = [...rows].sort((a, b) => a.acknowledged - b.acknowledged || b.severity - a.severity || b.raised_ns - a.raised_ns);
   const strip = byId("alarm");
-  mark(strip, "data-severity", worst ? worst.severity_word : "none");
+  mark(strip, "data-severity", worst ? worst.severity_word : unknown ? "unknown" : "none");
   mark(strip, "data-seen", worst?.acknowledged ? "yes" : "no");
   if (!strip.firstChild) strip.append(...["what", "remedy", "age"].map((name) => el("span", { class: `alarm-${name}` })));
   const [what, remedy, age] = strip.children;
-  setText(what, worst ? `${{ info: "●", warning: "▲", critical: "✕" }[worst.severity_word]} ${worst.severity_word.toUpperCase()}: ${worst.text}` : "✓ No alarms");
+  setText(what, worst ? `${{ info: "●", warning: "▲", critical: "✕" }[worst.severity_word]} ${worst.severity_word.toUpperCase()}: ${worst.text}` : unknown ? `No alarm is known; ${unknown}` : "✓ No alarms");
   setText(remedy, worst?.remedy || "");
   setText(age, worst ? [
     worst.raised_at === null ? `since ${units.clock(worst.raised_ns)} UTC` : `for ${units.age(Math.max(0, now - worst.raised_at))}`,

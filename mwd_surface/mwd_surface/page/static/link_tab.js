@@ -5,6 +5,7 @@ import * as units from "./units.js";
 
 const KINDS = { locked: "good", doubtful: "doubtful", searching: "info", "no flow": "idle", "no pressure": "reject" };
 const UNITS = { rad: "angle", T: "field" };
+const SAYS = { locked: "Words arrive", searching: "No words yet", "no flow": "No mud flows: the tool is silent", doubtful: "Words are doubtful", "no pressure": "No pressure arrives" };
 const HARMONICS = [1, 2, 3, 6];
 
 function valueText(word) {
@@ -44,10 +45,11 @@ export function showLinkStrip(link, since) {
   );
 }
 
-export function showLink(link) {
+// overLink: false where the tool is heard directly; null or true where nothing of a link has come yet.
+export function showLink(link, overLink) {
   const place = byId("link-body");
   if (!link?.known) {
-    place.replaceChildren(el("p", { class: "empty" }, "The surface hears the tool directly: there is no telemetry link to show."));
+    place.replaceChildren(el("p", { class: "empty" }, overLink === false ? "The surface hears the tool directly: there is no telemetry link to show." : "Nothing has come from a receiver of a telemetry link yet."));
     return;
   }
   if (!place.querySelector("canvas")) {
@@ -59,7 +61,7 @@ export function showLink(link) {
       el("div", { class: "link-tables" }),
       el("div", { class: "link-others" }));
   }
-  const says = link.reason || `Words arrive: ${margin(link)}.`;
+  const says = [link.reason || SAYS[link.state] || link.state, margin(link)].filter(Boolean).join(" · ");
   setText(place.querySelector(".link-reason"), link.others.length ? `In use: ${link.name}. ${says}` : says);
   if (!byId("tab-link").hidden) {
     drawWaterfall(byId("link-waterfall"), link);

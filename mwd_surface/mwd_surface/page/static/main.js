@@ -56,7 +56,7 @@ const SHOW = {
   well: ({ well }) => showWell(well),
   attitude: ({ well }) => showTitle(well),
   quality: ({ quality }) => showQuality(quality),
-  offset: ({ offset }) => showOffset(offset),
+  offset: ({ offset, plan }) => offset && showOffset(offset, plan),
   clearance: showWellPath,
   surveys: () => { showSurveys(); charts.show(); },
   steering: () => { showSteering(); charts.show(); },
@@ -64,12 +64,12 @@ const SHOW = {
   advice: showControlAndAdvice,
   depth_log: showCharts,
   path: () => { showSurveys(); showWellPath(); },
-  plan: showWellPath,
+  plan: ({ offset, plan }) => { showWellPath(); if (offset) showOffset(offset, plan); },
   alarms: showAlarmsAndEvents,
   events: showAlarmsAndEvents,
   findings: ({ findings }) => showFindings(findings),
   inputs: ({ inputs }) => showInputs(inputs),
-  link: ({ link }) => showLink(link),
+  link: ({ link, well }) => showLink(link, well?.over_link),
   downlink: ({ downlink }) => showDownlink(downlink, connection.server),
   history: () => { if (!charts.byDepth) charts.show(); },
 };
@@ -200,7 +200,7 @@ new ResizeObserver(showWellPath).observe(byId("tab-path"));
 
 showSwitches();
 startTabs(() => {
-  showLink(connection.sections.link);
+  showLink(connection.sections.link, connection.sections.well?.over_link);
   showWellPath();
   charts.show();
   tick();

@@ -64,11 +64,16 @@ function label(plot, across, up) {
 function wells(plot, planX, planY, wellX, wellY, kinds, x, y) {
   if (planX.length) plot.append(svg("polyline", { class: "planned", points: points(planX, planY, x, y) }));
   const last = kinds.lastIndexOf("survey") >= 0 ? kinds.lastIndexOf("survey") : kinds.length - 1;
-  plot.append(svg("polyline", { class: "drilled", points: points(wellX.slice(0, last + 1), wellY.slice(0, last + 1), x, y) }));
+  const line = (kind, from, to) => plot.append(svg("polyline", { class: kind, points: points(wellX.slice(from, to), wellY.slice(from, to), x, y) }));
+  // Nobody gave where the hole begins: what lies above the first survey is drawn as a guess.
+  const first = kinds[0] === "assumed" ? 1 : 0;
+  if (first) line("assumed", 0, 2);
+  line("drilled", first, last + 1);
   kinds.forEach((kind, k) => {
     if (wellX[k] === null || wellY[k] === null) return;
     const [px, py] = [x(wellX[k]), y(wellY[k])];
     if (kind === "survey") plot.append(svg("circle", { class: "station", cx: px, cy: py, r: 3 }));
+    if (kind === "assumed") plot.append(svg("rect", { class: "guess", x: px - 4, y: py - 4, width: 8, height: 8 }));
     if (kind === "tie-on") plot.append(svg("rect", { class: "station", x: px - 4, y: py - 4, width: 8, height: 8 }));
     if (kind === "projected") {
       plot.append(
@@ -172,7 +177,8 @@ export function legend(plan, path) {
   const line = (kind) => svg("polyline", { class: kind, points: "2,6 32,6" });
   return el(
     "p", { class: "key-row" },
-    el("span", {}, sample("drilled", line), " drilled"),
+    el("span", {}, sample("drilled", line), path.assumptions.length ? " drilled, place assumed" : " drilled"),
+    path.kind[0] === "assumed" ? el("span", {}, sample("assumed", line), " assumed, not surveyed") : null,
     plan.north.length ? el("span", {}, sample("planned", line), ` plan ${plan.name}`) : null,
     path.kind.includes("projected") ? el("span", {}, sample("projected", line), " projected to bit") : null,
     path.ellipses.length ? el("span", {}, sample("ellipse", (kind) => svg("ellipse", { class: kind, cx: 17, cy: 6, rx: 13, ry: 5 })), " 2σ") : null,

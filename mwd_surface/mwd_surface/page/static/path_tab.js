@@ -2,6 +2,7 @@
 
 import { byId, el, pill } from "./dom.js";
 import { legend, planView, sectionView, spaceView } from "./path_plot.js";
+import { assumedNote, remarksNote } from "./survey_table.js";
 import * as units from "./units.js";
 
 const LEVELS = { clear: "good", warning: "doubtful", stop: "reject" };
@@ -17,7 +18,7 @@ export function showPath(sections) {
   }
   const choice = el("button", { type: "button", class: "choice", "aria-pressed": String(view.on), onclick: () => { view.on = !view.on; showPath(sections); place.querySelector(".choice").focus(); } }, "3-D");
   const box = el("div", { class: "plots" });
-  place.replaceChildren(el("div", { class: "path-head" }, legend(plan, path), ...near(sections.clearance), choice), box);
+  place.replaceChildren(el("div", { class: "path-head" }, el("div", {}, legend(plan, path), assumedNote(path), remarksNote(path, sections.surveys, sections.clearance)), ...near(sections.clearance), choice), box);
   // Drawn at the size it has, so that letters keep theirs.
   const [width, height] = [Math.max(260, box.clientWidth), Math.max(190, box.clientHeight)];
   if (view.on) box.append(turnable(path, plan, { width, height }));

@@ -44,7 +44,7 @@ export function showReplay(replay) {
   setText(play, replay.playing ? "Pause" : "Play");
   if (!held) {
     slider.value = replay.at;
-    setText(at, time(replay.at));
+    setText(at, replay.seeking ? `${time(replay.at)} …` : time(replay.at));
   }
   if (!RATES.includes(replay.rate) && ![...rate.options].some((option) => Number(option.value) === replay.rate)) {
     rate.append(el("option", { value: replay.rate }, `${replay.rate} ×`));

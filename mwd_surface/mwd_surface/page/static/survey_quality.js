@@ -5,7 +5,7 @@ import { percent } from "./survey_table.js";
 import { stateOfStream } from "./streams.js";
 import * as units from "./units.js";
 
-const LIGHTS = { good: "good", doubtful: "doubtful", reject: "reject", "no reference": "idle" };
+const LIGHTS = { good: "good", doubtful: "doubtful", reject: "reject", "no reference": "unknown", "not measured": "unknown" };
 const VERDICTS = { accept: ["good", "accept"], doubtful: ["doubtful", "doubtful"], reject: ["reject", "reject"] };
 const SIGNS = { accept: "✓", doubtful: "▲", reject: "✕" };
 const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
@@ -41,7 +41,7 @@ const whole = (seconds, round) => (seconds === null ? "time unknown" : `${round(
 function lightRow(light) {
   const unit = KINDS[light.unit];
   const text = light.deviation === null
-    ? (light.value === null ? "no data" : "no reference")
+    ? (light.light === "no survey" ? "" : light.value === null ? "not measured" : "no reference")
     : `${units.signed(unit, light.deviation)} of ± ${units.size(unit, light.limit)}${units.after(unit)}`;
   const share = light.deviation === null ? 0 : Math.max(-1, Math.min(1, light.deviation / (2 * light.limit)));
   const bar = el("span", { class: "bar", "aria-hidden": "true" }, el("span", { class: `fill ${LIGHTS[light.light]}` }));
@@ -73,10 +73,11 @@ export function showQuality(quality) {
   );
 }
 
-export function showOffset(o) {
+export function showOffset(o, plan) {
   const place = byId("offset");
   if (!o.known) {
-    place.replaceChildren(el("p", { class: "empty" }, "Off plan: no plan loaded."));
+    const why = plan?.name ? `not known yet: no depth or survey to compare with ${plan.name}` : "no plan loaded";
+    place.replaceChildren(el("p", { class: "empty" }, `Off plan: ${why}.`));
     return;
   }
   const length = (v) => `${units.number("length", Math.abs(v))} ${units.unit("length")}`;
@@ -85,5 +86,6 @@ export function showOffset(o) {
     ["Steer back at", `${units.bearing(o.toolface, 0)}° GTF`],
   ];
   if (o.dogleg_to_target !== null) facts.push(["To hit target", `${units.number("dogleg", o.dogleg_to_target)}${units.after("dogleg")}`]);
-  place.replaceChildren(el("dl", { class: "facts" }, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))));
+  const doubt = o.assumed ? el("p", {}, pill("doubtful", "assumed"), " the position rests on an assumption: see Path") : "";
+  place.replaceChildren(doubt, el("dl", { class: "facts" }, facts.map(([name, text]) => el("div", {}, el("dt", {}, name), el("dd", {}, text)))));
 }

@@ -18,6 +18,22 @@ const each = (row) => row.verdicts.every((word) => word === "accept") ? null : e
 // What the estimator says of it now that it knows later surveys; the first value stays.
 const revised = (row) => !row.revised ? null : pill(REVISED[row.revised] || "info", `later: ${row.revised}`);
 
+// What depths and positions rest on beside measurements; null: nothing.
+export const assumedNote = (path) => !path?.assumptions.length ? null : el("p", { class: "assumed-note" },
+  pill("doubtful", "coordinates assumed"), ` ${path.assumptions.join("; ")}`);
+
+let remarksOpen = false;
+
+// What else was assumed about the lists behind these tables; null: nothing.
+export function remarksNote(path, ...tables) {
+  const said = new Set(path?.assumptions);
+  const texts = [...new Set(tables.flatMap((table) => table?.remarks || []))].filter((text) => !said.has(text));
+  return !texts.length ? null : el("details",
+    { class: "remarks", open: remarksOpen, ontoggle: (event) => { remarksOpen = event.target.open; } },
+    el("summary", { "data-keep": "remarks" }, pill("info", `remarks: ${texts.length}`)),
+    el("ul", {}, texts.map((text) => el("li", {}, text))));
+}
+
 export const percent = (odds) => `${(100 * odds).toFixed(odds < 0.1 ? 1 : 0)} %`;
 
 const BLANK = { reason: "", depth: "", replace: false };
@@ -33,6 +49,13 @@ function delta(row, k, kind) {
   const mark = { good: "✓", doubtful: "▲", reject: "✕" }[total.light];
   return el("span", { class: `word ${total.light}` }, `${units.signed(kind, total.deviation)} ${mark}`);
 }
+
+// Columns that follow from the path above, which may rest on an assumption.
+const PLACES = new Set(["TVD", "N/S", "E/W", "VS"]);
+
+const cell = (row, [name, , text, level]) => row.assumed && PLACES.has(name)
+  ? el("td", { class: `at-${level} assumed`, title: "rests on an assumption" }, `${text(row)} ?`)
+  : el("td", { class: `at-${level}` }, text(row));
 
 // Column: heading, unit kind, text of a row, and from which width on it is shown (0 always, 1 tablet, 2 wide).
 function columns(north) {
@@ -69,8 +92,9 @@ export class SurveyTable {
   show(surveys, path, well, controls) {
     this.last = [surveys, path, well, controls];
     const rows = surveys?.rows || [];
+    const remarks = remarksNote(path, surveys) || "";
     if (!rows.length) {
-      this.body.replaceChildren(el("p", { class: "empty" }, "No surveys yet."));
+      this.body.replaceChildren(remarks, el("p", { class: "empty" }, "No surveys yet."));
       return;
     }
     const wanted = columns(well?.north_reference || "");
@@ -89,7 +113,7 @@ export class SurveyTable {
     const table = el("table", { class: "surveys" }, el("caption", { class: "quiet" }, "Survey list, deepest first"), el("thead", {}, head), body);
     // A rebuild while somebody types must not take the keyboard away.
     const focused = document.activeElement?.getAttribute?.("data-keep");
-    this.body.replaceChildren(table);
+    this.body.replaceChildren(assumedNote(path) || "", remarks, table);
     if (surveys.left_out) this.body.append(el("p", { class: "empty" }, `${surveys.left_out} older lines are in the export.`));
     if (focused) this.body.querySelector(`[data-keep="${focused}"]`)?.focus();
   }
@@ -98,12 +122,12 @@ export class SurveyTable {
     const k = path ? path.kind.indexOf("projected") : -1;
     if (k < 0) return null;
     const names = ["measured_depth", "inclination", "azimuth", "vertical_depth", "north", "east", "vertical_section", "dogleg_severity"];
-    return Object.fromEntries(names.map((name) => [name, path[name][k]]));
+    return { ...Object.fromEntries(names.map((name) => [name, path[name][k]])), assumed: path.assumptions.length > 0 };
   }
 
   bitRow(bit, wanted) {
     const line = el("tr", { class: "projected-row" }, el("th", { scope: "row" }, "bit"));
-    for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text(bit)));
+    line.append(...wanted.map((column) => cell(bit, column)));
     line.append(el("td", {}, pill("idle", "projected")), el("td", { class: "at-2" }, "–"), el("td", { class: "at-1" }, "–"));
     return line;
   }
@@ -116,7 +140,7 @@ export class SurveyTable {
       onclick: () => this.toggle(row.sequence),
     }, `${open ? "▾" : "▸"} ${row.sequence}`);
     const line = el("tr", { class: row.in_use ? "used" : "unused", "data-sequence": row.sequence }, el("th", { scope: "row" }, toggle));
-    for (const [, , text, level] of wanted) line.append(el("td", { class: `at-${level}` }, text(row)));
+    line.append(...wanted.map((column) => cell(row, column)));
     line.append(
       el("td", {}, pill(VERDICTS[row.verdict] || "info", row.verdict), each(row), revised(row)),
       el("td", { class: "at-2 method" }, row.method || "–"),

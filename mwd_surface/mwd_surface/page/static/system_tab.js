@@ -15,6 +15,8 @@ const rigBox = el("div", { class: "small-grid" },
   valueBox("rig.block_position", "Block", "length"),
   valueBox("drilling.cross_axial_interference", "Cross-axial interf.", "field"),
 );
+// What a telemetry link does not carry.
+const NOT_OVER_LINK = ["sonde", "magnetometer", "temperature", "interference", "dynamics"];
 const streamRows = {};
 const streamBody = el("tbody", {});
 const recorderBox = el("div", {});
@@ -23,7 +25,7 @@ const browserBox = el("div", {});
 const findingsBox = el("div", {});
 byId("tab-system").append(el("div", { class: "split" },
   el("div", {},
-    el("h2", {}, "Link"),
+    el("h2", {}, "Streams"),
     el("table", { class: "log" }, el("thead", {}, el("tr", {}, ["Stream", "State", "Age", "Rate", "Lost"].map((t) => el("th", { scope: "col" }, t)))), streamBody),
     browserBox,
     el("h2", {}, "Inputs"),
@@ -42,9 +44,11 @@ export function showStreams(connection, now, silent) {
     }
     const { cells } = streamRows[name];
     const state = stateOfStream(row, now, silent);
-    if (streamRows[name].word !== state) {
-      streamRows[name].word = state;
-      cells[0].replaceChildren(pill({ live: "good", stale: "doubtful", none: "idle" }[state], { live: "live", stale: "STALE", none: "no data" }[state]));
+    const absent = connection.sections.well?.over_link && NOT_OVER_LINK.includes(name) ? "not over the link" : "no data";
+    const word = { live: "live", stale: "STALE", none: absent }[state];
+    if (streamRows[name].word !== word) {
+      streamRows[name].word = word;
+      cells[0].replaceChildren(pill({ live: "good", stale: "doubtful", none: "idle" }[state], word));
     }
     setText(cells[1], row.at === null ? "–" : units.age(Math.max(0, now - row.at)));
     setText(cells[2], row.rate === null ? "–" : `${row.rate.toFixed(row.rate < 10 ? 1 : 0)}/s`);

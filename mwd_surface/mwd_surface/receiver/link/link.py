@@ -61,6 +61,8 @@ class Quality:
     words_expected: int = 0
     toolface_age: float = -1.0
     survey_age: float = -1.0
+    inclination_age: float = -1.0
+    azimuth_age: float = -1.0
     mode: str = ""
 
 
@@ -205,6 +207,8 @@ class Link:
             words_expected=len(sequences[0]),
             toolface_age=self.attitude.toolface_age(self.now_s),
             survey_age=age,
+            inclination_age=self.attitude.angle_age("inclination", self.now_s),
+            azimuth_age=self.attitude.angle_age("azimuth", self.now_s),
             mode=mode,
         )
 

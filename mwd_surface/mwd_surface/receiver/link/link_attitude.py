@@ -123,6 +123,8 @@ class LinkAttitude:
         Time that a word takes to the surface, s.
     rotating : bool
         Whether the string turns.
+    in_slips : bool
+        Whether it hangs in the slips.
     speed : float or None
         Of the string along the hole, m/s; None: not known, the tool is taken to turn with the top drive at once.
     """
@@ -134,7 +136,7 @@ class LinkAttitude:
         self._quill: deque[tuple[float, float, float]] = deque(maxlen=4096)
         self.speed: float | None = None
         self.travel_s = 0.0
-        self.rotating = False
+        self.rotating = self.in_slips = False
 
     def take(self, word: ReceivedWord) -> None:
         """Take a word, provisional or final; a final one that is erased takes its provisional one back."""
@@ -168,6 +170,11 @@ class LinkAttitude:
         found = self._toolface()
         return -1.0 if found is None else self._age(found[1], now_s)
 
+    def angle_age(self, name: str, now_s: float) -> float:
+        """Age of the word that the inclination or azimuth, by name, comes from, s; -1 where there is none."""
+        newest = self._angle_word(_ANGLES[name][0])
+        return -1.0 if newest is None else self._age(newest, now_s)
+
     def sample(self, now_s: float, stamp_ns: int, reference: Reference | None) -> Samples:
         """
         Attitude as of now, one row of `wire.ATTITUDE`.
@@ -178,7 +185,7 @@ class LinkAttitude:
         row["stamp_ns"] = stamp_ns
         north, turn = north_of(reference)
         row["north"] = int(north)
-        status = Status.ROTATING if self.rotating else Status.SLIDING
+        status = self._motion()
         of_tool = {"inclination": self._rules.inclination_sigma_deg, "azimuth": self._rules.azimuth_sigma_deg}
         for name, (quantities, sent) in _ANGLES.items():
             tool = self._newest[sent][0].value if sent in self._newest else math.radians(of_tool[name])
@@ -208,12 +215,23 @@ class LinkAttitude:
         return known and float(row["inclination"][0]) < math.radians(self._rules.vertical_deg)
 
     def _angle(self, quantities: tuple[str, ...], tool_sigma: float, now_s: float) -> tuple[float, float]:
-        found = [self._newest[quantity][0] for quantity in quantities if quantity in self._newest]
-        if not found:
+        newest = self._angle_word(quantities)
+        if newest is None:
             return 0.0, -1.0
-        newest = max(found, key=lambda one: one.start_s)
         grown = math.radians(self._rules.angle_rate_deg_s) * self._age(newest, now_s)
         return newest.value, min(math.hypot(newest.sigma, tool_sigma, grown), math.pi)
+
+    def _angle_word(self, quantities: tuple[str, ...]) -> LinkValue | None:
+        found = [self._newest[quantity][0] for quantity in quantities if quantity in self._newest]
+        return max(found, key=lambda one: one.start_s) if found else None
+
+    def _motion(self) -> Status:
+        """What the rig says of the string: no word says it. Without progress along the hole nothing slides."""
+        if self.rotating:
+            return Status.ROTATING
+        if self.in_slips:
+            return Status.STILL
+        return Status.SLIDING if self.speed else Status(0)
 
     def _toolface(self) -> tuple[str, LinkValue] | None:
         found = [(name, self._newest[name][0]) for name in meanings.TOOLFACES if name in self._newest]

@@ -88,8 +88,11 @@ class RecordWriter:
     def survey(self, values: RigValues, survey: AcceptedSurvey) -> Items:
         """Record 7 of an accepted survey, at the time of its measurement."""
         known = survey_values(survey, survey.stamp_ns)
+        # A number of WITS has no quality: one that rests on an assumption is not sent.
         numbers: dict[int, float | None] = {
-            code: None if known[name].condition == Condition.WAITING else known[name].value
+            code: None
+            if known[name].condition == Condition.WAITING or BY_NAME[name].field in survey.assumed
+            else known[name].value
             for code, name in _OF_SURVEY.items()
         }
         hole = values.values["hole_depth"]

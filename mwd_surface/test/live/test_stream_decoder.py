@@ -5,12 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-pytest.importorskip("rclpy")
-
 from mwd_sensors.core import wire
 from mwd_surface.live.alarms import AlarmBook
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.nodes.stream_decoder import StreamDecoder
+from mwd_surface.live.stream_decoder import StreamDecoder
 
 
 def decoder():
@@ -21,9 +19,8 @@ def decoder():
         got.extend(samples["bit_depth"])
         return samples
 
-    node = SimpleNamespace(get_logger=lambda: SimpleNamespace(warning=lambda text, **_: warned.append(text)))
     alarm_log = SimpleNamespace(set_alarms=lambda prefix, causes: book.sync(prefix, causes, 0))
-    context = SimpleNamespace(node=node, live=LiveState(), alarm_log=alarm_log)
+    context = SimpleNamespace(live=LiveState(), alarm_log=alarm_log, outlet=SimpleNamespace(warn=warned.append))
     made = StreamDecoder(
         context,
         on_attitude=lambda _samples: None,
@@ -80,5 +77,5 @@ def test_a_message_that_is_none_costs_only_itself():
     made.decode_all(0.0)
     assert got == [1.0, 2.0]
     made.update(0.0)
-    assert made.diagnostics()[0].message == "1 could not be read"
+    assert made.unreadable == 1
     assert not book.alarms()

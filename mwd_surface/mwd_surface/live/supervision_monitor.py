@@ -3,43 +3,53 @@
 
 from __future__ import annotations
 
-import shutil
-import time
-from pathlib import Path
-
-from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.serialization import deserialize_message
+from collections.abc import Mapping
+from typing import Any
 
 from mwd_sensors.core.arrays import Samples
-from mwd_surface.bags.recorder.status import RecorderStatus
-from mwd_surface.live.supervision import Supervision
-from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.live.supervision import TABLE, Supervision
+from mwd_surface.live.well_context import WellContext
 
 
 class SupervisionMonitor:
-    """Supervises the nodes of one well by the table of `live.supervision`, and raises its alarms."""
+    """
+    Supervises the nodes of one well by the table of `live.supervision`, and raises its alarms.
 
-    def __init__(self, context: SurfaceContext) -> None:
-        self._live, self._alarm_log, self._folder = context.live, context.alarm_log, context.folder
+    Attributes
+    ----------
+    topics : frozenset of str
+        Topics whose silence the table watches.
+    judged : set of str
+        Rows that had a reading at the last update.
+    """
+
+    def __init__(self, context: WellContext) -> None:
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
         self._supervision = Supervision()
+        self.topics = frozenset(row.alarm[6:] for row in TABLE if row.alarm.startswith("input."))
         self._received_at: dict[str, float] = {}
         self._figures: dict[str, float] = {}
         self._beat_at: dict[str, float] = {}
         self._stamp_ns = -1
         self._advanced_at = self._sampled_at = 0.0
+        self.judged: set[str] = set()
+
+    @property
+    def heard(self) -> frozenset[str]:
+        """Topics of which a message has come."""
+        return frozenset(self._received_at)
 
     def message_received(self, topic: str) -> None:
         """Note that a message of the topic has arrived."""
-        now = self._received_at[topic] = time.monotonic()
+        now = self._received_at[topic] = self._clock.now
         if topic == "imu/data_raw":
             # Alive though its magnetometer is silent; samples that nobody decodes here are not counted.
             self._live.on_stream("sonde", 0, now)
 
-    def on_heartbeat(self, data: bytes) -> None:
-        """Take the serialised heartbeat of a node."""
-        beat = deserialize_message(data, DiagnosticStatus)
+    def on_heartbeat(self, beat: Any) -> None:
+        """Take the heartbeat of a node, diagnostic_msgs/DiagnosticStatus."""
         node = beat.name.rpartition("/")[2]
-        self._beat_at[node] = time.monotonic()
+        self._beat_at[node] = self._clock.now
         for pair in beat.values:
             name = {"longest_callback_s": "callback", "memory_mb": "memory"}.get(pair.key)
             if name is not None:
@@ -47,20 +57,24 @@ class SupervisionMonitor:
 
     def on_sonde(self, samples: Samples) -> None:
         """Take samples that bear the time of the sonde."""
-        self._sampled_at = time.monotonic()
+        self._sampled_at = self._clock.now
         newest = int(samples["stamp_ns"].max()) if len(samples) else self._stamp_ns
         # A clock that was set back advances too.
         if newest != self._stamp_ns:
             self._stamp_ns, self._advanced_at = newest, self._sampled_at
 
     def update(
-        self, now: float, recorder: RecorderStatus, clock_difference: float | None, depth_difference: float | None
+        self,
+        now: float,
+        clock_difference: float | None,
+        depth_difference: float | None,
+        machine: Mapping[str, float],
     ) -> None:
         """
         Raise and clear the alarms of the table; called once a second.
 
-        now: steady time, s. recorder: status. clock_difference: of the clocks of rig and sonde, s; depth_difference: of
-        the sources of depth, m; None: not known.
+        now: time, s. clock_difference: of the clocks of rig and sonde, s; depth_difference: of the sources of depth, m;
+        None: not known. machine: readings of the machine that records, by the id of their row.
         """
         readings = {f"input.{topic}": now - at for topic, at in self._received_at.items()}
         readings |= {f"heartbeat.{node}": now - at for node, at in self._beat_at.items()}
@@ -70,17 +84,8 @@ class SupervisionMonitor:
             readings["clock.rig"] = abs(clock_difference)
         if depth_difference is not None:
             readings["depth.sources"] = depth_difference
-        readings["queue.recorder"] = 100.0 * recorder.queued_bytes / recorder.queue_limit
-        readings |= _disk(self._folder)
+        readings |= machine
+        self.judged = set(readings)
         causes = self._supervision.judge(readings, now)
         for prefix in self._supervision.prefixes:
             self._alarm_log.set_alarms(prefix, {key: cause for key, cause in causes.items() if key.startswith(prefix)})
-
-
-def _disk(folder: Path) -> dict[str, float]:
-    """One over the free GB on the disk of a folder; nothing where that cannot be asked, which the recorder names."""
-    try:
-        free = shutil.disk_usage(folder).free
-    except OSError:
-        return {}
-    return {"disk.low": 1e9 / max(free, 1)}

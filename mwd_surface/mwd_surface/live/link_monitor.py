@@ -4,12 +4,9 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections import deque
 from collections.abc import Callable
-
-from mwd_msgs import msg
-from rclpy.serialization import deserialize_message
+from typing import Any
 
 from mwd_sensors.core import gauge_burst
 from mwd_surface.live.alarms import Severity
@@ -22,14 +19,16 @@ from mwd_surface.live.link_state import (
     LinkWordState,
     best_link,
 )
-from mwd_surface.live.pressure_picture import PressureHistory
-from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.live.pressure_picture import PressureHistory, PressurePicture
+from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.message_conversion import stamp_of
 
 _STROKES = 30  # over which the rate of a pump is taken
+_SLOWEST_NS = 6_000_000_000  # a pump makes ten strokes a minute at least, or stands
 _FIELDS = (
     *("link", "state", "reason", "has_signal", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
     *("mode", "words_done", "words_expected", "toolface_age", "survey_age"),
+    *("inclination_age", "azimuth_age"),
 )
 
 
@@ -39,40 +38,30 @@ class LinkMonitor:
 
     Parameters
     ----------
-    context : SurfaceContext
+    context : WellContext
     source : str
         `link.source`: one link, or best of all.
     on_gauge : callable
         Called with the stamp, ns, of the newest sample of a link's gauge.
-
-    Attributes
-    ----------
-    handlers : dict
-        From topic to the function that is called with each serialised message.
     """
 
-    def __init__(self, context: SurfaceContext, source: str, *, on_gauge: Callable[[int], None]) -> None:
+    def __init__(self, context: WellContext, source: str, *, on_gauge: Callable[[int], None]) -> None:
         self._on_gauge = on_gauge
-        self._live, self._alarm_log, self._source = context.live, context.alarm_log, source
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
+        self._source = source
         self._collectors: dict[str, LinkCollector] = {}
         self._qualities: dict[str, LinkStatus] = {}
         self._shown = ""
         self._pressure = PressureHistory()
         self._strokes: dict[int, deque[int]] = {}
-        self.handlers: dict[str, Callable[[bytes], None]] = {
-            "link/word": self._on_word,
-            "link/frame": self._on_frame,
-            "link/quality": self._on_quality,
-            "rig/standpipe": self._on_pressure,
-            "rig/strokes": self._on_strokes,
-        }
+        self._picture: PressurePicture | None = None
 
     def _collector(self, link: str) -> LinkCollector | None:
         """What collects the words of a link; None where it is not one that is in use."""
         return self._collectors.setdefault(link, LinkCollector()) if self._source in (link, "best") else None
 
-    def _on_word(self, data: bytes) -> None:
-        word = deserialize_message(data, msg.LinkWord)
+    def on_word(self, word: Any) -> None:
+        """Take a word of a link, mwd_msgs/LinkWord."""
         collector = self._collector(word.link)
         if collector is None:
             return
@@ -96,8 +85,8 @@ class LinkMonitor:
         )
         self._show()
 
-    def _on_frame(self, data: bytes) -> None:
-        frame = deserialize_message(data, msg.LinkFrame)
+    def on_frame(self, frame: Any) -> None:
+        """Take a pass of a sequence, mwd_msgs/LinkFrame."""
         collector = self._collector(frame.link)
         if collector is None:
             return
@@ -115,16 +104,15 @@ class LinkMonitor:
         )
         self._show()
 
-    def _on_quality(self, data: bytes) -> None:
-        quality = deserialize_message(data, msg.LinkQuality)
+    def on_quality(self, quality: Any) -> None:
+        """Take the state of a link, mwd_msgs/LinkQuality."""
         if self._collector(quality.link) is None:
             return
         self._qualities[quality.link] = LinkStatus(
             **{name: getattr(quality, name) for name in _FIELDS},
             stamp_ns=stamp_of(quality.header.stamp),
-            at=time.monotonic(),
-            pump_lines=self._stroke_rates(),
-            picture=self._pressure.picture(),
+            at=self._clock.now,
+            pump_lines=self._stroke_rates(stamp_of(quality.header.stamp)),
         )
         causes = {}
         for link, one in self._qualities.items():
@@ -139,20 +127,36 @@ class LinkMonitor:
             self._on_gauge(newest)
         self._show()
 
-    def _on_pressure(self, data: bytes) -> None:
+    def on_pressure(self, data: bytes) -> None:
+        """Take a serialised burst of the gauge, mwd_msgs/PressureBurst."""
         try:
             self._pressure.push(*gauge_burst.decode(data))
         except ValueError as error:
             self._alarm_log.log_event("link", f"pressure not shown: {error}", Severity.WARNING)
 
-    def _on_strokes(self, data: bytes) -> None:
-        message = deserialize_message(data, msg.StrokeBurst)
+    def on_strokes(self, message: Any) -> None:
+        """Take strokes of the pumps, mwd_msgs/StrokeBurst."""
         for pump, at in zip(message.pump, message.stamp, strict=True):
-            self._strokes.setdefault(int(pump), deque(maxlen=_STROKES)).append(stamp_of(at))
+            times = self._strokes.setdefault(int(pump), deque(maxlen=_STROKES))
+            if times and not 0 < stamp_of(at) - times[-1] <= _SLOWEST_NS:
+                # It stood: its rate is that since it started again.
+                times.clear()
+            times.append(stamp_of(at))
 
-    def _stroke_rates(self) -> tuple[float, ...]:
-        """Strokes a second of each pump over its last strokes."""
-        spans = [(len(times) - 1, times[-1] - times[0]) for _, times in sorted(self._strokes.items()) if len(times) > 2]
+    def update(self) -> None:
+        """Draw the pressure anew; called once a second."""
+        if self._qualities:
+            self._picture = self._pressure.picture()
+            self._show()
+
+    def _stroke_rates(self, stamp_ns: int) -> tuple[float, ...]:
+        """Strokes a second of each pump over its last strokes; none of a pump that stands at a time, ns."""
+        newest = max((times[-1] for times in self._strokes.values()), default=0)
+        spans = [
+            (len(times) - 1, times[-1] - times[0])
+            for _, times in sorted(self._strokes.items())
+            if len(times) > 2 and max(newest, stamp_ns) - times[-1] <= _SLOWEST_NS
+        ]
         return tuple(count / span * 1e9 for count, span in spans if span > 0)
 
     def _show(self) -> None:
@@ -160,4 +164,7 @@ class LinkMonitor:
             self._shown = best_link(self._qualities, self._shown)
             by_name = {name: self._collectors[name].status(one) for name, one in sorted(self._qualities.items())}
             shown = by_name.pop(self._shown)
-            self._live.on_link(dataclasses.replace(shown, others=tuple(by_name.values())), time.monotonic())
+            picture = self._picture
+            self._live.on_link(
+                dataclasses.replace(shown, others=tuple(by_name.values()), picture=picture), self._clock.now
+            )

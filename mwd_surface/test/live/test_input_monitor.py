@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which depth surveys are paired with, and which is shown, while a person's contradicts the rig's."""
 
-import time
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from mwd_sensors.core import wire
+from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.input_monitor import InputMonitor
+from mwd_surface.live.live_state import LiveState
 from mwd_surface.live.source_selection import SourceRules, SourceSelection
-from mwd_surface.nodes.input_monitor import InputMonitor
+from mwd_surface.live.well_clock import WellClock
+from mwd_surface.live.well_context import WellContext
 
 BIT, BLOCK, SLIPS = 1, 4, 1024
 
@@ -17,11 +18,9 @@ BIT, BLOCK, SLIPS = 1, 4, 1024
 @pytest.fixture
 def monitor():
     """An open monitor that has heard the rig floor say 1000 m."""
-    node = SimpleNamespace(add_publisher=lambda *_: None)
-    context = SimpleNamespace(node=node, live=None, now_ns=time.time_ns)
-    monitor, selection = InputMonitor(context, link=False), SourceSelection(SourceRules())
-    monitor.open(selection)
-    selection.choose(["rig_floor"], time.monotonic())
+    clock, selection = WellClock(10**18), SourceSelection(SourceRules())
+    monitor = InputMonitor(WellContext(clock, LiveState(), AlarmLog(clock)), selection, link=False)
+    selection.choose(["rig_floor"], clock.now)
     monitor.on_rig_input("rig_floor", rig([1000.0]))
     return monitor
 

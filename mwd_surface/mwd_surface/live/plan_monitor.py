@@ -3,21 +3,19 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 from mwd_sensors.core.input_files import without_contents
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.live.alarms import Severity
-from mwd_surface.live.live_state import LiveState
-from mwd_surface.nodes.settings import PlanSettings
-from mwd_surface.ros.alarm_log import AlarmLog
+from mwd_surface.live.settings import PlanSettings
+from mwd_surface.live.well_context import WellContext
 from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
 from mwd_surface.trajectory.plan_file import check_north, read_plan
 from mwd_surface.trajectory.well_path import Definitive
 
 
-class PlanServer:
+class PlanMonitor:
     """
     Plan of one well.
 
@@ -27,10 +25,9 @@ class PlanServer:
         The plan in force.
     """
 
-    def __init__(self, live: LiveState, alarm_log: AlarmLog) -> None:
+    def __init__(self, context: WellContext) -> None:
         self.plan: Plan | None = None
-        self._live = live
-        self._alarm_log = alarm_log
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
 
     @staticmethod
     def read(settings: PlanSettings, north: str) -> Plan | ListFileError | None:
@@ -64,9 +61,9 @@ class PlanServer:
 
     def show_plan(self) -> None:
         """Show the plan."""
-        self._live.on_plan(interpolated(self.plan, DRAWN_STEP) if self.plan is not None else None, time.monotonic())
+        self._live.on_plan(interpolated(self.plan, DRAWN_STEP) if self.plan is not None else None, self._clock.now)
 
     def show_offset(self, path: Definitive) -> None:
         """Show where the end of the path is relative to the plan."""
         offset, dogleg = offset_of_end(self.plan, path)
-        self._live.on_offset(offset, time.monotonic(), dogleg)
+        self._live.on_offset(offset, self._clock.now, dogleg)

@@ -4,15 +4,14 @@
 from __future__ import annotations
 
 import concurrent.futures
-import time
 
 from mwd_sensors.core.input_files import without_contents
 from mwd_surface.clearance.clearance import Level
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.live.alarms import Severity
-from mwd_surface.nodes.plan_server import PlanServer
-from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.uncertainty.error_terms import CovarianceUnavailableError
@@ -31,14 +30,14 @@ class ClearanceMonitor:
 
     Parameters
     ----------
-    context : SurfaceContext
-        Live state, alarm log and worker.
-    plan : PlanServer
+    context : WellContext
+    plan : PlanMonitor
         The planned path.
     """
 
-    def __init__(self, context: SurfaceContext, plan: PlanServer) -> None:
-        self._live, self._alarm_log, self._worker = context.live, context.alarm_log, context.worker
+    def __init__(self, context: WellContext, plan: PlanMonitor) -> None:
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
+        self._outlet = context.outlet
         self._plan = plan
         self._compared: tuple[SurveyList, Plan | None, float | None] | None = None
         self._busy = False
@@ -50,7 +49,7 @@ class ClearanceMonitor:
             return
         self._compared = (surveys, plan, bit_depth)
         self._busy = True
-        self._worker.submit(lambda: _compare(surveys, plan, bit_depth), self._show)
+        self._outlet.run(lambda: _compare(surveys, plan, bit_depth), self._show)
 
     def _is_compared(self, surveys: SurveyList, plan: Plan | None, bit_depth: float | None) -> bool:
         if self._compared is None:
@@ -65,13 +64,14 @@ class ClearanceMonitor:
         near = job.result()
         log = self._alarm_log
         if near is None or isinstance(near, str):
-            self._live.on_clearance((), time.monotonic())
+            self._live.on_clearance((), self._clock.now)
             log.clear_alarm(_SEPARATION)
             self._report_file((near,) if near else ())
             return
         ahead = near.ahead()
-        self._live.on_clearance(ahead, time.monotonic())
-        self._report_file(sentences(near.remarks))
+        self._live.on_clearance(ahead, self._clock.now, near.remarks)
+        # An assumption stands on the page; only what was not compared may hide a well.
+        self._report_file(sentences(near.not_compared))
         if near.level == Level.CLEAR:
             log.clear_alarm(_SEPARATION)
             return
@@ -80,10 +80,10 @@ class ClearanceMonitor:
         place = f"{beyond:.0f} m ahead of the bit" if beyond > 0.0 else "at the bit"
         log.raise_alarm(_SEPARATION, severity, f"{ahead[0].sentence()}; {place}", _REMEDIES[near.level])
 
-    def _report_file(self, remarks: tuple[str, ...]) -> None:
-        if remarks:
+    def _report_file(self, missing: tuple[str, ...]) -> None:
+        if missing:
             remedy = "correct the file or the setting it names, then set well.offset_wells again"
-            self._alarm_log.raise_alarm(_FILE, Severity.WARNING, "; ".join(remarks), remedy)
+            self._alarm_log.raise_alarm(_FILE, Severity.WARNING, "; ".join(missing), remedy)
         else:
             self._alarm_log.clear_alarm(_FILE)
 

@@ -1,21 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sample streams of the graph for the live state: collected as bytes, decoded together twenty times a second."""
+"""Sample streams of the graph for the live state: collected as bytes, decoded together in blocks of one time."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from mwd_msgs import msg
-
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.ros.diagnostics import WARN, Diagnostic
-from mwd_sensors.ros.message_buffer import decode_messages
-from mwd_sensors.ros.qos import DEADLINE_STATE
-from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.source_selection import SourceRules, SourceSelection
-from mwd_surface.ros.context import SurfaceContext
+from mwd_surface.live.well_context import WellContext
 
 Handler = Callable[[Samples, float], None]
 RIG = "rig/state"
@@ -33,12 +27,11 @@ def _frame_of(message: bytes) -> str | None:
 
 class StreamDecoder:
     """
-    Decodes the topics of fixed layout and updates the live state with their samples; publishes the toolface.
+    Decodes the topics of fixed layout and updates the live state with their samples; tells the toolface.
 
     Parameters
     ----------
-    context : SurfaceContext
-        Node and live state.
+    context : WellContext
     on_attitude, on_rig_state : callable
         Called with the samples of `attitude` and `rig/state` before the live state is updated; `on_rig_state` returns
         those that are shown.
@@ -56,13 +49,15 @@ class StreamDecoder:
         From topic to the list its serialised messages are appended to as they arrive.
     tool_frame : str
         Frame of the attitude; empty before the first.
+    unreadable : int
+        Messages that could not be decoded.
     rig_sources : SourceSelection
         Of the rig data.
     """
 
     def __init__(
         self,
-        context: SurfaceContext,
+        context: WellContext,
         *,
         on_attitude: Callable[[Samples], None],
         on_rig_state: Callable[[Samples], Samples],
@@ -70,7 +65,7 @@ class StreamDecoder:
         on_rig_input: Callable[[str, Samples], None],
         rules: SourceRules | None = None,
     ) -> None:
-        self._context, self._node, self._live = context, context.node, context.live
+        self._context, self._live = context, context.live
         self._on_attitude, self._on_rig_state, self._on_sonde = on_attitude, on_rig_state, on_sonde
         self._on_rig_input = on_rig_input
         # In the order of decoding: what a topic shows may depend on the topics before it.
@@ -86,12 +81,8 @@ class StreamDecoder:
         self.buffers: dict[str, list[bytes]] = {topic: [] for topic in self._topics}
         self._sources = {topic: SourceSelection() for topic in self._topics}
         self.rig_sources = self._sources[RIG] = SourceSelection(rules or SourceRules())
-        self._unreadable = 0
+        self.unreadable = 0
         self.tool_frame = ""
-
-    def open(self) -> None:
-        """Open the toolface topic."""
-        self._toolface = self._node.add_publisher(msg.Toolface, "toolface", DEADLINE_STATE)
 
     def decode_all(self, now: float) -> None:
         """Decode everything that waits. now: steady time, s."""
@@ -105,10 +96,10 @@ class StreamDecoder:
             return
         self.buffers[topic].clear()
         layout, handler = self._topics[topic]
-        samples, errors = decode_messages(layout, self._of_one_source(topic, messages, now))
+        samples, errors = wire.decode_messages(layout, self._of_one_source(topic, messages, now))
         for error in errors:
-            self._unreadable += 1
-            self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
+            self.unreadable += 1
+            self._context.outlet.warn(f"{topic}: {error}")
         if not len(samples):
             return
         if topic in _OF_SONDE:
@@ -133,7 +124,7 @@ class StreamDecoder:
         if topic == RIG:
             for frame in dict.fromkeys(named):
                 of_frame = [message for message, name in zip(messages, frames, strict=True) if name == frame]
-                self._on_rig_input(frame, decode_messages(wire.RIG_STATE, of_frame)[0])
+                self._on_rig_input(frame, wire.decode_messages(wire.RIG_STATE, of_frame)[0])
         # What has no readable header is left for the decoder to count.
         return [message for message, frame in zip(messages, frames, strict=True) if frame in (source, None)]
 
@@ -153,23 +144,6 @@ class StreamDecoder:
         self._on_attitude(samples)
         self._live.on_attitude(samples, now)
         reading = self._live.toolface_reading
-        if reading is None:
-            return
-        message = msg.Toolface(
-            mode=reading.mode,
-            angle=reading.angle,
-            age=self._live.toolface_age(reading.stamp_ns),
-            sigma=reading.sigma,
-            rotating=reading.rotating,
-            rotary_speed=reading.rotary_speed,
-        )
-        message.header.stamp = stamp(reading.stamp_ns)
-        message.header.frame_id = self.tool_frame
-        self._toolface.publish(message)
-
-    def diagnostics(self) -> list[Diagnostic]:
-        """Messages that could not be decoded."""
-        if not self._unreadable:
-            return []
-        message = f"{self._unreadable} could not be read"
-        return [Diagnostic("messages", WARN, message, "are all nodes of one version?")]
+        if reading is not None:
+            age = self._live.toolface_age(reading.stamp_ns)
+            self._context.outlet.on_toolface(reading, age, self.tool_frame)

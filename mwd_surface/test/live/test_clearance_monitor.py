@@ -9,8 +9,10 @@ import example_surveys as example
 import pytest
 
 from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.clearance_monitor import ClearanceMonitor
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.nodes.clearance_monitor import ClearanceMonitor
+from mwd_surface.live.well_clock import WellClock
+from mwd_surface.page.state_json import StateJson
 
 NEAR = "wells: [{name: A-3, file: beside.csv, north_m: -20.0}]"
 
@@ -37,7 +39,7 @@ class Worker:
     def __init__(self):
         self.jobs = 0
 
-    def submit(self, work, done):
+    def run(self, work, done):
         self.jobs += 1
         job = concurrent.futures.Future()
         job.set_result(work())
@@ -57,7 +59,7 @@ def surveys(folder):
 
 
 def monitor():
-    context = SimpleNamespace(live=LiveState(), alarm_log=Log(), worker=Worker())
+    context = SimpleNamespace(clock=WellClock(), live=LiveState(), alarm_log=Log(), outlet=Worker())
     return ClearanceMonitor(context, SimpleNamespace(plan=None)), context
 
 
@@ -90,12 +92,12 @@ def test_wells_are_compared_again_when_the_bit_has_moved_or_the_list_changed(fol
     same = surveys(folder)
     for depth in (642.5, 642.9, 648.0, 648.5):
         watched.update(same, depth)
-    assert context.worker.jobs == 2
+    assert context.outlet.jobs == 2
     watched.update(surveys(folder), 648.5)
-    assert context.worker.jobs == 3
+    assert context.outlet.jobs == 3
     nothing, context = monitor()
     nothing.update(example.surveys(), 642.5)
-    assert context.worker.jobs == 0
+    assert context.outlet.jobs == 0
 
 
 def test_a_file_that_cannot_be_used_is_an_alarm(folder):
@@ -108,3 +110,26 @@ def test_a_file_that_cannot_be_used_is_an_alarm(folder):
     (folder / "wells.yaml").unlink()
     watched.update(surveys(folder), 642.5)
     assert "No such file" in context.alarm_log.active()["clearance.wells"].text
+
+
+def test_an_assumption_is_a_remark_of_the_page_and_no_alarm(folder):
+    watched, context = monitor()
+    beside = folder / "beside.csv"
+    beside.write_text(beside.read_text().replace("azi_grid_deg", "azi_deg"))
+    (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
+    watched.update(surveys(folder), 642.5)
+    assert context.alarm_log.active() == {}
+    table = StateJson().snapshot(context.live.at(1.0))["sections"]["clearance"]
+    assert any("which north" in text for text in table["remarks"])
+
+
+def test_a_hole_that_was_not_compared_is_an_alarm(folder):
+    watched, context = monitor()
+    beside = folder / "beside.csv"
+    lines = beside.read_text().splitlines()
+    rows = "\n".join(f"{line},{270 + 30 * k},0,0" for k, line in enumerate(lines[11:14]))
+    beside.write_text(f"{lines[0]},tvd_m,ns_m,ew_m\n{rows}\n")
+    (folder / "wells.yaml").write_text(NEAR.replace("-20.0", "-2000.0"))
+    watched.update(surveys(folder), 642.5)
+    alarm = context.alarm_log.active()["clearance.wells"]
+    assert "not compared" in alarm.text

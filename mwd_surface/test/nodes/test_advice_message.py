@@ -4,7 +4,7 @@
 import pytest
 
 pytest.importorskip("mwd_msgs", reason="the messages are not built")
-from mwd_surface.nodes.advice_server import advice_message
+from mwd_surface.ros.messages import advice_message
 from mwd_surface.surveys.message_conversion import advice_of
 from mwd_surface.trajectory.advice import Advice, AdviceMode
 

@@ -8,9 +8,9 @@ import pytest
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rclpy.serialization import serialize_message
 
-from mwd_surface.nodes.diagnostics_monitor import DiagnosticsMonitor
+from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
+from mwd_surface.live.well_clock import WellClock
 
 FIELD = {"total": "5.1e-05", "dip": "1.2", "declination": "0.05", "convergence": "0.0", "gravity": "9.81"}
 
@@ -19,17 +19,18 @@ def monitor():
     """A monitor, and what it shows of fields and progress."""
     fields, progress = [], []
     live = SimpleNamespace(
+        over_link=False,
         on_well=lambda _well, _now, reference: fields.append(reference),
         on_survey_progress=lambda shown, _now: progress.append(shown),
     )
-    node = SimpleNamespace(get_fully_qualified_name=lambda: "/w/surface", get_namespace=lambda: "/w")
-    return DiagnosticsMonitor(SimpleNamespace(node=node, live=live, alarm_log=None)), fields, progress
+    context = SimpleNamespace(clock=WellClock(10**18), live=live, alarm_log=None)
+    return DiagnosticsMonitor(context, "/w/surface"), fields, progress
 
 
 def said(name, **values):
     pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
     status = DiagnosticStatus(name=f"/w/estimator: {name}", hardware_id="/w", message="said", values=pairs)
-    return serialize_message(DiagnosticArray(status=[status]))
+    return DiagnosticArray(status=[status])
 
 
 def test_the_field_and_the_progress_of_a_survey_are_read():

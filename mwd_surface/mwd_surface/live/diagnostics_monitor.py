@@ -5,21 +5,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from typing import Any
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.serialization import deserialize_message
 
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.supervision import TABLE
+from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import NodeDiagnostic, ReferenceField, SurveyProgress
-from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.well import Well
 
 _TIMEOUT_S = 2.0  # without a message before a topic counts as silent
 _SUPERVISED = {row.alarm for row in TABLE}
-_WARN, _ERROR = DiagnosticStatus.WARN[0], DiagnosticStatus.ERROR[0]
+_WARN, _ERROR = 1, 2  # diagnostic_msgs/DiagnosticStatus
 _DIAGNOSTICS_AGE_S = 5.0  # diagnostics older than this are no longer shown
 _REFERENCE = ("total", "dip", "declination", "convergence", "gravity")
 
@@ -28,46 +24,50 @@ class DiagnosticsMonitor:
     """
     Monitors the graph of one well. Errors of the surface node itself raise their alarms where they happen.
 
+    Parameters
+    ----------
+    context : WellContext
+    full_name : str
+        Of the surface node, with the namespace of the well.
+
     Attributes
     ----------
     reference : ReferenceField or None
         The reference field the estimator has in force.
     """
 
-    def __init__(self, context: SurfaceContext) -> None:
+    def __init__(self, context: WellContext, full_name: str) -> None:
         self.reference: ReferenceField | None = None
-        self._own_name = context.node.get_fully_qualified_name()
-        self._namespace = context.node.get_namespace()
-        self._live, self._alarm_log = context.live, context.alarm_log
+        self._own_name, self._namespace = full_name, full_name.rpartition("/")[0] or "/"
+        self._clock, self._live, self._alarm_log = context.clock, context.live, context.alarm_log
         self._well = Well()
         self._diagnostics_of: dict[str, tuple[float, list[Any]]] = {}
         self._progress = SurveyProgress()
         self._progress_at = 0.0
-        self._action_at = -_TIMEOUT_S
+        self._action_at = -math.inf
         self._result = ""
 
     def show_well(self, well: Well) -> None:
         """Show the well, with the field in force."""
         self._well = well
-        self._live.on_well(well, time.monotonic(), self.reference)
+        self._live.on_well(well, self._clock.now, self.reference)
 
-    def on_diagnostics(self, data: bytes) -> None:
-        """Take the serialised diagnostics of a node."""
-        array = deserialize_message(data, DiagnosticArray)
+    def on_diagnostics(self, array: Any) -> None:
+        """Take the diagnostics of a node, diagnostic_msgs/DiagnosticArray."""
         ours = [s for s in array.status if s.hardware_id == self._namespace]
         if ours:
-            self._diagnostics_of[ours[0].name.partition(":")[0]] = (time.monotonic(), ours)
+            self._diagnostics_of[ours[0].name.partition(":")[0]] = (self._clock.now, ours)
         for status in ours:
             values = {pair.key: pair.value for pair in status.values}
-            if status.name.endswith("estimator: survey"):
+            if status.name.endswith("estimator: survey") and not self._live.over_link:
                 figures = (_number(values.get("elapsed_s")) or 0.0, _number(values.get("remaining_s")) or 0.0)
                 # The feedback of an action is more recent.
-                if time.monotonic() - self._action_at > _TIMEOUT_S:
+                if self._clock.now - self._action_at > _TIMEOUT_S:
                     waits_for = values.get("waits_for", "")
                     self._show_progress(
                         SurveyProgress("remaining_s" in values, status.message, *figures, waits_for=waits_for)
                     )
-            elif status.name.endswith("estimator: reference field"):
+            elif status.name.endswith(("estimator: reference field", "receiver: reference field")):
                 self._on_reference(values, status.message)
 
     def on_north_seek(self, feedback: Any) -> None:
@@ -84,7 +84,7 @@ class DiagnosticsMonitor:
         self._on_feedback(progress, f"rotary survey: {progress.state}")
 
     def _on_feedback(self, progress: Any, state: str) -> None:
-        self._action_at = time.monotonic()
+        self._action_at = self._clock.now
         self._show_progress(SurveyProgress(True, state, progress.elapsed, progress.remaining))
 
     def survey_ended(self, result: str) -> None:
@@ -95,7 +95,7 @@ class DiagnosticsMonitor:
     def _show_progress(self, progress: SurveyProgress) -> None:
         shown = dataclasses.replace(progress, result=self._result)
         if shown.active or shown != self._progress:
-            self._progress_at = time.monotonic()
+            self._progress_at = self._clock.now
             self._progress = shown
             self._live.on_survey_progress(shown, self._progress_at)
 
@@ -114,7 +114,7 @@ class DiagnosticsMonitor:
         if self._progress.active and now - self._progress_at > _TIMEOUT_S + 1.0:
             self._show_progress(SurveyProgress())
         statuses = [
-            NodeDiagnostic(s.name, s.level[0], s.message, _remedy(s))
+            NodeDiagnostic(s.name, _level(s), s.message, _remedy(s))
             for received_at, found in self._diagnostics_of.values()
             if now - received_at < _DIAGNOSTICS_AGE_S
             for s in found
@@ -128,7 +128,7 @@ class DiagnosticsMonitor:
             if now - received_at >= _DIAGNOSTICS_AGE_S:
                 continue
             for status in found:
-                level, what = status.level[0], status.name.partition(": ")[2]
+                level, what = _level(status), status.name.partition(": ")[2]
                 alarming = level == _ERROR or (level == _WARN and what.startswith("sensors"))
                 # Its own errors raise alarms where they happen, but for what the middleware says.
                 own = node == self._own_name and not what.startswith("middleware")
@@ -145,6 +145,12 @@ def _number(text: str | None) -> float | None:
     except ValueError:
         return None
     return number if math.isfinite(number) else None
+
+
+def _level(status: Any) -> int:
+    """Level of a status: a byte, which readers of messages give as bytes or as a number."""
+    level = status.level
+    return int(level[0] if isinstance(level, bytes) else level)
 
 
 def _remedy(status: Any) -> str:

@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every row of the supervision table has a reading, and a node that falls silent raises its row's alarm by name."""
 
-import time
 from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip("rclpy")
 
-from rclpy.serialization import serialize_message
-
 from mwd_sensors.core import wire
 from mwd_sensors.ros.heartbeat import Heartbeat
 from mwd_surface.live.supervision import TABLE
-from mwd_surface.nodes.supervision_monitor import SupervisionMonitor
+from mwd_surface.live.supervision_monitor import SupervisionMonitor
+from mwd_surface.live.well_clock import WellClock
 
 NODES = sorted({row.node for row in TABLE if row.alarm.startswith("memory.")})
-RECORDER = SimpleNamespace(queued_bytes=0, queue_limit=1)
+MACHINE = {"queue.recorder": 0.0, "disk.low": 0.01}
 
 
 class Alarms:
@@ -31,16 +29,16 @@ class Alarms:
 
 
 @pytest.fixture
-def watched(tmp_path):
+def watched():
     """A monitor that has heard everything there is, and its alarms."""
     alarms = Alarms()
     live = SimpleNamespace(on_stream=lambda *_: None)
-    monitor = SupervisionMonitor(SimpleNamespace(live=live, alarm_log=alarms, folder=tmp_path))
+    monitor = SupervisionMonitor(SimpleNamespace(clock=WellClock(10**18), live=live, alarm_log=alarms))
     for row in TABLE:
         if row.alarm.startswith("input."):
             monitor.message_received(row.alarm.removeprefix("input."))
     for node in NODES:
-        monitor.on_heartbeat(serialize_message(Heartbeat(f"/well_1/{node}", "/well_1").message("active", b"\0")))
+        monitor.on_heartbeat(Heartbeat(f"/well_1/{node}", "/well_1").message("active", b"\0"))
     samples = wire.MAG.empty(1)
     samples["stamp_ns"] = 1
     monitor.on_sonde(samples)
@@ -51,19 +49,19 @@ def test_every_row_has_a_reading(watched, monkeypatch):
     monitor, _ = watched
     judged = {}
     monkeypatch.setattr(monitor._supervision, "judge", lambda readings, _now: judged.update(readings) or {})
-    monitor.update(time.monotonic(), RECORDER, 0.0, 0.0)
+    monitor.update(monitor._clock.now, 0.0, 0.0, MACHINE)
     assert {row.alarm for row in TABLE} <= set(judged)
 
 
 def test_nodes_and_topics_that_fall_silent_are_named_and_forgotten_when_they_are_back(watched):
     monitor, alarms = watched
-    monitor.update(time.monotonic(), RECORDER, 0.0, 0.0)
+    monitor.update(monitor._clock.now, 0.0, 0.0, MACHINE)
     assert not [key for key in alarms.standing if key.startswith(("input.", "heartbeat."))]
-    monitor.update(time.monotonic() + 30.0, RECORDER, 0.0, 0.0)
+    monitor.update(monitor._clock.now + 30.0, 0.0, 0.0, MACHINE)
     silent = {row.alarm for row in TABLE if row.alarm.startswith(("input.", "heartbeat."))}
     assert silent <= set(alarms.standing)
     assert "no heartbeat of the receiver" in alarms.standing["heartbeat.receiver"][1]
     for node in NODES:
-        monitor.on_heartbeat(serialize_message(Heartbeat(f"/well_1/{node}", "/well_1").message("active", b"\0")))
-    monitor.update(time.monotonic(), RECORDER, 0.0, 0.0)
+        monitor.on_heartbeat(Heartbeat(f"/well_1/{node}", "/well_1").message("active", b"\0"))
+    monitor.update(monitor._clock.now, 0.0, 0.0, MACHINE)
     assert not [key for key in alarms.standing if key.startswith("heartbeat.")]

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The gate at the entrance of the estimator: a value that no sensor of its kind can read becomes NaN, before all stages.
+
+The physical range of a sensor is that of its data sheet (`settings.tool`) with a margin. Within the range a value is a
+reading. Between the range and the gate it is a reading of a clipped sensor: converters go on for up to 15 % beyond the
+range that a data sheet promises (an ST LSM6 reads 2293 deg/s at 2000), and a scale correction adds some per cent. The
+stages take it as clipped, as one at the range itself. Beyond the gate it is no measurement, and nothing of it is left
+but NaN: whatever number was sent, the output is that of a missing value, bit for bit.
+
+A unit that sends another unit of measurement (nT instead of T) is beyond the gate all the time. Its readings are not
+used either, but their sizes are kept apart (`Refused`), so that the health of the sensors can name the unit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Array, Samples
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.records import dtype_of
+
+# The gate is at so many times the range: above the 15 % of converters and the per cents of a scale correction.
+MARGIN = 1.25
+# Gates where the range is not known, or stated wider: 1900 r/min; 400 g; a hundred times what a magnetised string adds.
+_FASTEST, _STRONGEST_FORCE, _STRONGEST_FIELD = 200.0, 4000.0, 0.01
+# The settings state no range of the precision unit's accelerometers; none has more than 60 g, m/s^2.
+_STRONGEST_PRECISION = 1000.0
+# Temperatures of a tool in store and of the hottest wells, with a margin, degC.
+_COLDEST, _HOTTEST = -100.0, 400.0
+# Factors from SI to the units that a sensor may send in its place: deg/s; nT at most.
+_OTHER_RATE, _OTHER_FIELD = math.degrees(1.0), 1e9
+# No pump moves so much mud, m^3/s; through a 5 in pipe it would run at 100 m/s.
+_MOST_FLOW = 1.0
+# Numbers of the sensors in `Refused`.
+GYRO, ACCEL, MAG, PRECISION_GYRO, PRECISION_ACCEL = range(5)
+# Records kept at most of what was refused: of three seconds of three streams at 2 kHz.
+_MOST_KEPT = 20_000
+
+
+class Refused:
+    """A reading beyond the gate that is one in another unit of measurement."""
+
+    stamp_ns: int
+    sensor: int  #: GYRO, ACCEL, MAG, PRECISION_GYRO or PRECISION_ACCEL
+    size: float  #: length of the vector as it was sent
+
+
+REFUSED = dtype_of(Refused)
+
+
+class Ranges(NamedTuple):
+    """Ends of the ranges of data sheets, rad/s, m/s^2 and T; inf: not known."""
+
+    gyro: float = math.inf
+    accel: float = math.inf
+    mag: float = math.inf
+    precision_gyro: float = math.inf
+
+
+class InputGate:
+    """
+    The gate of one tool; samples are in axes of their unit, where a range is that of an axis.
+
+    ranges : Ranges
+    """
+
+    def __init__(self, ranges: Ranges) -> None:
+        full = (*ranges, math.inf)
+        caps = (_FASTEST, _STRONGEST_FORCE, _STRONGEST_FIELD, _FASTEST, _STRONGEST_PRECISION)
+        #: Gates of the sensors, rad/s, m/s^2 and T, in the order of their numbers.
+        self.limits = tuple(min(MARGIN * end, cap) for end, cap in zip(full, caps, strict=True))
+        self._refused = np.zeros(0, dtype=REFUSED)
+
+    def imu(self, samples: Samples) -> Samples:
+        """Return samples of the conventional unit, dtype of `wire.IMU` or part of it, as they may be used."""
+        samples = self._vector(samples, "angular_velocity", GYRO)
+        return self._vector(samples, "linear_acceleration", ACCEL)
+
+    def mag(self, samples: Samples) -> Samples:
+        """As `imu`, for samples of the magnetometer, dtype of `wire.MAG`."""
+        return self._vector(samples, "magnetic_field", MAG)
+
+    def precision(self, samples: Samples) -> Samples:
+        """As `imu`, for samples of the high-precision unit."""
+        samples = self._vector(samples, "angular_velocity", PRECISION_GYRO)
+        return self._vector(samples, "linear_acceleration", PRECISION_ACCEL)
+
+    def temperature(self, samples: Samples) -> Samples:
+        """As `imu`, for temperatures, dtype of `wire.TEMPERATURE`."""
+        celsius = samples["temperature"][:, None]
+        if not _count(celsius, _COLDEST, _HOTTEST):
+            return samples
+        samples = samples.copy()
+        _apply(samples["temperature"][:, None], _COLDEST, _HOTTEST)
+        return samples
+
+    def take_refused(self) -> Samples:
+        """Return what was refused since the last call and may be in another unit, dtype REFUSED, shape (n,)."""
+        refused, self._refused = self._refused, np.zeros(0, dtype=REFUSED)
+        return refused
+
+    def _vector(self, samples: Samples, name: str, sensor: int) -> Samples:
+        limit = self.limits[sensor]
+        if not _count(samples[name], -limit, limit):
+            return samples
+        samples = samples.copy()
+        sizes = _apply(samples[name], -limit, limit)
+        other = {GYRO: _OTHER_RATE, PRECISION_GYRO: _OTHER_RATE, MAG: _OTHER_FIELD}.get(sensor, 0.0)
+        readings = sizes <= other * limit
+        if readings.any():
+            refused = np.zeros(int(readings.sum()), dtype=REFUSED)
+            refused["stamp_ns"], refused["sensor"] = samples["stamp_ns"][readings], sensor
+            refused["size"] = sizes[readings]
+            self._refused = kept(self._refused, refused)
+        return samples
+
+
+def flow(samples: Samples) -> Samples:
+    """Return the samples of the flow in the tool, dtype of `wire.TOOL_FLOW`, that are readings."""
+    readings: Samples = samples[np.abs(samples["flow"]) <= _MOST_FLOW]
+    return readings
+
+
+def kept(held: Samples, more: Samples) -> Samples:
+    """Join records of what was refused, dtype REFUSED; of too many the oldest are dropped."""
+    return np.concatenate([held, more])[-_MOST_KEPT:]
+
+
+@compiled
+def sizes_of(refused: Samples, sensor: int, start_ns: int, end_ns: int) -> Array:
+    """Sizes of the readings of a sensor refused from `start_ns` to before `end_ns`, in order of size, shape (k,)."""
+    sizes, k = np.empty(len(refused)), 0
+    for one in refused:
+        if one.sensor == sensor and start_ns <= one.stamp_ns < end_ns:
+            sizes[k] = one.size
+            k += 1
+    return np.sort(sizes[:k])
+
+
+@compiled
+def _count(values: Array, low: float, high: float) -> int:
+    """Count the values, shape (n, k), that the gate changes."""
+    found = 0
+    for i in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            v = values[i, c]
+            found += int(not low <= v <= high) + int(v == 0.0 and math.copysign(1.0, v) < 0.0)
+    return found
+
+
+@compiled
+def _apply(values: Array, low: float, high: float) -> NDArray[np.float64]:
+    """
+    Put NaN in the place of each value, shape (n, k), beyond the gate, and 0 in that of -0; changes them.
+
+    Returns the lengths of the rows with a number beyond the gate, shape (n,); NaN for the others.
+    """
+    sizes = np.full(values.shape[0], math.nan)
+    for i in range(values.shape[0]):
+        size, beyond = 0.0, False
+        for c in range(values.shape[1]):
+            v = values[i, c]
+            if not math.isnan(v):
+                size = math.hypot(size, v)
+                beyond = beyond or not low <= v <= high
+        for c in range(values.shape[1]):
+            # Every NaN is the same one, for some stages compare bits; and the sign of zero says nothing.
+            values[i, c] = values[i, c] + 0.0 if low <= values[i, c] <= high else math.nan
+        if beyond:
+            sizes[i] = size
+    return sizes

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Whether the gyros turn while gravity stands still: the witness that two gyros which differ do not have by themselves.
+
+Where the accelerometers are quiet, the direction of gravity in the tool changes by w x f and by nothing else. A gyro
+that reads a turn across gravity which gravity does not follow has drifted beyond its bias. About gravity itself, as in
+a vertical hole about the axis of the tool, nothing is seen.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mwd_estimation.core.sensor_fault import FaultCode
+from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
+from mwd_estimation.health.signal_checks import BIN_NS, FEW
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.compiled import compiled
+
+# Half seconds over which gravity has to stay.
+BINS = 8
+# Rate up to which the turn in that time is about the change of gravity's direction: a radian; rad/s.
+_SLOW = 0.25
+# Spread of a value that runs evenly over the half second, as a share of its way; the scatter it has to exceed.
+_EVEN, _SCATTERS = 1.0 / math.sqrt(12.0), 3.0
+
+
+@compiled
+def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, began: int) -> None:
+    """
+    Judge the half second that began at `began`, ns, once its means are known.
+
+    most, shakes : rate across gravity at rest, rad/s, and spread of a force, m/s^2, that a healthy tool keeps.
+    s : record of `stream_checks.Stream`, whose `rest` and `rested` it keeps.
+    """
+    for c in range(6):
+        row = channels[c]
+        # An accelerometer that repeats itself says nothing of gravity.
+        if row.n < FEW or (c >= 3 and (row.spread > shakes or row.constant_bins > 0)):
+            s.rested = 0
+            return
+    s.rest[:-1] = s.rest[1:].copy()
+    for c in range(6):
+        s.rest[BINS - 1, c] = channels[c].mean
+    s.rested = min(s.rested + 1, BINS)
+    if s.rested < BINS:
+        return
+    w, f = _mean(s.rest, 0), _mean(s.rest, 3)
+    size = math.sqrt(f[0] ** 2 + f[1] ** 2 + f[2] ** 2)
+    total = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
+    if size == 0.0:
+        return
+    x, y, z = w[1] * f[2] - w[2] * f[1], w[2] * f[0] - w[0] * f[2], w[0] * f[1] - w[1] * f[0]
+    across = math.sqrt(x * x + y * y + z * z) / size
+    moved, scatter = 0.0, 0.0
+    for c in range(3):
+        moved += (s.rest[BINS - 1, 3 + c] - s.rest[0, 3 + c]) ** 2
+        scatter += channels[3 + c].spread ** 2
+    seconds = 1e-9 * BIN_NS * (BINS - 1)
+    seen = AGAINST if across <= most else NOTHING
+    if total <= _SLOW and across - math.sqrt(moved) / size / seconds > most:
+        seen = FOR
+    # A faster turn shows within a half second.
+    even = across * size * min(1e-9 * BIN_NS * _EVEN, 0.7 / max(total, _SLOW))
+    if total > _SLOW and across > most and even > _SCATTERS * math.sqrt(scatter):
+        seen = FOR
+    observe(checks[FaultCode.REST_RATE.value, 0], seen, began, across, most)
+
+
+@compiled
+def _mean(rest: Array, first: int) -> tuple[float, float, float]:
+    """Mean of three columns."""
+    x, y, z = 0.0, 0.0, 0.0
+    for row in range(BINS):
+        x, y, z = x + rest[row, first], y + rest[row, first + 1], z + rest[row, first + 2]
+    return x / BINS, y / BINS, z / BINS

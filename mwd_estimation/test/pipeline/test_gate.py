@@ -1,0 +1,235 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The gate: what no sensor can read has the effect of a missing value, bit for bit, through the whole estimator."""
+
+import functools
+import itertools
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mwd_estimation.core.fault_messages import unit_words
+from mwd_estimation.core.input_gate import MARGIN, InputGate, Ranges
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.sensor_fault import FaultCode, Unit
+from mwd_estimation.core.status import Status
+from mwd_estimation.gravity import methods
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import wire
+from mwd_sensors.core.constants import EARTH_RATE
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_sensors.core.settings import changed
+
+START = 1_700_000_000 * 10**9
+REFERENCE = Reference(total=5e-5, dip=1.1, declination=0.05, convergence=0.01, gravity=9.81, source="test")
+SETTINGS = changed(EstimatorSettings(), {"place.lat_deg": 55.0, "survey.wait_for_gyro_s": 0.0})
+GATE = InputGate(derivation.input_ranges(SETTINGS))
+# Stream, field, axes and gate of each channel.
+CHANNELS = {
+    "gyro": ("imu", "angular_velocity", 3, GATE.limits[0]),
+    "accelerometer": ("imu", "linear_acceleration", 3, GATE.limits[1]),
+    "magnetometer": ("mag", "magnetic_field", 3, GATE.limits[2]),
+    "precision gyro": ("precision", "angular_velocity", 3, GATE.limits[3]),
+    "precision accelerometer": ("precision", "linear_acceleration", 3, GATE.limits[4]),
+    "temperature": ("temperature", "temperature", 1, 400.0),
+}
+SECONDS, STILL_AFTER = 44.0, 9.0
+
+
+@functools.cache
+def _sent():
+    """A string that turns, and stands still for a survey; both units, the magnetometer and a thermometer."""
+    rng = np.random.default_rng(7)
+    n = round(SECONDS * 100)
+    times = np.arange(n) * 0.01
+    turning = np.where(times < STILL_AFTER, 6.0, 0.0)
+    mats = mat_nt(0.8, np.full(n, 1.9), np.cumsum(turning) * 0.01)
+    field_n = 5e-5 * np.array([math.cos(1.1) * math.cos(0.05), math.cos(1.1) * math.sin(0.05), math.sin(1.1)])
+    earth_n = EARTH_RATE * np.array([math.cos(0.96), 0.0, -math.sin(0.96)])
+    imu, fine, mag = wire.IMU.empty(n), wire.IMU.empty(n), wire.MAG.empty(n)
+    heat = wire.TEMPERATURE.empty(round(SECONDS))
+    stamps = START + np.round(times * 1e9).astype(np.int64)
+    for unit, noise in ((imu, 1e-3), (fine, 2e-5)):
+        unit["stamp_ns"] = stamps
+        unit["angular_velocity"] = np.einsum("kji,j->ki", mats, earth_n) + noise * rng.normal(size=(n, 3))
+        unit["angular_velocity"][:, 0] += turning
+        unit["linear_acceleration"] = np.einsum("kji,j->ki", mats, [0, 0, -9.81]) + 5e-3 * rng.normal(size=(n, 3))
+    fine["angular_velocity"] = np.clip(fine["angular_velocity"], -1.745, 1.745)
+    mag["stamp_ns"] = stamps
+    mag["magnetic_field"] = np.einsum("kji,j->ki", mats, field_n) + 5e-8 * rng.normal(size=(n, 3))
+    heat["stamp_ns"], heat["temperature"] = stamps[::100], 60.0
+    return {"imu": imu, "mag": mag, "precision": fine, "temperature": heat}
+
+
+def _with(channel, axis, places, value):
+    stream, field, axes, _ = CHANNELS[channel]
+    streams = dict(_sent())
+    spoilt = streams[stream] = streams[stream].copy()
+    # Temperatures come a hundred times slower.
+    rows = np.unique(np.asarray(places) // 100) if axes == 1 else np.asarray(places)
+    spoilt[field].reshape(len(spoilt), axes)[rows, axis % axes] = value
+    return streams
+
+
+def _output(streams, given=SETTINGS, cuts=(1300,), north=True, mount=None):
+    """All that comes out: the streams in bytes, all else in words."""
+    pipeline = Pipeline(given, REFERENCE, mount)
+    output, edges = Output.empty(0), [0, *cuts, len(streams["imu"])]
+    stamps = streams["imu"]["stamp_ns"]
+    for start, stop in itertools.pairwise(edges):
+        end_ns = stamps[stop] if stop < len(stamps) else np.iinfo(np.int64).max
+        for name, push in (
+            ("mag", pipeline.push_mag),
+            ("precision", pipeline.push_precision),
+            ("temperature", pipeline.push_temperature),
+        ):
+            part = streams[name]
+            push(part[(part["stamp_ns"] >= stamps[start]) & (part["stamp_ns"] < end_ns)])
+        output = output.joined(pipeline.push_imu(streams["imu"][start:stop]))
+        if north and start == 0:
+            pipeline.request_north(30.0)
+    output = output.joined(pipeline.finish())
+    rows = [getattr(output, name).tobytes() for name in ("attitude", "gravity", "interference", "dynamics")]
+    events = (output.surveys, output.refusals, output.health, output.north, output.rotary)
+    rest = pipeline.counters, pipeline.sensor_faults, pipeline.temperature.last, pipeline.temperature.outside
+    return rows, re.sub(r"0x[0-9a-f]+", "", repr((events, rest))), pipeline, output
+
+
+def _assert_same(streams, others, **how):
+    mine, theirs = _output(streams, **how), _output(others, **how)
+    assert mine[1] == theirs[1]
+    assert mine[0] == theirs[0]
+
+
+def beyond(limit):
+    """Any finite double beyond a gate: just beyond it, twice the margin, huge, or not a number in another way."""
+    size = st.one_of(
+        st.just(math.nextafter(limit, math.inf)),
+        st.floats(limit, 1e4 * limit, exclude_min=True),
+        st.floats(limit, exclude_min=True, allow_infinity=True),
+    )
+    return st.builds(math.copysign, size, st.sampled_from([1.0, -1.0]))
+
+
+@pytest.mark.slow(30)
+@pytest.mark.fault_case(3)
+@pytest.mark.parametrize("channel", CHANNELS)
+@settings(max_examples=8)
+@given(data=st.data())
+def test_any_double_beyond_the_gate_in_one_sample_has_the_effect_of_a_missing_value(channel, data):
+    value = data.draw(beyond(CHANNELS[channel][3]))
+    places = [data.draw(st.integers(20, round(SECONDS * 100) - 20))]
+    axis = data.draw(st.integers(0, 2))
+    _assert_same(_with(channel, axis, places, value), _with(channel, axis, places, math.nan))
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("channel", CHANNELS)
+@pytest.mark.parametrize(("value", "length"), [(1e9, 2), (-1e150, 37), (1.7e308, 4400)])
+def test_bursts_and_whole_channels_beyond_the_gate_have_the_effect_of_missing_values(channel, value, length):
+    places = np.arange(700, min(700 + length, round(SECONDS * 100)))
+    _assert_same(_with(channel, 1, places, value), _with(channel, 1, places, math.nan))
+
+
+@pytest.mark.slow(20)
+@pytest.mark.parametrize("method", methods.METHODS)
+@pytest.mark.parametrize("channel", ["gyro", "accelerometer"])
+def test_every_gravity_method_takes_an_absurd_value_for_a_missing_one(method, channel):
+    chosen = changed(SETTINGS, {"gravity.method": method})
+    for place, value in ((400, 1000.0), (1500, -1e150)):
+        _assert_same(_with(channel, 1, [place], value), _with(channel, 1, [place], math.nan), given=chosen)
+
+
+@pytest.mark.slow(5)
+@pytest.mark.parametrize("channel", ["gyro", "accelerometer", "magnetometer", "precision gyro"])
+def test_the_gate_stands_before_a_mount_that_turns_the_axes(channel):
+    # Turned by 45 deg a value just beyond the range would be two within it.
+    half = math.sqrt(0.5)
+    askew = changed(SETTINGS, {"tool.mount.imu": f"1, 0, 0, 0, {half}, {-half}, 0, {half}, {half}"})
+    value = math.nextafter(CHANNELS[channel][3], math.inf)
+    _assert_same(_with(channel, 1, [500], value), _with(channel, 1, [500], math.nan), given=askew)
+
+
+@pytest.mark.slow(10)
+@settings(max_examples=12)
+@given(
+    channel=st.sampled_from(sorted(CHANNELS)),
+    axis=st.integers(0, 2),
+    place=st.integers(20, round(SECONDS * 100) - 20),
+    value=st.sampled_from([0.0, 5e-324, -2e-308, 1e-200, 1e-9]),
+)
+def test_tiny_values_are_readings_that_break_nothing(channel, axis, place, value):
+    rows, _, _, output = _output(_with(channel, axis, [place], value))
+    for name in ("attitude", "gravity", "interference", "dynamics"):
+        samples = getattr(output, name)
+        assert all(np.isfinite(samples[field]).all() for field in samples.dtype.names)
+    assert rows
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_the_sign_of_zero_says_nothing(channel):
+    for place in (500, 1500):
+        _assert_same(_with(channel, 1, [place], -0.0), _with(channel, 1, [place], 0.0))
+
+
+@pytest.mark.slow(6)
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("share", [1.0, 0.999 * MARGIN])
+def test_between_its_range_and_the_gate_a_gyro_is_taken_for_clipped(axis, share):
+    value = share * math.radians(2000.0)
+    _, _, _, clean = _output(_sent())
+    for place in (500, 1500):
+        _, _, _, spoilt = _output(_with("gyro", axis, [place], value))
+        rows = spoilt.attitude
+        assert rows["status"][place] & Status.CLIPPED
+        error = np.abs(wrap_pi(rows["azimuth"] - clean.attitude["azimuth"]))
+        known = rows["sigma_azimuth"] >= 0.0
+        assert (error[known] <= rows["sigma_azimuth"][known] + 1e-3).all(), place
+
+
+@pytest.mark.parametrize(("power", "words"), [(3, "mT"), (4, "G"), (6, "uT"), (7, "mG"), (9, "nT")])
+def test_a_magnetometer_in_another_unit_is_not_used_and_its_unit_is_named(power, words):
+    streams = dict(_sent())
+    streams["mag"] = streams["mag"].copy()
+    streams["mag"]["magnetic_field"] *= 10.0**power
+    _, _, pipeline, output = _output(streams, cuts=range(100, 4400, 100))
+    (fault,) = [one for one in pipeline.sensor_faults if one.place // 3 == 2]
+    assert fault.code == FaultCode.UNIT
+    assert fault.since_ns == START
+    assert unit_words(fault) == words
+    assert (output.attitude["sigma_azimuth"] == -1.0).all()
+
+
+@pytest.mark.parametrize(("stream", "unit"), [("imu", Unit.CONVENTIONAL), ("precision", Unit.PRECISION)])
+def test_gyros_in_deg_s_are_named_while_the_string_turns(stream, unit):
+    streams = dict(_sent())
+    streams[stream] = streams[stream].copy()
+    streams[stream]["angular_velocity"] = np.degrees(_sent()["imu"]["angular_velocity"])
+    _, _, _, output = _output(streams, north=False)
+    named = [one for one in output.health if one.code == FaultCode.UNIT and not one.cleared_ns]
+    assert {(one.unit, one.place // 3) for one in named} == {(unit, 0)}
+    assert named[0].since_ns < START + 10**9
+
+
+@given(
+    value=st.floats(allow_nan=True, allow_infinity=True),
+    full=st.floats(1e-3, 1e3),
+)
+def test_what_passed_the_gate_passes_again_as_it_is(value, full):
+    gate = InputGate(Ranges(full, full, full, full))
+    imu, mag, heat = wire.IMU.empty(3), wire.MAG.empty(3), wire.TEMPERATURE.empty(3)
+    imu["angular_velocity"][1, 2] = imu["linear_acceleration"][0, 0] = value
+    mag["magnetic_field"][2, 1] = heat["temperature"][2] = value
+    for take, samples in ((gate.imu, imu), (gate.mag, mag), (gate.precision, imu), (gate.temperature, heat)):
+        before = samples.tobytes()
+        once = take(samples)
+        assert take(once).tobytes() == once.tobytes()
+        # The caller keeps what was sent.
+        assert samples.tobytes() == before

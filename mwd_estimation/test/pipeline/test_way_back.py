@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every latch has a way back: a fault that ends leaves the estimate of a healthy tool, and is past, not present."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.core.sensor_fault import FaultCode, Unit
+from mwd_estimation.core.status import Status
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
+from mwd_sensors.core.frames import wrap_pi
+from mwd_sensors.simulator import faults, scenario
+from mwd_sensors.simulator.faults import Fault
+from mwd_sensors.simulator.sonde import Sonde
+from project import SCENARIOS
+
+pytestmark = pytest.mark.slow(3)
+
+TOPICS = ("imu/mag", "gyro/data_raw", "imu/temperature", "imu/data_raw")
+SCHEDULE = [
+    {"kind": "drill", "seconds": 70.0, "rpm": 100.0, "rop_m_h": 0.0},
+    {"kind": "still", "seconds": 60.0, "pumps": False},
+]
+# The fault lasts from here to there, and half a minute later all is as if it had not been, s.
+BEGINS, ENDS, AFTER = 15.0, 32.0, 30.0
+
+
+@functools.cache
+def sent(name="drillvib"):
+    changes = {"schedule": SCHEDULE, "faults": [], "precision": {"grade": "tactical_north"}}
+    sonde = Sonde(scenario.read(SCENARIOS / "bench" / f"{name}.yaml", changes))
+    blocks = list(sonde.blocks(10.0))
+    return {topic: np.concatenate([block[topic] for block in blocks]) for topic in TOPICS}, sonde.reference
+
+
+def seconds(samples):
+    return (samples["stamp_ns"] - sent()[0]["imu/data_raw"]["stamp_ns"][0]) * 1e-9
+
+
+def estimated(streams, come=None):
+    """Output of streams that come second by second; come: times of arrival by topic, where those are not the stamps."""
+    field = sent()[1]
+    place = Place(
+        field="fixed",
+        total_nt=field.total * 1e9,
+        dip_deg=np.degrees(field.dip),
+        declination_deg=np.degrees(field.declination),
+        lat_deg=38.0,
+    )
+    pipeline, output = Pipeline(EstimatorSettings(place=place)), Output.empty(0)
+    arrival = {topic: (come or {}).get(topic, seconds(samples)) for topic, samples in streams.items()}
+    pushes = (pipeline.push_mag, pipeline.push_precision, pipeline.push_temperature)
+    end = max(float(times.max()) for times in arrival.values())
+    for second in np.arange(0.0, end + 1.0):
+        now = {t: samples[(arrival[t] >= second) & (arrival[t] < second + 1.0)] for t, samples in streams.items()}
+        for push, topic in zip(pushes, TOPICS[:3], strict=True):
+            push(now[topic])
+        output = output.joined(pipeline.push_imu(now["imu/data_raw"]))
+    return output.joined(pipeline.finish()), pipeline
+
+
+@functools.cache
+def healthy(name="drillvib"):
+    return estimated(sent(name)[0])
+
+
+def _refusal(station):
+    refused = station.by_method("gyro").refused
+    return None if refused is None else refused.code
+
+
+def assert_back(output, pipeline, name="drillvib", after=ENDS + AFTER):
+    """Nothing stands, what was named has ended, and the estimate is that of a healthy run within its sigma."""
+    clean, _ = healthy(name)
+    assert pipeline.sensor_faults == []
+    began = [one.check for one in output.health if not one.cleared_ns]
+    assert {one.check for one in output.health if one.cleared_ns} == set(began)
+    places = np.searchsorted(clean.attitude["stamp_ns"], output.attitude["stamp_ns"])
+    late = seconds(output.attitude) > after
+    rows, others = output.attitude[late], clean.attitude[np.minimum(places[late], len(clean.attitude) - 1)]
+    assert not (rows["status"] & (Status.SENSOR_FAULT | Status.NO_MAG)).any()
+    for field in ("inclination", "azimuth"):
+        sigma = rows[f"sigma_{field}"]
+        assert (sigma > 0.0).all()
+        assert (np.abs(wrap_pi(rows[field] - others[field])) < 3.0 * np.hypot(sigma, others[f"sigma_{field}"])).all()
+    assert len(output.surveys) == len(clean.surveys) > 0
+    last, expected = output.surveys[-1].station, clean.surveys[-1].station
+    assert last.verdict == expected.verdict
+    assert abs(wrap_pi(last.azimuth - expected.azimuth)) < 3.0 * np.hypot(last.sigma_azimuth, expected.sigma_azimuth)
+    # The precision unit has its say again.
+    assert _refusal(last) == _refusal(expected)
+    return began
+
+
+CASES = [
+    ("accel", "stuck", "x", FaultCode.STUCK),
+    ("accel", "stuck", "all", FaultCode.DEAD),
+    ("accel", "nan", "all", FaultCode.INVALID),
+    ("accel", "garbage", "all", FaultCode.NOISE),
+    ("accel", "in_g", "all", FaultCode.UNIT),
+    ("accel", "saturated", "z", FaultCode.SATURATED),
+    ("accel", "flipped", "y", FaultCode.AXES),
+    ("accel", "flipped", "all", FaultCode.SIGN),
+    ("gyro", "nan", "all", FaultCode.INVALID),
+    ("gyro", "in_deg_s", "all", FaultCode.UNIT),
+    ("gyro", "flipped", "x", FaultCode.AXES),
+    ("mag", "off", "all", FaultCode.SILENT),
+    ("mag", "stuck", "all", FaultCode.DEAD),
+    ("mag", "garbage", "all", FaultCode.NOISE),
+    ("mag", "in_nt", "all", FaultCode.UNIT),
+    ("mag", "in_gauss", "all", FaultCode.UNIT),
+    ("mag", "flipped", "all", FaultCode.SIGN),
+    ("mag", "swapped", "yz", FaultCode.AXES),
+    ("precision_gyro", "stuck", "y", FaultCode.STUCK),
+    ("precision_gyro", "nan", "all", FaultCode.INVALID),
+    ("precision_gyro", "in_deg_s", "all", FaultCode.UNIT),
+    ("precision_gyro", "garbage", "all", None),
+    ("precision_gyro", "flipped", "x", FaultCode.AXES),
+    ("precision_gyro", "repeated_stamps", "all", FaultCode.STAMPS),
+    ("precision_accel", "in_g", "all", FaultCode.UNIT),
+    ("precision_accel", "delayed", "all", None),
+    ("precision_accel", "garbage", "all", None),
+]
+
+
+@pytest.mark.parametrize(("component", "word", "axis", "code"), CASES)
+def test_a_fault_that_ends_leaves_no_trace(component, word, axis, code):
+    streams = dict(sent()[0])
+    topic = faults.COMPONENTS[component][0]
+    fault = Fault(component, word, axis, start_s=BEGINS, seconds=ENDS - BEGINS)
+    state = faults.start([fault], np.random.default_rng(1))
+    streams[topic] = faults.spoil(state, topic, streams[topic], seconds(streams[topic]))[0]
+    output, pipeline = estimated(streams)
+    began = assert_back(output, pipeline)
+    if code is not None:
+        assert int(code) in {check % 1000 // 9 for check in began}
+
+
+@pytest.mark.fault_case(48)
+@pytest.mark.parametrize("name", ["drillvib", "vib50", "stickslip"])
+@pytest.mark.parametrize("until_s", [32.0, 1e9])
+def test_loss_of_a_third_is_held_against_no_sensor(name, until_s):
+    rng, streams = np.random.default_rng(5), dict(sent(name)[0])
+    for topic in ("imu/mag", "gyro/data_raw", "imu/data_raw"):
+        lost = (rng.random(len(streams[topic])) < 0.3) & (seconds(streams[topic]) < until_s)
+        streams[topic] = streams[topic][~lost]
+    output, pipeline = estimated(streams)
+    assert output.health == []
+    assert pipeline.sensor_faults == []
+    assert all(_refusal(one.station) in (None, ReasonCode.GYRO_BIAS_UNKNOWN) for one in output.surveys)
+
+
+@pytest.mark.fault_case(9)
+@pytest.mark.parametrize(("axis", "rate"), [(0, 0.05), (1, 0.02), (1, 0.1), (2, 0.3)])
+def test_a_gyro_that_drifts_is_named_at_rest_and_the_healthy_unit_stays_in_use(axis, rate):
+    streams = dict(sent()[0])
+    imu = streams["imu/data_raw"] = streams["imu/data_raw"].copy()
+    imu["angular_velocity"][:, axis] += rate * np.clip((seconds(imu) - 20.0) / 20.0, 0.0, 1.0)
+    output, pipeline = estimated(streams)
+    assert [(one.unit, one.code) for one in pipeline.sensor_faults] == [(Unit.CONVENTIONAL, FaultCode.REST_RATE)]
+    assert len(output.surveys) == 1
+    station = output.surveys[-1].station
+    assert station.verdict == "accept"
+    assert _refusal(station) in (None, ReasonCode.GYRO_BIAS_UNKNOWN)
+
+
+def test_a_gyro_that_has_drifted_and_is_replaced_is_used_again():
+    streams = dict(sent()[0])
+    imu = streams["imu/data_raw"] = streams["imu/data_raw"].copy()
+    time_s = seconds(imu)
+    imu["angular_velocity"][:, 1] += 0.1 * ((time_s > 75.0) & (time_s < 95.0))
+    output, pipeline = estimated(streams)
+    assert [(one.code, bool(one.cleared_ns)) for one in output.health if one.unit == Unit.CONVENTIONAL] == [
+        (FaultCode.REST_RATE, False),
+        (FaultCode.REST_RATE, True),
+    ]
+    assert pipeline.sensor_faults == []
+    assert not (output.attitude["status"][-500:] & Status.SENSOR_FAULT).any()
+
+
+@pytest.mark.fault_case(51)
+@pytest.mark.parametrize("topic", ["imu/mag", "gyro/data_raw"])
+@pytest.mark.parametrize(("off", "one"), [(5.0, True), (1e8, True), (-12.0, False), (12.0, False), (3600.0, False)])
+def test_stamps_that_were_wrong_leave_no_trace(topic, off, one):
+    streams = dict(sent()[0])
+    samples = streams[topic] = streams[topic].copy()
+    time_s = seconds(samples)
+    hit = (time_s >= BEGINS) & (time_s < ENDS)
+    hit = np.arange(len(hit)) == hit.argmax() if one else hit
+    samples["stamp_ns"][hit] += round(off * 1e9)
+    output, pipeline = estimated(streams, {topic: time_s})
+    assert_back(output, pipeline)
+
+
+def test_a_rate_that_was_set_is_the_usual_one_after_half_a_minute():
+    streams = dict(sent()[0])
+    imu = streams["imu/data_raw"]
+    kept = (seconds(imu) < BEGINS) | (np.arange(len(imu)) % 2 == 0)
+    streams["imu/data_raw"] = imu[kept]
+    output, pipeline = estimated(streams)
+    assert [(one.code, bool(one.cleared_ns)) for one in output.health] == [
+        (FaultCode.RATE, False),
+        (FaultCode.RATE, True),
+    ]
+    assert output.health[1].cleared_ns - output.health[0].since_ns < 40 * 10**9
+    assert pipeline.sensor_faults == []

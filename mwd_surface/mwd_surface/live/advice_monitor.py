@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Advice on steering: computed from plan, path and slide sheet, told to rig systems, shown on the page."""
+
+from __future__ import annotations
+
+from mwd_surface.live.toolface import MAGNETIC
+from mwd_surface.live.well_context import WellContext
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.trajectory.advice import Advice, AdvisorySettings, Known, advise
+from mwd_surface.trajectory.plan import Plan
+from mwd_surface.trajectory.slide_sheet import Stretch, yields
+
+
+class AdviceMonitor:
+    """Advice for one well."""
+
+    def __init__(self, context: WellContext) -> None:
+        self._live, self._outlet = context.live, context.outlet
+        self._advice: Advice | None = None
+
+    def update(
+        self,
+        now: float,
+        settings: AdvisorySettings,
+        plan: Plan | None,
+        surveys: SurveyList,
+        bit_depth: float | None,
+        stretches: tuple[Stretch, ...],
+    ) -> None:
+        """Tell and show the advice where it has changed; called once a second. now: time, s."""
+        path = surveys.definitive(bit_depth=bit_depth)
+        reading = self._live.toolface_reading
+        magnetic = reading is not None and reading.mode == MAGNETIC
+        advice = advise(
+            settings, plan, path, yields(stretches, surveys.definitive()), _known(surveys, magnetic=magnetic)
+        )
+        if advice == self._advice:
+            return
+        self._advice = advice
+        self._live.on_advice(advice, now)
+        self._outlet.on_advice(advice)
+
+
+def _known(surveys: SurveyList, *, magnetic: bool) -> Known:
+    last = max((r for r in surveys.records if r.in_use), key=lambda r: r.survey.stamp_ns, default=None)
+    if last is None:
+        return Known(magnetic=magnetic)
+    sigmas = (float(last.survey.sigma_inclination), float(last.survey.sigma_azimuth))
+    inclination, azimuth = (sigma if sigma >= 0.0 else None for sigma in sigmas)
+    return Known(last.survey.sequence, last.survey.stamp_ns, inclination, azimuth, magnetic)

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Clocks and ages of all inputs, and which source gives the depth: measured, told once a second, shown."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.wire import RIG_VALID
+from mwd_surface.live.block_track import BlockTrack
+from mwd_surface.live.inputs import GAUGE, SONDE, Clock, DepthSources, InputClock, InputTable
+from mwd_surface.live.source_selection import MODBUS, OPCUA, WITS, SourceSelection, short_name
+from mwd_surface.live.well_context import WellContext
+from mwd_surface.surveys.list_rules import DEEPEST
+
+# Their data are stamped by us when they arrive.
+_OURS = (OPCUA, WITS, MODBUS)
+
+
+class InputMonitor:
+    """
+    The inputs of one well.
+
+    Parameters
+    ----------
+    context : WellContext
+    selection : SourceSelection
+        Of the source of rig data.
+    link : bool
+        Whether a telemetry link, whose words bear the time of the rig's gauge, stands between tool and surface.
+    """
+
+    def __init__(self, context: WellContext, selection: SourceSelection, *, link: bool) -> None:
+        self._clock, self._live, self._outlet = context.clock, context.live, context.outlet
+        self._depths, self._selection = DepthSources(selection), selection
+        self._over_link = link
+        self._clocks: dict[str, InputClock] = {}
+        self._block = BlockTrack()
+        self.table = InputTable()
+
+    def on_sonde(self, samples: Samples) -> None:
+        """Take samples that bear the time of the sonde."""
+        if len(samples):
+            self._note(SONDE, int(samples["stamp_ns"][-1]))
+
+    def on_gauge(self, stamp_ns: int) -> None:
+        """Take the time of the newest sample of a link's gauge."""
+        self._note(GAUGE, stamp_ns)
+
+    def on_rig_input(self, frame: str, samples: Samples) -> None:
+        """Take rig data, `wire.RIG_STATE`, of any source; frame: that of its messages."""
+        if not len(samples):
+            return
+        self._note(short_name(frame), int(samples["stamp_ns"][-1]))
+        last = samples[-1]
+        depth = float(last["bit_depth"])
+        if int(last["valid"]) & RIG_VALID["bit_depth"] and 0.0 <= depth <= DEEPEST:
+            self._depths.take(frame, depth, self._clock.now)
+
+    def on_depth_by_hand(self, bit_depth: float) -> None:
+        """Take a bit depth that a person has set, m."""
+        self._block.start(bit_depth)
+        self._depths.set_by_hand(bit_depth, self._clock.now)
+
+    def in_force(self, samples: Samples) -> tuple[Samples, Samples]:
+        """
+        Return the rig data in force as they are paired with surveys, and as they are shown.
+
+        Where the source gives no depth, or a depth by hand goes before it, block and slips carry the last depth on;
+        where they cannot, surveys are paired with no depth of the rig, and the depth by hand is shown.
+        """
+        now, bit = self._clock.now, RIG_VALID["bit_depth"]
+        hand = self._depths.by_hand(now)
+        if hand is not None:
+            samples = samples.copy()
+            samples["valid"] &= np.uint32(~bit & 0xFFFFFFFF)
+        given = samples["valid"] & bit
+        paired = self._block.carry(samples)
+        if len(samples):
+            carried = paired["valid"][-1] & bit and not given[-1]
+            self._depths.take_block(self._block.depth if carried else None, now)
+        if hand is None:
+            return paired, paired
+        shown = paired.copy()
+        shown["bit_depth"][shown["valid"] & bit == 0] = hand
+        shown["valid"] |= bit
+        return paired, shown
+
+    def measured_at(self, name: str, stamp_ns: int, now: float) -> float:
+        """
+        Return when a sample was measured, s.
+
+        name: SONDE, or another word for the source of rig data in force. now: when the sample came, which is the answer
+        where the clock that stamped it runs at a pace of its own, or is not known yet.
+        """
+        source = name if name == SONDE else short_name(self._selection.source or "")
+        clock = self._clocks.get(source)
+        if clock is None or self._clock_of(source) in (Clock.SIMULATED, Clock.HOST):
+            return now
+        return clock.measured_at(stamp_ns, self._clock, now)
+
+    def _note(self, name: str, stamp_ns: int) -> None:
+        self._clocks.setdefault(name, InputClock()).note(stamp_ns, self._clock.now_ns, self._clock.now)
+
+    def _clock_of(self, name: str) -> Clock:
+        if name in _OURS:
+            return Clock.HOST
+        if self._outlet.is_simulated():
+            return Clock.SIMULATED
+        return Clock.TOOL if name == SONDE and not self._over_link else Clock.RIG
+
+    def update(self, now: float, *, shown: bool = True) -> None:
+        """Tell and show the inputs; called once a second. now: time, s. shown: False where another list is shown."""
+        host_ns = self._clock.now_ns
+        states = {name: clock.state(name, self._clock_of(name), host_ns, now) for name, clock in self._clocks.items()}
+        self.table = self._depths.table(states, now)
+        self._outlet.on_inputs(self.table)
+        if shown:
+            self._live.on_inputs(self.table, now)

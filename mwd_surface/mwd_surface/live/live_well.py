@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+A well as the surface knows it: messages in, in the order of their arrival; the state of the page out.
+
+The surface node feeds it with what it subscribes to, the viewer of a recording with what was recorded; both get the
+same state, because nothing else goes in. Messages are taken in cells of 50 ms that begin at whole seconds of their time
+of arrival, and all that happens once a second happens at whole seconds, so that the state of a moment does not depend
+on when its messages were handed in.
+
+Some topics are said by the surface itself: its alarms, events, list, inputs, advice, and the states of recorder, rig
+control and downlink. A recording that holds them shows what was said; what it does not hold is evaluated here, as the
+node would have done.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import operator
+from collections.abc import Callable, Collection, Iterable
+from typing import Any, Protocol
+
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_surface.live.advice_monitor import AdviceMonitor
+from mwd_surface.live.alarms import Alarm
+from mwd_surface.live.clearance_monitor import ClearanceMonitor
+from mwd_surface.live.diagnostics_monitor import DiagnosticsMonitor
+from mwd_surface.live.evaluation import not_evaluated
+from mwd_surface.live.input_monitor import InputMonitor
+from mwd_surface.live.link_monitor import LinkMonitor
+from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.said import SaidByTheSurface
+from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
+from mwd_surface.live.slide_recorder import SlideRecorder
+from mwd_surface.live.source_selection import SourceRules
+from mwd_surface.live.stream_decoder import RIG, StreamDecoder
+from mwd_surface.live.supervision_monitor import SupervisionMonitor
+from mwd_surface.live.survey_book import SurveyBook
+from mwd_surface.live.well_context import WellContext, WellOutlet
+from mwd_surface.live.well_state import WellState
+from mwd_surface.surveys.depth import DepthRules
+from mwd_surface.surveys.leg_settings import LegSettings
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.message_conversion import survey_of
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.well import Well
+from mwd_surface.trajectory.advice import AdvisorySettings
+from mwd_surface.trajectory.slide_sheet import SlideRules, Stretch
+
+CELL_NS = 50_000_000
+_LINK_PERIOD = 2.0  # s between attitudes over a link at most
+# Of the tool, and what a surface that hears the tool through a link takes instead.
+OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey"}
+_FROM_TOOL = ("gravity", "dynamics", "interference", "imu/temperature", "imu/mag", "imu/data_raw", "survey/revised")
+
+Message = tuple[int, str, bytes]
+# Of equal times the topic decides, not who handed in first.
+_ARRIVED = operator.itemgetter(0, 1)
+
+
+class WellSettings(Protocol):
+    """The sections of the surface's settings that a well needs."""
+
+    @property
+    def live(self) -> LiveSettings: ...  # noqa: D102
+    @property
+    def link(self) -> LinkSettings: ...  # noqa: D102
+    @property
+    def well(self) -> Well: ...  # noqa: D102
+    @property
+    def plan(self) -> PlanSettings: ...  # noqa: D102
+    @property
+    def advisory(self) -> AdvisorySettings: ...  # noqa: D102
+    @property
+    def rules(self) -> ListRules: ...  # noqa: D102
+    @property
+    def leg(self) -> LegSettings: ...  # noqa: D102
+    @property
+    def depth(self) -> DepthRules: ...  # noqa: D102
+    @property
+    def rig_sources(self) -> SourceRules: ...  # noqa: D102
+    @property
+    def slides(self) -> SlideRules: ...  # noqa: D102
+
+
+def live_settings(settings: WellSettings) -> LiveSettings:
+    """Return the settings of the live state: over a link an attitude comes with each second of pressure."""
+    live = settings.live
+    if settings.link.source == "direct":
+        return live
+    return dataclasses.replace(live, estimator_period=max(live.estimator_period, _LINK_PERIOD))
+
+
+class LiveWell:
+    """
+    One well.
+
+    Parameters
+    ----------
+    context : WellContext
+        Its clock stands at the begin.
+    settings : WellSettings
+    decode : callable
+        `decode(topic, data)` returns a serialised message as an object with the fields of its type.
+    book : SurveyBook
+        The survey list, of the same context.
+    plan : PlanMonitor
+        The planned path, of the same context.
+    full_name : str
+        Of its surface node, with the namespace of the well.
+    stretches : iterable of Stretch
+        The slide sheet so far.
+    said : collection of str
+        Topics of the surface itself that come as messages; of all others the content is evaluated here.
+
+    Attributes
+    ----------
+    topics : frozenset of str
+        What it takes, relative to the well.
+    vertical_limit : float or None
+        Inclination, rad, below which the estimator gives the magnetic toolface; None while it is not known.
+    """
+
+    def __init__(
+        self,
+        context: WellContext,
+        settings: WellSettings,
+        decode: Callable[[str, bytes], Any],
+        *,
+        book: SurveyBook,
+        plan: PlanMonitor,
+        full_name: str = "/surface",
+        stretches: Iterable[Stretch] = (),
+        said: Collection[str] = (),
+    ) -> None:
+        self.context, self.settings, self.book, self.plan = context, settings, book, plan
+        self.live, self.alarm_log, self.clock = context.live, context.alarm_log, context.clock
+        self.vertical_limit: float | None = None
+        self._outlet, self._decode = context.outlet, decode
+        over_link = self.live.over_link = settings.link.source != "direct"
+        self.decoder = StreamDecoder(
+            context,
+            on_attitude=self._on_attitude,
+            on_rig_state=self._on_rig_state,
+            on_sonde=self._on_sonde,
+            on_rig_input=self._on_rig_input,
+            rules=settings.rig_sources,
+        )
+        self.inputs = InputMonitor(context, self.decoder.rig_sources, link=over_link)
+        self.live.moment = self.inputs.measured_at
+        self.slides = SlideRecorder(context, settings.slides, stretches)
+        self.diagnostics = DiagnosticsMonitor(context, full_name)
+        self._supervision = SupervisionMonitor(context)
+        self._link = LinkMonitor(context, settings.link.source, on_gauge=self.inputs.on_gauge)
+        self._clearance = ClearanceMonitor(context, plan)
+        self._advice = AdviceMonitor(context)
+        self._said = SaidByTheSurface(context, self.inputs, book, self.diagnostics.survey_ended, said)
+        self._shown_alarms: tuple[int, tuple[str, ...]] = (-1, ())
+        self._waiting: list[Message] = []
+        self._handlers = self._handlers_of(over_link=over_link)
+        self.topics = frozenset({*self._handlers, *self._supervision.topics})
+
+    def _handlers_of(self, *, over_link: bool) -> dict[str, Callable[[bytes], None]]:
+        """From topic to what takes its serialised messages."""
+
+        def decoded(topic: str, take: Callable[[Any], None]) -> Callable[[bytes], None]:
+            return lambda data: take(self._decode(topic, data))
+
+        handlers: dict[str, Callable[[bytes], None]] = {
+            topic: buffer.append for topic, buffer in self.decoder.buffers.items()
+        }
+        of_messages: dict[str, Callable[[Any], None]] = {
+            "survey": self._on_survey,
+            "survey/revised": self._on_revision,
+            "/diagnostics": self.diagnostics.on_diagnostics,
+            "heartbeat": self._supervision.on_heartbeat,
+            "rig/quill": self.slides.on_quill,
+            "link/word": self._link.on_word,
+            "link/frame": self._link.on_frame,
+            "link/quality": self._link.on_quality,
+            "rig/strokes": self._link.on_strokes,
+            **self._said.handlers,
+        }
+        if over_link:
+            handlers = {OVER_LINK.get(topic, topic): take for topic, take in handlers.items()}
+            of_messages = {OVER_LINK.get(topic, topic): take for topic, take in of_messages.items()}
+        handlers |= {topic: decoded(topic, take) for topic, take in of_messages.items()}
+        handlers["rig/standpipe"] = self._link.on_pressure
+        if over_link:
+            handlers = {topic: take for topic, take in handlers.items() if topic not in _FROM_TOOL}
+        return handlers
+
+    def begin(self, now_ns: int) -> None:
+        """Go on at a time, ns, without what happens once a second in between: nothing was heard meanwhile."""
+        self.clock.now_ns = max(self.clock.now_ns, now_ns - now_ns % CELL_NS)
+
+    # What comes in.
+
+    def put(self, topic: str, data: bytes, arrived_ns: int) -> None:
+        """Hand in a serialised message of a topic, relative to the well, with its time of arrival, ns."""
+        self._waiting.append((arrived_ns, topic, data))
+
+    def advance(self, until_ns: int) -> None:
+        """Take what has arrived up to a time, ns, in whole cells; what arrived later waits."""
+        last = until_ns - until_ns % CELL_NS
+        self._waiting.sort(key=_ARRIVED)
+        waiting, self._waiting, taken = self._waiting, [], 0
+        while self.clock.now_ns < last:
+            end = self._next_end(waiting[taken][0] if taken < len(waiting) else last, last)
+            self.clock.now_ns = end
+            while taken < len(waiting) and waiting[taken][0] <= end:
+                _, topic, data = waiting[taken]
+                self._take(topic, data)
+                taken += 1
+            self.decoder.decode_all(self.clock.now)
+            if end % NANOSECONDS == 0:
+                self._update_once_a_second()
+        self._waiting = waiting[taken:] + self._waiting
+
+    def _next_end(self, arrival_ns: int, last: int) -> int:
+        """End of the next cell with something in it, at most the next whole second; empty cells are passed over."""
+        now = self.clock.now_ns
+        following = now - now % CELL_NS + CELL_NS
+        of_arrival = -(-arrival_ns // CELL_NS) * CELL_NS
+        second = now - now % NANOSECONDS + NANOSECONDS
+        return max(following, min(of_arrival, second, last))
+
+    def _take(self, topic: str, data: bytes) -> None:
+        self._supervision.message_received(topic)
+        handler = self._handlers.get(topic)
+        if handler is not None:
+            handler(data)
+
+    def _on_attitude(self, samples: Samples) -> None:
+        self.slides.on_attitude(samples)
+
+    def _on_sonde(self, samples: Samples) -> None:
+        self._supervision.on_sonde(samples)
+        if not self.live.over_link:
+            self.inputs.on_sonde(samples)
+        self.book.on_sonde(samples)
+
+    def _on_rig_input(self, frame: str, samples: Samples) -> None:
+        self.inputs.on_rig_input(frame, samples)
+
+    def _on_rig_state(self, samples: Samples) -> Samples:
+        paired, shown = self.inputs.in_force(samples)
+        bit_depth = self.book.on_rig_state(paired)
+        self.slides.on_rig_state(paired, bit_depth, self.book.surveys.well.sensor_offset)
+        self._outlet.on_rig_state(samples)
+        return shown
+
+    def _on_survey(self, message: Any) -> None:
+        # The depth of a survey comes from the rig data received before it.
+        self.decoder.decode(RIG, self.clock.now)
+        survey = survey_of(message)
+        if self._said.lists:
+            self._said.on_survey(survey)
+        else:
+            self.diagnostics.survey_ended(self.book.on_survey(survey))
+
+    def _on_revision(self, message: Any) -> None:
+        if not self._said.lists:
+            self.book.on_revision(survey_of(message))
+
+    # Time.
+
+    def _update_once_a_second(self) -> None:
+        now, book = self.clock.now, self.book
+        self.live.on_vertical_limit(self.vertical_limit)
+        self.diagnostics.update(now)
+        self.inputs.update(now, shown=not self._said.tells_inputs)
+        depths = self.inputs.table.depth_difference
+        self._supervision.update(now, book.depth.clock_difference, depths, self._outlet.readings())
+        self._link.update()
+        self.decoder.update(now)
+        book.update_projection(now)
+        self._clearance.update(book.surveys, book.bit_depth)
+        self.slides.update(now, book.surveys)
+        if not self._said.advises:
+            plan, stretches = self.plan.plan, self.slides.stretches()
+            self._advice.update(now, self.settings.advisory, plan, book.surveys, book.bit_depth, stretches)
+        if not self._said.alarms:
+            self._show_alarms(now)
+
+    def _show_alarms(self, now: float) -> None:
+        book, missing = self.alarm_log.book, self.not_evaluated()
+        if (book.version, missing) != self._shown_alarms:
+            self._shown_alarms = (book.version, missing)
+            stamp_ns = self.alarm_log.now_ns()
+            self._outlet.on_alarms(book, missing, stamp_ns)
+            self.live.on_alarms(book.alarms(), book.events(), now, stamp_ns, missing)
+
+    def not_evaluated(self) -> tuple[str, ...]:
+        """Return what could not be judged so far, because nothing that would tell has come."""
+        return not_evaluated(
+            self._supervision.heard, self._supervision.judged, over_link=self.settings.link.source != "direct"
+        )
+
+    def evaluated_alarms(self) -> tuple[Alarm, ...]:
+        """Return the alarms that were evaluated here, whether or not they are those that are shown."""
+        return self.alarm_log.book.alarms()
+
+    def state(self) -> WellState:
+        """Return the state at the end of the last cell that was taken."""
+        return self.live.at(self.clock.now)
+
+
+def first_list(settings: WellSettings) -> SurveyList:
+    """Return an empty survey list by the settings."""
+    return SurveyList(well=settings.well, rules=settings.rules)
+
+
+__all__ = ["LiveWell", "WellOutlet", "WellSettings", "first_list", "live_settings"]

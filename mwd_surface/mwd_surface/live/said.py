@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the surface said of itself, in a recording: its alarms, events, list, inputs, advice, and its states."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Any
+
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
+from mwd_surface.control.set_point import LeaseLimits, Mode
+from mwd_surface.control.status import Achieved, ControlState, ControlStatus, Reaction
+from mwd_surface.downlink.status import DownlinkStatus
+from mwd_surface.live.alarms import Alarm, Event
+from mwd_surface.live.input_monitor import InputMonitor
+from mwd_surface.live.inputs import HAND, Clock, InputState, InputTable, Role
+from mwd_surface.live.survey_book import SurveyBook, outcome
+from mwd_surface.live.well_context import WellContext
+from mwd_surface.surveys.message_conversion import advice_of, list_of, stamp_of
+from mwd_surface.surveys.survey_record import Survey
+
+# Topics of the surface node itself that tell what the page shows.
+SAID = frozenset(
+    {
+        "alarms",
+        "events",
+        "surveys",
+        "inputs",
+        "steering/advice",
+        "recorder",
+        "control/state",
+        "downlink/state",
+    }
+)
+_MOST_EVENTS = 1000
+_AGAIN = 1.5  # s; two lists of inputs that place a depth by hand closer than this mean the same one
+
+
+class SaidByTheSurface:
+    """
+    Shows what a surface said while it was recorded.
+
+    Parameters
+    ----------
+    context : WellContext
+    inputs : InputMonitor
+        Takes the depth that a person had set.
+    book : SurveyBook
+        Takes the survey list.
+    on_outcome : callable
+        Called with how a survey ended, in words, once the list says it.
+    topics : collection of str
+        Those of `SAID` that come as messages.
+
+    Attributes
+    ----------
+    handlers : dict
+        From topic to the function that takes its messages.
+    alarms, lists, advises, tells_inputs : bool
+        Whether alarms, the survey list, the advice on steering, and the inputs come as messages.
+    """
+
+    def __init__(
+        self,
+        context: WellContext,
+        inputs: InputMonitor,
+        book: SurveyBook,
+        on_outcome: Callable[[str], None],
+        topics: Collection[str] = (),
+    ) -> None:
+        self._clock, self._live, self._inputs, self._book = context.clock, context.live, inputs, book
+        self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
+        self._by_hand_at = float("-inf")
+        self._on_outcome = on_outcome
+        self._awaited: Survey | None = None
+        every: dict[str, Callable[[Any], None]] = {
+            "alarms": self._on_alarms,
+            "events": self._on_event,
+            "surveys": self._on_list,
+            "inputs": self._on_inputs,
+            "steering/advice": lambda message: self._live.on_advice(advice_of(message), self._clock.now),
+            "recorder": lambda message: self._live.on_recorder(recorder_status_of(message), self._clock.now),
+            "control/state": lambda message: self._live.on_control(control_status_of(message), self._clock.now),
+            "downlink/state": lambda message: self._live.on_downlink(downlink_status_of(message), self._clock.now),
+        }
+        self.handlers = {topic: take for topic, take in every.items() if topic in topics}
+        self.alarms, self.lists = "alarms" in topics, "surveys" in topics
+        self.advises, self.tells_inputs = "steering/advice" in topics, "inputs" in topics
+
+    def on_survey(self, survey: Survey) -> None:
+        """Await the list that says how this survey ended."""
+        self._awaited = survey
+        self._tell_outcome()
+
+    def _tell_outcome(self) -> None:
+        survey = self._awaited
+        if survey is None:
+            return
+        for record in self._book.surveys.records:
+            if record.survey.uuid == survey.uuid:
+                self._awaited = None
+                self._on_outcome(outcome(survey, record))
+                return
+
+    def _on_alarms(self, message: Any) -> None:
+        alarms = [alarm_of(one) for one in message.alarms]
+        now, stamp_ns = self._clock.now, stamp_of(message.header.stamp)
+        # A graph with a time of its own stamps its alarms with it.
+        now_ns = stamp_ns if abs(stamp_ns - self._clock.now_ns) > NANOSECONDS else self._clock.now_ns
+        missing = tuple(str(one) for one in message.not_evaluated)
+        self._live.on_alarms(alarms, tuple(reversed(self._events)), now, now_ns, missing)
+
+    def _on_event(self, message: Any) -> None:
+        stamp_ns, severity = stamp_of(message.header.stamp), int(message.severity)
+        self._events.append(Event(stamp_ns, str(message.kind), str(message.source), str(message.text), severity))
+
+    def _on_list(self, message: Any) -> None:
+        here = self._book.surveys
+        self._book.on_list(list_of(message, here.well, here.rules))
+        self._tell_outcome()
+
+    def _on_inputs(self, message: Any) -> None:
+        table = input_table_of(message)
+        self._live.on_inputs(table, self._clock.now)
+        hand = table.named(HAND)
+        if hand is None or hand.bit_depth is None or hand.data_age is None:
+            return
+        at = self._clock.now - hand.data_age
+        if at - self._by_hand_at > _AGAIN:
+            self._inputs.on_depth_by_hand(hand.bit_depth)
+            self._book.depth.set_by_hand(self._clock.now_ns, hand.bit_depth)
+        self._by_hand_at = at
+
+
+def _known(value: float) -> float | None:
+    return None if value < 0.0 else float(value)
+
+
+def alarm_of(message: Any) -> Alarm:
+    """Return the Alarm of a mwd_msgs/Alarm."""
+    fields = ("id", "severity", "text", "remedy", "active", "acknowledged", "acknowledged_by", "count")
+    values = {name: getattr(message, name) for name in fields}
+    return Alarm(raised_ns=stamp_of(message.raised), last_ns=stamp_of(message.last), **values)
+
+
+def input_table_of(message: Any) -> InputTable:
+    """Return the InputTable of a mwd_msgs/InputList."""
+    rows = tuple(
+        InputState(
+            name=str(row.name),
+            clock=Clock(row.clock),
+            clock_offset=float(row.clock_offset) if row.offset_age >= 0.0 else None,
+            offset_age=_known(row.offset_age),
+            data_age=_known(row.data_age),
+            role=Role(row.role),
+            priority=int(row.priority),
+            bit_depth=_known(row.bit_depth),
+            reason=str(row.reason),
+        )
+        for row in message.inputs
+    )
+    return InputTable(rows, str(message.depth_source), _known(message.depth_age), _known(message.depth_difference))
+
+
+def recorder_status_of(message: Any) -> RecorderStatus:
+    """Return the RecorderStatus of a mwd_msgs/RecorderStatus; what only the recorder itself knows is 0."""
+    return RecorderStatus(
+        state=RecorderState(message.state),
+        reason=str(message.reason),
+        path=Path(message.path) if message.path else None,
+        messages=int(message.messages),
+        bytes=int(message.bytes),
+        dropped=int(message.dropped),
+        queued_messages=0,
+        queued_bytes=0,
+        queue_limit=0,
+        free_bytes=int(message.free_bytes),
+        duration_s=float(message.duration),
+        files=0,
+        unsaved_s=0.0,
+        recovered=(),
+    )
+
+
+def control_status_of(message: Any) -> ControlStatus:
+    """Return the ControlStatus of a mwd_msgs/ControlState."""
+    same = (
+        *("enabled", "lease", "owner", "role", "priority", "pending", "pending_controller", "pending_reason"),
+        *("reason", "rotary_speed", "turn", "sequence", "acknowledged", "refusal", "mwd_alive"),
+    )
+    reactions = ("controller_lost_sliding", "controller_lost_rotating", "mwd_lost_sliding", "mwd_lost_rotating")
+    speed = _known(message.achieved_speed)
+    limits = (f"{name}_limit" for name in ("speed", "speed_rate", "torque", "turn", "flow"))
+    return ControlStatus(
+        **{name: getattr(message, name) for name in same},
+        state=ControlState(message.state),
+        heartbeat_age=_known(message.heartbeat_age),
+        remaining=_known(message.remaining),
+        limits=LeaseLimits(*(float(getattr(message, name)) for name in limits)),
+        mode=Mode(message.mode),
+        flow_rate=_known(message.flow_rate),
+        achieved=Achieved(
+            speed, None if speed is None else float(message.achieved_torque), _known(message.achieved_flow)
+        ),
+        reactions={name: Reaction(getattr(message, name)) for name in reactions},
+    )
+
+
+def downlink_status_of(message: Any) -> DownlinkStatus:
+    """Return the DownlinkStatus of a mwd_msgs/DownlinkState; what the tool takes is not part of the message."""
+    same = (
+        *("number", "state", "command", "value", "argument", "counter", "about", "requested_by", "decided_by"),
+        *("reason", "symbol", "symbols", "duration", "remaining"),
+    )
+    return DownlinkStatus(
+        **{name: getattr(message, name) for name in same},
+        medium=("flow", "rotation")[int(message.medium)],
+        blocked_by=tuple(str(one) for one in message.blocked_by),
+        base=_known(message.base),
+        set_point=_known(message.set_point),
+        in_force=tuple(int(one) for one in message.in_force),
+    )

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The survey list of a well while it drills: surveys in with their depth; list, path and alarms out."""
+
+from __future__ import annotations
+
+import concurrent.futures
+from typing import Any
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.wire import RIG_VALID
+from mwd_surface.exports.survey_table import table_of
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.well_context import WellContext
+from mwd_surface.surveys.depth import DepthRules, DepthTrack
+from mwd_surface.surveys.station_checks import revision_doubt, revision_flags
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
+from mwd_surface.trajectory.well_path import Definitive
+
+_BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
+
+
+class SurveyBook:
+    """
+    The survey list of one well.
+
+    Parameters
+    ----------
+    context : WellContext
+    plan : PlanMonitor
+        The planned path.
+    surveys : SurveyList
+        The list to begin with.
+    depth : DepthRules
+
+    Attributes
+    ----------
+    surveys : SurveyList
+        The list in force.
+    depth : DepthTrack
+        Bit depth over time.
+    """
+
+    def __init__(self, context: WellContext, plan: PlanMonitor, surveys: SurveyList, depth: DepthRules) -> None:
+        self.depth = DepthTrack(depth)
+        self.surveys = surveys
+        self._clock, self._live, self._alarm_log, self._outlet = (
+            context.clock,
+            context.live,
+            context.alarm_log,
+            context.outlet,
+        )
+        self._plan = plan
+        self._covariance: Any = None
+        self._shown_bit: float | None = None
+
+    def definitive(self) -> Definitive:
+        """Compute the well path, projected to the bit where the bit is deeper."""
+        return self.surveys.definitive(bit_depth=self.bit_depth)
+
+    @property
+    def bit_depth(self) -> float | None:
+        """Bit depth, m; None until the rig or an operator has given one."""
+        return self.depth.latest[1] if self.depth.latest else None
+
+    # Rig data and surveys.
+
+    def on_rig_state(self, samples: Samples) -> float | None:
+        """Take the rig's depths, `wire.RIG_STATE`; returns the last one if it was accepted, m."""
+        accepted = False
+        for sample in samples:
+            known = bool(sample["valid"] & RIG_VALID["bit_depth"])
+            accepted = known and self.depth.update(int(sample["stamp_ns"]), float(sample["bit_depth"]))
+        return self.bit_depth if accepted else None
+
+    def on_sonde(self, samples: Samples) -> None:
+        """Take the time of samples of the sonde, to compare its clock with the rig's."""
+        if len(samples):
+            self.depth.note_sonde(int(samples["stamp_ns"][-1]))
+
+    def on_survey(self, survey: Survey) -> str:
+        """Add a survey of the estimator to the list; returns the outcome in words."""
+        at = self.depth.sensor_depth(survey.stamp_ns, self.surveys.well.sensor_offset)
+        known = any(r.survey.uuid == survey.uuid for r in self.surveys.records)
+        try:
+            self.replace(self.surveys.add(survey, at.measured_depth, at.depth_age, comment=at.reason))
+        except ValueError as error:
+            text = f"survey {survey.sequence} not taken: {error}"
+            self._alarm_log.raise_alarm("survey.refused", Severity.WARNING, text)
+            return text
+        record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
+        self._alarm_verdict(record)
+        number = f"survey {record.survey.sequence}"
+        if known:
+            return f"{number} is in the list already"
+        words = "in use" if record.in_use else "waits for a decision"
+        why = [record.comment, *survey.reasons] if record.comment else survey.reasons
+        self._alarm_log.log_event("survey", f"{number} {words}: {'; '.join(why)}")
+        if record.in_use:
+            self._outlet.on_accepted(record)
+        return outcome(survey, record)
+
+    def on_revision(self, survey: Survey) -> None:
+        """Keep a revision of the estimator beside the first value; a person decides about it."""
+        try:
+            surveys = self.surveys.revise(survey)
+        except ValueError as error:
+            self._alarm_log.log_event("survey", f"revision of survey {survey.sequence} not taken: {error}")
+            return
+        if surveys is self.surveys:
+            return
+        self.replace(surveys)
+        record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
+        words = "; ".join(revision_flags(record, self.surveys.north))
+        severity = Severity.WARNING if record.in_use and survey.verdict != Verdict.ACCEPT else Severity.INFO
+        self._alarm_log.log_event("survey", f"survey {record.survey.sequence}: {words}", severity)
+
+    def _alarm_revisions(self) -> None:
+        """Raise an alarm for each survey in use that later ones contradict, until a person has decided about it."""
+        remedy = "steer by neither value: take a check shot, then accept the first value or reject it in the list"
+        doubts = {r.survey.sequence: revision_doubt(r, self.surveys.north) for r in self.surveys.records}
+        causes = {f"survey.revised.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text}
+        self._alarm_log.set_alarms("survey.revised.", causes)
+
+    def _alarm_verdict(self, record: SurveyRecord) -> None:
+        """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""
+        if not record.azimuth_doubt:
+            self._alarm_log.clear_alarm("survey.azimuth")
+            return
+        severity = Severity.CRITICAL if record.survey.verdict_azimuth == Verdict.REJECT else Severity.WARNING
+        remedy = "act on the reason, or decide about it in the list"
+        self._alarm_log.raise_alarm("survey.azimuth", severity, record.azimuth_doubt, remedy)
+
+    def _alarm_assumptions(self, path: Definitive) -> None:
+        """Raise an alarm while the coordinates of the path rest on an assumption."""
+        remedy = "give the last station of the hole above: leg.tie_on_depth and the rest of leg.tie_on_*"
+        causes = {
+            f"path.assumed.{one.kind}": (int(Severity.WARNING), f"coordinates are assumed: {one.text}", remedy)
+            for one in path.assumptions
+        }
+        self._alarm_log.set_alarms("path.assumed.", causes)
+
+    # The list and its path, shown.
+
+    def on_list(self, surveys: SurveyList) -> None:
+        """Put a list in force that a surface told, along the planned path of this well where it has one."""
+        plan = self._plan.plan
+        self.replace(surveys if plan is None else surveys.along(plan))
+
+    def replace(self, surveys: SurveyList) -> None:
+        """Put another list in force; the same one changes nothing."""
+        if surveys is not self.surveys:
+            self.surveys = surveys
+            self.show()
+
+    def show(self) -> None:
+        """Show list and path, and tell them."""
+        surveys, path = self.surveys, self.definitive()
+        self._alarm_revisions()
+        self._alarm_assumptions(path)
+        self._outlet.on_surveys(surveys, path)
+        self._live.on_records(surveys.records, self._clock.now, surveys.remarks)
+        self._covariance, self._shown_bit = None, self.bit_depth
+        self._live.on_trajectory(path, self._clock.now)
+        self._plan.show_offset(path)
+        made_ns = self._alarm_log.now_ns()
+        self._outlet.run(
+            lambda: table_of(surveys, path, made_ns).covariance, lambda job: self._show_ellipses(path, job)
+        )
+
+    def _show_ellipses(self, path: Definitive, job: concurrent.futures.Future[Any]) -> None:
+        covariance = job.result()
+        if covariance is not None:
+            measured = np.isfinite(covariance).all(axis=(1, 2))
+            self._covariance = covariance[measured]
+            self._live.on_trajectory(path, self._clock.now, self._covariance)
+
+    def update_projection(self, now: float) -> None:
+        """Show projection and offset to the plan again when the bit has moved; called once a second. now: s."""
+        bit = self.bit_depth
+        if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
+            return
+        self._shown_bit = bit
+        path = self.definitive()
+        self._live.on_trajectory(path, now, self._covariance)
+        self._plan.show_offset(path)
+
+
+def outcome(survey: Survey, record: SurveyRecord) -> str:
+    """How the survey that a person asked for ended, in words."""
+    return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"

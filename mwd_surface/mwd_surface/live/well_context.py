@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every part of a well uses, and what the well tells the outside."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+from mwd_sensors.core.arrays import Samples
+from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmBook
+from mwd_surface.live.inputs import InputTable
+from mwd_surface.live.live_state import LiveState
+from mwd_surface.live.toolface import ToolfaceReading
+from mwd_surface.live.well_clock import WellClock
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.trajectory.advice import Advice
+from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.well_path import Definitive
+
+
+class WellOutlet:
+    """
+    What a well tells the outside.
+
+    The surface node publishes and saves it. Of a recording that is viewed nothing is told: this class.
+    """
+
+    def warn(self, text: str) -> None:
+        """Write a warning, such as of a message that cannot be read, into the log of the process."""
+
+    def on_toolface(self, reading: ToolfaceReading, age: float, frame: str) -> None:
+        """Take a new toolface; age: of the word that it comes from, s; frame: of the attitude."""
+
+    def on_inputs(self, table: InputTable) -> None:
+        """Take clocks and ages of the inputs, once a second."""
+
+    def on_advice(self, advice: Advice) -> None:
+        """Take changed advice."""
+
+    def on_stretch(self, stretch: Stretch) -> None:
+        """Take an interval of the slide sheet that has ended."""
+
+    def on_accepted(self, record: SurveyRecord) -> None:
+        """Take a survey that came into use."""
+
+    def on_surveys(self, surveys: SurveyList, path: Definitive) -> None:
+        """Take the changed survey list and its path."""
+
+    def on_alarms(self, book: AlarmBook, missing: tuple[str, ...], stamp_ns: int) -> None:
+        """Take changed alarms and events; missing: what is not evaluated, in words."""
+
+    def on_rig_state(self, samples: Samples) -> None:
+        """Take rig data of the source in force, `wire.RIG_STATE`, as they came."""
+
+    def is_simulated(self) -> bool:
+        """Return whether a simulator makes the data."""
+        return False
+
+    def readings(self) -> dict[str, float]:
+        """Return readings of this machine for the table of supervision; none of a recording."""
+        return {}
+
+    def run(self, job: Callable[[], Any], done: Callable[[concurrent.futures.Future[Any]], None]) -> None:
+        """Run slow work; `done` is called with its future. Here at once."""
+        future: concurrent.futures.Future[Any] = concurrent.futures.Future()
+        try:
+            future.set_result(job())
+        except Exception as error:  # noqa: BLE001  (as of a thread: whoever asks for the result gets the error)
+            future.set_exception(error)
+        done(future)
+
+
+@dataclasses.dataclass(frozen=True)
+class WellContext:
+    """
+    What the parts of one well share.
+
+    Attributes
+    ----------
+    clock : WellClock
+    live : LiveState
+        The well as page and rig interfaces see it.
+    alarm_log : AlarmLog
+    outlet : WellOutlet
+    """
+
+    clock: WellClock
+    live: LiveState
+    alarm_log: AlarmLog
+    outlet: WellOutlet = dataclasses.field(default_factory=WellOutlet)

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the surface node does with what its well tells: it publishes, saves and logs it."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mwd_msgs import msg
+
+from mwd_sensors.core import wire
+from mwd_sensors.core.arrays import Samples
+from mwd_sensors.ros.lifecycle_node import GraphNode
+from mwd_sensors.ros.qos import DEADLINE_STATE, EVENT, LATCHED
+from mwd_sensors.ros.time_stamps import stamp
+from mwd_surface.bags.recorder.status import RecorderStatus
+from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import AlarmBook, Severity
+from mwd_surface.live.inputs import InputTable
+from mwd_surface.live.toolface import ToolfaceReading
+from mwd_surface.live.well_context import WellOutlet
+from mwd_surface.nodes.survey_list_server import SurveyListServer
+from mwd_surface.ros import messages
+from mwd_surface.ros.topics import TOPICS
+from mwd_surface.ros.worker import BackgroundWorker
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.trajectory.advice import Advice
+from mwd_surface.trajectory.slide_file import append_stretch
+from mwd_surface.trajectory.slide_sheet import Stretch
+from mwd_surface.trajectory.well_path import Definitive
+
+
+class NodeOutlet(WellOutlet):
+    """
+    Publishes, saves and logs what a well tells.
+
+    Parameters
+    ----------
+    node : GraphNode
+    worker : BackgroundWorker
+        Runs slow work.
+    slide_file : Path
+        Of the slide sheet.
+
+    Attributes
+    ----------
+    alarm_log : AlarmLog
+        Of the same well; set by whoever makes both.
+    surveys : SurveyListServer or None
+        Publishes the list.
+    listeners : list of callable
+        Called with the survey list whenever it has changed.
+    rig_listeners : list of callable
+        Called with the rig data in force as they came.
+    recorder : callable
+        Returns the status of the recorder.
+    """
+
+    alarm_log: AlarmLog
+    surveys: SurveyListServer | None = None
+
+    def __init__(self, node: GraphNode[Any], worker: BackgroundWorker, slide_file: Path) -> None:
+        self._node, self._worker, self._slide_file = node, worker, slide_file
+        self.listeners: list[Callable[[SurveyList], None]] = []
+        self.rig_listeners: list[Callable[[Samples], None]] = []
+        self.recorder: Callable[[], RecorderStatus] | None = None
+        self._simulated = False
+        self._told = 0
+
+    def open(self) -> None:
+        """Open the topics."""
+        node = self._node
+        self._toolface = node.add_publisher(msg.Toolface, "toolface", DEADLINE_STATE)
+        self._inputs = node.add_publisher(msg.InputList, "inputs", TOPICS["inputs"][1])
+        self._advice = node.add_publisher(msg.SteeringAdvice, "steering/advice", TOPICS["steering/advice"][1])
+        self._events = node.add_publisher(msg.Event, "events", EVENT)
+        self._alarms = node.add_publisher(msg.AlarmList, "alarms", LATCHED)
+
+    def tell(self, text: str, severity: Severity) -> None:
+        """Write an event or an alarm into the log of the process."""
+        logger = self._node.get_logger()
+        (logger.error if severity == Severity.CRITICAL else logger.info)(text)
+
+    def warn(self, text: str) -> None:
+        """Write a warning into the log of the process, at most one in ten seconds."""
+        self._node.get_logger().warning(text, throttle_duration_sec=10.0)
+
+    def on_toolface(self, reading: ToolfaceReading, age: float, frame: str) -> None:
+        """Publish the toolface."""
+        message = msg.Toolface(
+            mode=reading.mode,
+            angle=reading.angle,
+            age=age,
+            sigma=reading.sigma,
+            rotating=reading.rotating,
+            rotary_speed=reading.rotary_speed,
+        )
+        message.header.stamp = stamp(reading.stamp_ns)
+        message.header.frame_id = frame
+        self._toolface.publish(message)
+
+    def on_inputs(self, table: InputTable) -> None:
+        """Publish the inputs."""
+        message = messages.inputs_message(table)
+        message.header.stamp = self._now()
+        message.header.frame_id = self._node.frame(wire.RIG_FRAME)
+        self._inputs.publish(message)
+
+    def on_advice(self, advice: Advice) -> None:
+        """Publish the advice."""
+        message = messages.advice_message(advice)
+        message.header.stamp = stamp(advice.stamp_ns) if advice.stamp_ns else self._now()
+        message.header.frame_id = self._node.frame(wire.SONDE_FRAME)
+        self._advice.publish(message)
+
+    def on_alarms(self, book: AlarmBook, missing: tuple[str, ...], stamp_ns: int) -> None:
+        """Publish the events since the last call, then all alarms."""
+        for event in book.events_after(self._told):
+            self._events.publish(messages.event_message(event))
+        self._told = book.logged
+        alarms = msg.AlarmList(alarms=[messages.alarm_message(a) for a in book.alarms()], not_evaluated=list(missing))
+        alarms.header.stamp = stamp(stamp_ns)
+        self._alarms.publish(alarms)
+
+    def on_stretch(self, stretch: Stretch) -> None:
+        """Save an interval of the slide sheet."""
+        try:
+            append_stretch(self._slide_file, stretch)
+        except OSError as error:
+            self.alarm_log.raise_alarm("slides.unsaved", Severity.WARNING, f"slide sheet not saved: {error}")
+        else:
+            self.alarm_log.clear_alarm("slides.unsaved")
+
+    def on_accepted(self, record: SurveyRecord) -> None:
+        """Publish a survey that came into use."""
+        if self.surveys is not None:
+            self.surveys.publish_accepted(record)
+
+    def on_surveys(self, surveys: SurveyList, path: Definitive) -> None:
+        """Publish the changed list and its path."""
+        if self.surveys is not None:
+            self.surveys.publish(surveys, path)
+        for listener in self.listeners:
+            listener(surveys)
+
+    def on_rig_state(self, samples: Samples) -> None:
+        """Hand rig data to the listeners."""
+        for listener in self.rig_listeners:
+            listener(samples)
+
+    def simulator_seen(self) -> bool:
+        """Return whether a simulator, which alone publishes the truth, has been seen since the node was configured."""
+        self._simulated = self._simulated or self._node.count_publishers("truth") > 0
+        return self._simulated
+
+    def is_simulated(self) -> bool:
+        """Return whether a simulator or a replay makes the data."""
+        return self.simulator_seen() or bool(self._node.get_parameter("use_sim_time").value)
+
+    def readings(self) -> dict[str, float]:
+        """Return how full queue and disk of the recorder are, by the rows of the table of supervision."""
+        if self.recorder is None:
+            return {}
+        status = self.recorder()
+        return {"queue.recorder": 100.0 * status.queued_bytes / status.queue_limit, **_disk(self._slide_file.parent)}
+
+    def run(self, job: Callable[[], Any], done: Callable[[concurrent.futures.Future[Any]], None]) -> None:
+        """Run slow work in another thread; `done` is called in the node's."""
+        self._worker.submit(job, done)
+
+    def _now(self) -> Any:
+        return stamp(int(self._node.get_clock().now().nanoseconds))
+
+
+def _disk(folder: Path) -> dict[str, float]:
+    """One over the free GB on the disk of a folder; nothing where that cannot be asked, which the recorder names."""
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError:
+        return {}
+    return {"disk.low": 1e9 / max(free, 1)}

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of `mwd run` and, over its recording, that of the viewer: the same, with what an operator did."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+import pytest
+
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.live.said import SAID
+from mwd_surface.page.state_json import StateJson
+from mwd_surface.runs.player import Player, named_plan, namespace_of
+from mwd_surface.trajectory.plan_file import read_plan
+from page_states import differences
+from running_graph import until
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+TOKEN = "look-twice-first"  # noqa: S105
+# The recorder measures itself a moment before it says so; a path to the bit is drawn anew for each 0.1 m of hole.
+EXCEPT = ("recorder.", "links.recorder.")
+WITHIN_S = 0.11  # two cells: what the surface says of itself it hears through the middleware
+RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10")}
+SECONDS = 30.0
+
+
+def get(address, name):
+    with urllib.request.urlopen(f"{address}{name}", timeout=20.0) as answer:  # noqa: S310
+        return json.load(answer)
+
+
+def operate(address, name, **given):
+    request = urllib.request.Request(  # noqa: S310
+        f"{address}command/{name}",
+        json.dumps(given).encode(),
+        {"Content-Type": "application/json", "Authorization": f"Bearer {TOKEN}"},
+        method="POST",
+    )
+    try:
+        with urllib.request.urlopen(request, timeout=30.0) as answer:  # noqa: S310
+            return json.load(answer)
+    except urllib.error.HTTPError as refused:
+        return json.load(refused)
+
+
+def told(state):
+    """Time of a state, s on the clock of its page: that of its newest part."""
+    recorder = state["sections"]["recorder"]
+    return None if recorder.get("since") is None else recorder["since"] + recorder["age"]
+
+
+@pytest.fixture(scope="module", params=sorted(RUNS))
+def run(request, tmp_path_factory):
+    """States of the page of a run, and its recording."""
+    folder = tmp_path_factory.mktemp(request.param)
+    words = [request.param, *RUNS[request.param], "--no-rig", "--token", TOKEN, "-o", str(folder / "out")]
+    command = [sys.executable, "-P", "-m", "mwd_surface.cli", "run", *words]
+    states = []
+    with (folder / "log").open("w") as log:
+        graph = subprocess.Popen(command, stdout=log, stderr=log)
+    try:
+        until(lambda: "page at" in (folder / "log").read_text(), 300, "the page")
+        address = re.search(r"page at (\S+)", (folder / "log").read_text())[1]
+        until(lambda: get(address, "state.json")["sections"]["rig"]["bit_depth"]["value"], 120, "rig data")
+        depth = get(address, "state.json")["sections"]["rig"]["bit_depth"]["value"]
+        answer = operate(address, "set_depth", bit_depth=depth + 8.0, operator_name="Ann")
+        assert answer["ok"], answer
+        ends = time.monotonic() + SECONDS
+        while time.monotonic() < ends and graph.poll() is None:
+            states.append(get(address, "state.json"))
+            for alarm in states[-1]["sections"]["alarms"]["rows"][:1]:
+                operate(address, "acknowledge_alarm", id=alarm["id"], operator_name="Ann")
+            time.sleep(0.7)
+    finally:
+        graph.send_signal(signal.SIGINT)
+        graph.wait(120)
+    (bag,) = (folder / "out/well_1/bags").glob("well_1_*")
+    return bag, states
+
+
+def test_the_viewer_shows_what_the_page_showed(run):
+    path, states = run
+    compared, differing = 0, {}
+    with Bag(path) as bag:
+        named = named_plan(bag)
+        player = Player(bag, namespace_of(bag), plan=named and read_plan(named))
+        page = StateJson(player.well.live.settings)
+        for state in states:
+            at = told(state)
+            at_s = -1.0 if at is None else at - player.well.clock.seconds(bag.start_ns)
+            if not 2.0 <= at_s <= player.length_s:
+                continue
+            player.seek(at_s)
+            viewed = page.snapshot(player.state())
+            compared += 1
+            for one in differences(state["sections"], viewed["sections"], within_s=WITHIN_S, except_for=EXCEPT):
+                differing.setdefault(re.sub(r"\[\d+\]", "[]", one.partition(":")[0]), []).append((round(at_s, 2), one))
+        assert compared >= 15
+        # What changes within the two cells between a state and what the surface says of it differs at single moments.
+        often = {name: found for name, found in differing.items() if len(found) > 0.15 * compared}
+        assert not often, f"{compared} compared; {often}"
+        events = [row["text"] for row in viewed["sections"]["events"]["rows"]]
+        assert any(text.endswith("by Ann") and text.startswith("bit depth") for text in events)
+
+
+# Alarms of the machine that recorded, which are in a recording only as the surface said them.
+OF_THE_MACHINE = ("recorder.", "recording.", "surveys.", "slides.", "page.", "control.", "downlink.", "disk.", "queue.")
+
+
+def standing(state, at_least_s):
+    """Alarms that have stood for so long, s, by their id: severity, and text without its figures."""
+    return {
+        a.id: (a.severity, re.sub(r"[\d.]+", "#", a.text))
+        for a in state.alarms
+        if a.active and not a.id.startswith(OF_THE_MACHINE) and a.last_ns - a.raised_ns >= at_least_s * 1e9
+    }
+
+
+def test_what_the_viewer_evaluates_is_what_the_surface_said(run):
+    path, _ = run
+    with Bag(path) as bag:
+        said = Player(bag, namespace_of(bag))
+        evaluated = Player(bag, namespace_of(bag), said=SAID - {"alarms", "events", "surveys", "trajectory"})
+        for share in (0.3, 0.5, 0.7, 0.9):
+            for player in (said, evaluated):
+                player.seek(share * player.length_s)
+            first, second = (player.state() for player in (said, evaluated))
+            listed = [[(r.survey.uuid, r.in_use, r.measured_depth) for r in state.records] for state in (first, second)]
+            assert listed[0] == listed[1]
+            # One that has just come may have come a second sooner or later.
+            assert standing(first, 3.0).items() <= standing(second, 0.0).items()
+            assert standing(second, 3.0).items() <= standing(first, 0.0).items()
+        assert evaluated.well.not_evaluated() == ("recording and disk",)
+        assert first.not_evaluated == ()

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compares two states of the page: what of a viewed recording differs from what the live page showed."""
+
+import math
+from collections.abc import Mapping
+
+# What the session of a page has of its own, and nothing else: counts of changes, and when a part last changed, which
+# depends on how often the same content was said.
+OF_THE_SESSION = ("since", "age")
+# What no topic of a recording carries: what a person could send to the tool (downlink.choices).
+NOT_RECORDED = ("downlink.choices",)
+
+
+STRIPS = ("history", "depth_log")
+
+
+def differences(live, viewed, *, within_s=0.0, except_for=()):
+    """
+    Return the paths of all members that differ between the sections of two states of the page.
+
+    within_s: times and ages may differ by so much. except_for: paths that are not compared, or their beginnings.
+    """
+    found = []
+    live, viewed = dict(live), dict(viewed)
+    # A strip is longer on a page that was up before the recording began.
+    for name in STRIPS:
+        one, other = live.pop(name)["rows"], viewed.pop(name)["rows"]
+        rows = {row[0]: list(row) for row in one}
+        found += [f"{name}: {row} and {rows.get(row[0])}" for row in other[1:] if rows.get(row[0]) != list(row)]
+    skipped = (*NOT_RECORDED, *except_for)
+
+    def compare(path, one, other):
+        last = path.rpartition(".")[2]
+        if path.startswith(skipped) or last in OF_THE_SESSION:
+            return
+        if isinstance(one, Mapping) and isinstance(other, Mapping):
+            for name in sorted({*one, *other}):
+                here = f"{path}.{name}" if path else name
+                if name not in one or name not in other:
+                    found.append(f"{here}: only one has it")
+                else:
+                    compare(here, one[name], other[name])
+        elif isinstance(one, (list, tuple)) and isinstance(other, (list, tuple)):
+            if len(one) != len(other):
+                found.append(f"{path}: {len(one)} and {len(other)} rows")
+            for k, (a, b) in enumerate(zip(one, other, strict=False)):
+                compare(f"{path}[{k}]", a, b)
+        elif one != other and not _near(one, other, within_s):
+            found.append(f"{path}: {one!r} and {other!r}")
+
+    compare("", live, viewed)
+    return found
+
+
+def _near(one, other, within_s):
+    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (one, other))
+    return numbers and math.isclose(one, other, rel_tol=1e-9, abs_tol=max(within_s, 1e-12))
