@@ -10,7 +10,7 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.pipeline.external_field import ObservatoryRecord, read_iaga2002, with_external
 from mwd_estimation.settings.place import Place
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import read_file
+from mwd_sensors.core.input_files import contents_hidden, read_file
 from mwd_sensors.core.settings import SettingsError
 
 
@@ -33,9 +33,10 @@ class Observatory:
         self._record: ObservatoryRecord | None = None
         if place.observatory_file:
             try:
-                self._refresh()
-            except (OSError, ValueError) as error:
-                raise SettingsError(f"place.observatory_file: {error}") from error
+                with contents_hidden(place.observatory_file):
+                    self._refresh()
+            except SettingsError as error:
+                raise SettingsError(f"place.observatory_file: {error}; expected a file of IAGA-2002") from None
 
     def at(self, reference: Reference | None, stamp_ns: int | None) -> Reference | None:
         """Return the reference at a time, UTC ns (None: not known); beyond the record it names the observatory only."""

@@ -16,7 +16,7 @@ import numpy as np
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.frames import wrap_tau
-from mwd_sensors.core.input_files import read_yaml
+from mwd_sensors.core.input_files import read_yaml, without_contents
 from mwd_sensors.core.settings import setting
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, clearance, nearest_first
 from mwd_surface.list_files.list_columns import NORTHS, Given
@@ -186,12 +186,15 @@ def offset_well(
     )
 
 
-def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearance], tuple[Remark, ...]]:
+def clearances(
+    well: UncertainWell, offsets: OffsetWells, quoting: bool = True
+) -> tuple[list[Clearance], tuple[Remark, ...]]:
     """
     Return the clearance to each offset well, the nearest by the rule first, and every remark about them.
 
     Remarks say which wells or parts of them are not compared and why, what was assumed when their lists were read, and
-    which have stations so far apart that the hole between is hardly known.
+    which have stations so far apart that the hole between is hardly known. quoting: whether a remark may quote a file
+    that cannot be read.
 
     Raises
     ------
@@ -209,6 +212,9 @@ def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearanc
             found.append(clearance(well, other, offsets.rule, offset.shared_to_m))
         except ValueError as error:
             text = str(error) if offset.name in str(error) else f"offset well {offset.name}: {error}"
+            if not quoting and error.__cause__ is not None:
+                # Its list or programme cannot be read.
+                text = f"offset well {offset.name}: {without_contents(offset.file, error, '`mwd clearance`')}"
             remarks.append(Remark(RemarkKind.NOT_COMPARED, text))
             continue
         remarks += other.remarks

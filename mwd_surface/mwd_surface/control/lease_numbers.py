@@ -13,7 +13,7 @@ import json
 from pathlib import Path
 
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import load_json, read_text
+from mwd_sensors.core.input_files import load_json, read_text, without_contents
 from mwd_sensors.core.output_files import write_whole
 
 _BLOCK = 1000
@@ -55,11 +55,10 @@ class LeaseNumbers:
         except FileNotFoundError:
             reserved = 0
         except (OSError, ValueError, TypeError, KeyError) as error:
-            raise ValueError(f"{self._file}: {error!r}; delete it if no lease is newer than the clock") from error
+            why = without_contents(self._file, error)
+            raise ValueError(f"{why}; delete it if no lease is newer than the clock") from error
         if type(reserved) is not int or not 0 <= reserved <= _LARGEST - _BLOCK:
-            raise ValueError(
-                f"{self._file}: reserved_below {reserved!r}; delete it if no lease is newer than the clock"
-            )
+            raise ValueError(f"{self._file}: no such number; delete it if no lease is newer than the clock")
         self.end = max(reserved, at_least)
         return self.end
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import load_json, read_text
+from mwd_sensors.core.input_files import load_json, read_text, without_contents
 from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.telemetry.tool_commands import ToolSettings, applied
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
@@ -85,7 +85,8 @@ class Memory:
         except FileNotFoundError:
             return Kept()
         except (OSError, ValueError, TypeError, KeyError) as error:
-            raise ValueError(f"{self._file}: {error}; delete it if the tool runs by its tool.yaml") from error
+            why = without_contents(self._file, error)
+            raise ValueError(f"{why}; delete it if the tool runs by its tool.yaml") from error
         try:
             applied(tool, kept.in_force)
         except ValueError:

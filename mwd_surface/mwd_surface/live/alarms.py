@@ -158,6 +158,7 @@ class AlarmBook:
         """
         if not operator_name.strip():
             return False, "operator_name: must not be empty: the log says who acknowledged"
+        operator_name = printable(operator_name)
         if alarm_id and alarm_id not in self._alarms:
             return False, f"there is no alarm {alarm_id!r}; there are {', '.join(self._alarms) or 'none'}"
         wanted = [alarm_id] if alarm_id else [k for k, a in self._alarms.items() if not a.acknowledged]

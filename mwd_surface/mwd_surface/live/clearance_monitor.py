@@ -95,7 +95,7 @@ def _compare(surveys: SurveyList, plan: Plan | None, bit_depth: float | None) ->
             offsets = offset_wells_of(surveys)
         except (ValueError, OSError) as error:
             # The alarm is on a page that needs no login.
-            return without_contents(surveys.well.offset_wells, error)
-        return None if offsets is None else well_clearance(surveys, offsets, plan, bit_depth)
+            return without_contents(surveys.well.offset_wells, error, "`mwd clearance`")
+        return None if offsets is None else well_clearance(surveys, offsets, plan, bit_depth, quoting=False)
     except (CovarianceUnavailableError, ValueError) as error:
         return str(error)

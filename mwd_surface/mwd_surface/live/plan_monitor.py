@@ -39,7 +39,7 @@ class PlanMonitor:
             plan = read_plan(path)
         except ListFileError as error:
             # The alarm is on a page that needs no login.
-            return ListFileError(without_contents(path, error))
+            return ListFileError(without_contents(path, error, "`mwd path`"))
         try:
             check_north(plan, path, north)
         except ListFileError as error:

@@ -66,7 +66,7 @@ class DownlinkServer:
         self._machine: Machine | None = None
         self._refusal = _NO_TOOL
         if settings.tool_file:
-            tool = tool_configuration.read(Path(settings.tool_file).expanduser())
+            (tool,) = tool_configuration.read_several([Path(settings.tool_file).expanduser()])
             try:
                 kept = self._memory.read(tool)
             except ValueError as error:
