@@ -37,6 +37,7 @@ from mwd_surface.commands.run import run
 from mwd_surface.commands.scenario import scenario, simulate
 from mwd_surface.commands.security import security
 from mwd_surface.commands.survey import survey
+from mwd_surface.commands.terminal import PrintableStream
 from mwd_surface.commands.tool import tool
 from mwd_surface.commands.trajectory import trajectory
 from mwd_surface.commands.version import version
@@ -127,6 +128,8 @@ def main() -> None:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     use_one_thread()
     os.umask(os.umask(0o077) | 0o027)
+    sys.stdout = PrintableStream(sys.stdout)
+    sys.stderr = PrintableStream(sys.stderr)
     try:
         app(prog_name="mwd")
     except BrokenPipeError:

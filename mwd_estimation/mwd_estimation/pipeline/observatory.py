@@ -9,7 +9,8 @@ from pathlib import Path
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.pipeline.external_field import ObservatoryRecord, read_iaga2002, with_external
 from mwd_estimation.settings.place import Place
-from mwd_sensors.core.input_files import read_file
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import contents_hidden, read_file
 from mwd_sensors.core.settings import SettingsError
 
 
@@ -32,9 +33,10 @@ class Observatory:
         self._record: ObservatoryRecord | None = None
         if place.observatory_file:
             try:
-                self._refresh()
-            except (OSError, ValueError) as error:
-                raise SettingsError(f"place.observatory_file: {error}") from error
+                with contents_hidden(place.observatory_file):
+                    self._refresh()
+            except SettingsError as error:
+                raise SettingsError(f"place.observatory_file: {error}; expected a file of IAGA-2002") from None
 
     def at(self, reference: Reference | None, stamp_ns: int | None) -> Reference | None:
         """Return the reference at a time, UTC ns (None: not known); beyond the record it names the observatory only."""
@@ -56,5 +58,5 @@ class Observatory:
         status = path.stat()
         now = (status.st_mtime_ns, status.st_size)
         if now != self._read_at:
-            self._record = read_iaga2002(read_file(path).decode(errors="replace"), path.name)
+            self._record = read_iaga2002(read_file(path, budgets.OBSERVATORY).decode(errors="replace"), path.name)
             self._read_at = now

@@ -35,6 +35,7 @@ from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
+from mwd_sensors.core.input_files import contents_hidden
 from mwd_sensors.core.settings import SettingsError
 
 # Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.
@@ -322,10 +323,8 @@ def assembly(tool: Tool) -> Assembly | None:
         return None
     if tool.sag_correction_deg != 0.0:
         raise SettingsError("tool.sag_correction_deg: must be 0 beside tool.assembly_file, whose sag is computed")
-    try:
+    with contents_hidden(tool.assembly_file, "`mwd sag`"):
         return read_assembly(Path(tool.assembly_file))
-    except OSError as error:
-        raise SettingsError(f"tool.assembly_file: {error}") from error
 
 
 def sag_correction(tool: Tool) -> SagCorrection:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Files that other people wrote: regular ones of bounded size, JSON, and YAML that stays small when it is unfolded.
+Files that other people wrote: regular ones within a budget (`budgets`), JSON, and YAML that stays small when unfolded.
 
 A device or a pipe under the name of a file would be read without end; a few lines of YAML whose aliases name each other
 unfold to more than a memory holds, and deep nesting exhausts the stack of every reader.
@@ -8,52 +8,106 @@ unfold to more than a memory holds, and deep nesting exhausts the stack of every
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import os
+import re
 import stat
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import MB, Budget, BudgetError
 from mwd_sensors.core.settings import SettingsError
 
-LARGEST = 50_000_000  # bytes; a survey list of a million stations is no larger
 _PIECE = 1_000_000  # bytes
-_DEEPEST = 50
-_MOST_NODES = 1_000_000
+# The longest plain scalar that YAML may read as a number: Python converts longer ones in quadratic time.
+_LONGEST_NUMBER = 100
+_NUMBER = re.compile(r"[-+0-9._:xXoObBa-fA-F]+")
+_LONGEST_LINE = 20_000  # characters
 
-_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Plain types; a date that does not exist stays text, so that the settings name its key."""
 
 
-def read_file(path: Path, most: int = LARGEST) -> bytes:
+def _timestamp(loader: Any, node: Any) -> Any:
+    try:
+        return loader.construct_yaml_timestamp(node)
+    except ValueError:
+        return node.value
+
+
+_Loader.add_constructor("tag:yaml.org,2002:timestamp", _timestamp)
+
+
+def open_regular(path: Path | str) -> int:
+    """
+    Open a regular file for reading; returns its descriptor.
+
+    Raises
+    ------
+    OSError
+        It cannot be opened, or is no regular file (a folder, device or pipe); `strerror` says which.
+    """
+    # Opening a pipe would wait for its writer.
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if stat.S_ISREG(os.fstat(handle).st_mode):
+        return handle
+    os.close(handle)
+    raise OSError(errno.EINVAL, "is no regular file", str(path))
+
+
+def check_regular(path: Path | str, budget: Budget) -> int:
+    """
+    Hold a file that a library will open against its budget; returns its size in bytes.
+
+    Raises
+    ------
+    OSError
+        As `read_file`.
+    """
+    handle = open_regular(path)
+    try:
+        size = os.fstat(handle).st_size
+    finally:
+        os.close(handle)
+    if size > budget.size:
+        raise _too_large(path, budget)
+    return size
+
+
+def _too_large(path: Path | str, budget: Budget) -> OSError:
+    return OSError(errno.EFBIG, f"is larger than {budget.size / MB:g} MB", str(path))
+
+
+def read_file(path: Path | str, budget: Budget) -> bytes:
     """
     Read the bytes of a regular file.
 
     Raises
     ------
     OSError
-        It cannot be opened, is no regular file (a folder, device or pipe), or has more than `most` bytes; `strerror`
+        It cannot be opened, is no regular file (a folder, device or pipe), or is larger than the budget; `strerror`
         says which.
     """
-    # Opening a pipe would wait for its writer.
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    with os.fdopen(handle, "rb") as file:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise OSError(errno.EINVAL, "is no regular file", str(path))
+    with os.fdopen(open_regular(path), "rb") as file:
         # In pieces: one request for the most that is allowed would take that much memory for a file of a line.
         pieces, size = [], 0
-        while size <= most and (piece := file.read(_PIECE)):
+        while size <= budget.size and (piece := file.read(_PIECE)):
             pieces.append(piece)
             size += len(piece)
-    if size > most:
-        raise OSError(errno.EFBIG, f"is larger than {most / 1e6:g} MB", str(path))
+    if size > budget.size:
+        raise _too_large(path, budget)
     return b"".join(pieces)
 
 
-def read_text(path: Path, most: int = LARGEST) -> str:
+def read_text(path: Path | str, budget: Budget) -> str:
     """
     Read the text of a regular file, UTF-8 with or without byte order mark. OSError as `read_file`.
 
@@ -62,10 +116,32 @@ def read_text(path: Path, most: int = LARGEST) -> str:
     UnicodeDecodeError
         It is not UTF-8.
     """
-    return read_file(path, most).decode("utf-8-sig")
+    return read_file(path, budget).decode("utf-8-sig")
 
 
-def read_yaml(path: Path, most: int = LARGEST) -> Any:
+def check_lines(text: str, budget: Budget) -> None:
+    """
+    Hold a text whose lines are records against its budget, before a parser counts columns at a cost beyond their sum.
+
+    Raises
+    ------
+    BudgetError
+        It has more lines than records are allowed, or a line with more fields or characters.
+    """
+    budget.check("records", text.count("\n") + 1)
+    if budget.columns is None or len(text) <= budget.columns:
+        return
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > budget.columns:
+            if len(line) > _LONGEST_LINE:
+                raise BudgetError(f"line {number} has {len(line)} characters: at most {_LONGEST_LINE} are read")
+            budget.check("columns", len(_FIELD.findall(line)))
+
+
+_FIELD = re.compile(r"[^\s,;]+|[,;]")
+
+
+def read_yaml(path: Path) -> Any:
     """
     Read a YAML file of plain types. OSError as `read_file`.
 
@@ -75,24 +151,76 @@ def read_yaml(path: Path, most: int = LARGEST) -> Any:
         It is not UTF-8, or none that `load_yaml` takes; names the file.
     """
     try:
-        return load_yaml(read_text(path, most))
+        return load_yaml(read_text(path, budgets.YAML))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
 
 
-def load_json(text: str | bytes) -> Any:
+def without_contents(path: Path | str, error: BaseException, advice: str = "") -> str:
     """
-    Load JSON.
+    Say that a file cannot be used, without a word that stands in it.
+
+    The text goes to alarms, logs, recordings and a page that needs no login: the file may be a secret that somebody
+    named as a plan. advice: command that says more.
+    """
+    if isinstance(error, OSError) or isinstance(error.__cause__, OSError):
+        cause = error if isinstance(error, OSError) else error.__cause__
+        return f"{path}: {getattr(cause, 'strerror', '') or 'cannot be read'}"
+    line = re.search(r"\bline (\d{1,9})\b", str(error))
+    more = f"; {advice} says why" if advice else ""
+    return f"{path}{f', line {line[1]}' if line else ''}: is not what it should be{more}"
+
+
+@contextlib.contextmanager
+def contents_hidden(path: Path | str, advice: str = "") -> Iterator[None]:
+    """
+    Read a file whose path is a parameter of a node; errors name the file and quote nothing of it (`without_contents`).
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be used.
+    """
+    try:
+        yield
+    except (OSError, ValueError, RuntimeError, TypeError, KeyError) as error:
+        raise SettingsError(without_contents(path, error, advice)) from None
+
+
+def load_json(
+    text: str | bytes, budget: Budget = budgets.JSON, parse_constant: Callable[[str], Any] | None = None
+) -> Any:
+    """
+    Load JSON; parse_constant: as `json.loads`.
 
     Raises
     ------
     ValueError
-        It is no JSON, or nested too deeply to be read.
+        It is no JSON, or nested more deeply than the budget allows.
     """
+    data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    budget.check("size", len(data))
+    if budget.nesting is not None and _brackets(data) > budget.nesting:
+        # Brackets in texts count only where there are many of all.
+        budget.check("nesting", _brackets(_TEXT.sub(b"", data)))
     try:
-        return json.loads(text)
+        return json.loads(text, parse_constant=parse_constant)
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
+
+
+_TEXT = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
+
+
+def _brackets(data: bytes) -> int:
+    """Return the deepest level of brackets."""
+    level = deepest = 0
+    for begin in range(0, len(data), _PIECE):
+        # [ and {, and ] and }, differ in one bit.
+        codes = np.frombuffer(data[begin : begin + _PIECE], dtype=np.uint8) | 0x20
+        levels = level + np.cumsum((codes == ord("{")).astype(np.int64) - (codes == ord("}")))
+        level, deepest = int(levels[-1]), max(deepest, int(levels.max()))
+    return deepest
 
 
 def load_yaml(text: str) -> Any:
@@ -102,30 +230,53 @@ def load_yaml(text: str) -> Any:
     Raises
     ------
     yaml.YAMLError
-        It is no YAML, has tags of other types, is nested more than 50 levels deep, or its aliases unfold to more than a
-        million values.
+        It is no YAML, has tags of other types, is nested too deeply, its aliases and merged tables unfold to more than
+        the budget, or one of its numbers is too long.
     """
-    depth = 0
-    # Events come without recursion; composing what is nested too deeply would exhaust the stack.
+    _check_yaml(text)
+    try:
+        return yaml.load(text, _Loader)  # noqa: S506  (safe, and in C where built)
+    except (ValueError, OverflowError) as error:
+        # Of a number that Python refuses; a tag may ask for one anywhere.
+        raise yaml.YAMLError("a value is not what its form or tag says") from error
+
+
+def _check_yaml(text: str) -> None:
+    """
+    Count the values of a YAML text as if each alias was written out, before any of them is made.
+
+    Events come without recursion and in the order of the text: an alias of a table that is merged (``<<``) is written
+    out while the table is composed, where no check of the result could come in time.
+    """
+    budget = budgets.YAML
+    sizes: dict[str, int] = {}
+    open_: list[tuple[str | None, int]] = []
+    total = 0
     for event in yaml.parse(text, _Loader):
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-        elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
-        if depth > _DEEPEST:
-            raise yaml.YAMLError(f"nested more than {_DEEPEST} levels deep")
-    value = yaml.load(text, _Loader)  # noqa: S506  (safe, and in C where built)
-    if _unfolded(value, {}) > _MOST_NODES:
-        raise yaml.YAMLError(f"its aliases unfold to more than {_MOST_NODES} values")
-    return value
-
-
-def _unfolded(value: Any, known: dict[int, float]) -> float:
-    """How many values there are when each alias is written out; endless for one that contains itself."""
-    if not isinstance(value, (Mapping, list, tuple, set)):
-        return 1
-    if id(value) not in known:
-        known[id(value)] = float("inf")
-        items = value.values() if isinstance(value, Mapping) else value
-        known[id(value)] = 1 + sum(_unfolded(item, known) for item in items)
-    return known[id(value)]
+        if isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = open_.pop()
+            if anchor is not None:
+                sizes[anchor] = total - before
+            continue
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in sizes:
+                raise yaml.YAMLError("an alias names a table that contains it or does not exist")
+            total += sizes[event.anchor]
+        elif isinstance(event, yaml.CollectionStartEvent):
+            open_.append((event.anchor, total))
+            # An anchor that is given again means its first table no more.
+            sizes.pop(event.anchor, None)
+            total += 1
+        elif isinstance(event, yaml.ScalarEvent):
+            total += 1
+            if event.anchor is not None:
+                sizes[event.anchor] = 1
+            if len(event.value) > _LONGEST_NUMBER and _NUMBER.fullmatch(event.value):
+                raise yaml.YAMLError(f"a number has more than {_LONGEST_NUMBER} characters")
+        else:
+            continue
+        try:
+            budget.check("nesting", len(open_))
+            budget.check("records", total)
+        except BudgetError as error:
+            raise yaml.YAMLError(str(error)) from error

@@ -15,6 +15,7 @@ from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.input_files import contents_hidden
 from mwd_sensors.core.settings import from_mapping, setting
 from mwd_sensors.nodes.rig_commands import RigCommands
 from mwd_sensors.nodes.telemetry import TelemetryTopics
@@ -117,7 +118,9 @@ class SondeNode(GraphNode[SondeSettings]):
     def configure(self) -> None:
         """Read the scenario and open the topics."""
         changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
-        self._scenario = read(scenario_files.find(self.settings.scenario), changes)
+        file = scenario_files.find(self.settings.scenario)
+        with contents_hidden(file, "`mwd simulate`"):
+            self._scenario = read(file, changes)
         # Compiles the simulator, so that the run does not start late.
         next(Sonde(self._scenario).blocks(_BLOCK_S))
         self._topic_publishers = {

@@ -16,6 +16,7 @@ from typing import Any
 
 import yaml
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
 from mwd_sensors.simulator.faults import Fault, Link, check
@@ -178,7 +179,7 @@ def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> 
     """Scenario from a YAML file; errors name the file, otherwise as `parse`."""
     path = pathlib.Path(path)
     try:
-        return parse(read_text(path), changes)
+        return parse(read_text(path, budgets.YAML), changes)
     except SettingsError as error:
         raise SettingsError(f"{path.name}: {error}") from error
 

@@ -16,8 +16,8 @@ from typing import Any
 
 import yaml
 
-from mwd_sensors.core import settings
-from mwd_sensors.core.input_files import load_yaml, read_text
+from mwd_sensors.core import budgets, settings
+from mwd_sensors.core.input_files import contents_hidden, load_yaml, read_text
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.units import LPM
 from mwd_sensors.telemetry import checksum, combinatorial, meanings, pulse_position, sequences, serial_frames
@@ -323,7 +323,7 @@ def read(path: Path) -> ToolConfiguration:
         The file cannot be read.
     """
     try:
-        given = load_yaml(read_text(path)) or {}
+        given = load_yaml(read_text(path, budgets.YAML)) or {}
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: no YAML: {error}") from error
     try:
@@ -334,18 +334,17 @@ def read(path: Path) -> ToolConfiguration:
 
 def read_several(paths: Iterable[Path]) -> tuple[ToolConfiguration, ...]:
     """
-    Read the configurations of the links of one tool.
+    Read the configurations of the links of one tool, for a node: errors quote nothing of the files.
 
     Raises
     ------
     ValueError
-        As `read`, or two of them are of one link.
-    OSError
-        A file cannot be read.
+        A file cannot be used, or two of them are of one link.
     """
     tools: dict[str, ToolConfiguration] = {}
     for path in paths:
-        tool = read(path)
+        with contents_hidden(path, "`mwd tool check`"):
+            tool = read(path)
         if tool.link in tools:
             raise ValueError(f"{path}: two tools on the link {tool.link}; give each link one tool configuration")
         tools[tool.link] = tool

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that would be read without end, and YAML that would fill the memory."""
 
+import dataclasses
 import os
 
 import pytest
 import yaml
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import load_yaml, read_file, read_text
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator.scenario import parse
@@ -20,29 +22,29 @@ def test_a_device_a_pipe_and_a_folder_are_refused_at_once(tmp_path):
     os.mkfifo(pipe)
     for path in (pipe, tmp_path, "/dev/zero"):
         with pytest.raises(OSError, match=r"no regular file|directory"):
-            read_file(path)
+            read_file(path, budgets.YAML)
 
 
 def test_a_file_beyond_its_limit_is_refused_and_one_at_it_is_read(tmp_path):
     file = tmp_path / "list"
     file.write_bytes(b"x" * 100)
-    assert read_file(file, 100) == b"x" * 100
+    assert read_file(file, dataclasses.replace(budgets.YAML, size=100)) == b"x" * 100
     with pytest.raises(OSError, match="larger than"):
-        read_file(file, 99)
+        read_file(file, dataclasses.replace(budgets.YAML, size=99))
 
 
 def test_a_byte_order_mark_is_no_text(tmp_path):
     file = tmp_path / "list"
     file.write_bytes(b"\xef\xbb\xbfmd")
-    assert read_text(file) == "md"
+    assert read_text(file, budgets.YAML) == "md"
 
 
 @pytest.mark.fault_case(84)
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        (BOMB, "unfold"),
-        ("&a [*a]", "unfold"),
+        (BOMB, "at most 200000"),
+        ("&a [*a]", "contains it"),
         ("[" * 20_000, "levels deep"),
         ("{a: " * 20_000, "levels deep"),
         ("!!python/object/apply:os.system [id]", "constructor"),

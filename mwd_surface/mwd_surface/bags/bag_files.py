@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import os
 import re
 import tempfile
 from pathlib import Path
@@ -17,6 +18,9 @@ from pathlib import Path
 import numpy as np
 import zstandard
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.input_files import check_regular, open_regular
 from mwd_surface.bags import bag_metadata
 from mwd_surface.bags.bag_metadata import MetadataError
 from mwd_surface.bags.database_files import DatabaseFiles
@@ -250,6 +254,8 @@ class BagFiles:
     def _open_other(self, files: list[Path]) -> None:
         try:
             plain = [self._unpacked(file) for file in files]
+            for file in plain:
+                check_regular(file, budgets.ROS1 if self.storage == "ros1" else budgets.DATABASE)
             self.other = Ros1Bag(plain[0]) if self.storage == "ros1" else DatabaseFiles(plain, self._scratch_folder)
         except Exception as error:
             # rosbags, sqlite and its YAML parser each raise their own kinds.
@@ -288,10 +294,15 @@ class BagFiles:
             return path
         target = self._scratch_folder() / path.stem
         try:
+            size = check_regular(path, budgets.MCAP)
             with path.open("rb") as packed, target.open("wb") as plain:
-                zstandard.ZstdDecompressor().copy_stream(packed, plain)
+                for piece in zstandard.ZstdDecompressor().read_to_iter(packed):
+                    plain.write(piece)
+                    budgets.MCAP.check_ratio(size, plain.tell())
         except zstandard.ZstdError as error:
             raise FormatError(f"the file does not decompress: {error}") from error
+        except BudgetError as error:
+            raise FormatError(f"the file {error}") from error
         self.notes.append(f"{path.name} was decompressed to a temporary file first")
         return target
 
@@ -314,7 +325,7 @@ def storage_of(path: Path) -> str:
     """Return the storage of a file by its first bytes, else by its ending; empty where it is none."""
     if path.suffix != ".zstd":
         try:
-            with path.open("rb") as file:
+            with os.fdopen(open_regular(path), "rb") as file:
                 begin = file.read(16)
         except OSError:
             begin = b""

@@ -15,6 +15,7 @@ from typing import Any
 
 import yaml
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.output_files import write_whole
 
@@ -175,7 +176,7 @@ def read(folder: Path) -> BagMetadata:
     """
     path = folder / FILE_NAME
     try:
-        table = load_yaml(read_text(path))
+        table = load_yaml(read_text(path, budgets.YAML))
         info = table["rosbag2_bagfile_information"]
         names = [Path(str(name)).name for name in info["relative_file_paths"]]
         details = {Path(str(item["path"])).name: item for item in info.get("files") or []}

@@ -19,6 +19,8 @@ from rosbags.interfaces import MessageDefinitionFormat
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
+from mwd_surface.bags.db3_check import check_database
+from mwd_surface.bags.mcap.records import FormatError
 from mwd_surface.bags.topic_info import CDR, TopicInfo, read_as
 
 _LOGS = ("-wal", "-journal")
@@ -56,9 +58,11 @@ class DatabaseFiles:
         try:
             for number, path in enumerate(files):
                 try:
-                    reader = Sqlite3Reader(self._completed(path, number, scratch))
+                    complete = self._completed(path, number, scratch)
+                    check_database(complete)
+                    reader = Sqlite3Reader(complete)
                     reader.open()
-                except (ReaderError, sqlite3.Error, KeyError, TypeError, ValueError) as error:
+                except (FormatError, ReaderError, sqlite3.Error, KeyError, TypeError, ValueError) as error:
                     problems.append(f"{path.name}: {error}")
                     continue
                 self._readers.append(reader)

@@ -9,20 +9,28 @@ the file was cut, is read through once for the messages that are there.
 
 from __future__ import annotations
 
+import bz2
 import struct
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
+import lz4.frame
 from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.rosbag1.reader import Chunk, ChunkInfo, Header, IndexData, RecordType, decompressors, read_bytes
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
 from mwd_surface.bags.topic_info import TopicInfo, ros2_types
 
 _MAGIC = b"#ROSBAG V2.0\n"
-_NS = 1_000_000_000
+_BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {
+    "bz2": bz2.BZ2Decompressor,
+    "lz4": lz4.frame.LZ4FrameDecompressor,
+}
 
 
 class Ros1Bag:
@@ -93,6 +101,10 @@ class _AnyReader(Reader):
     cut = ""
     lost_bytes = 0
 
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._sizes: dict[int, int] = {}
+
     def open(self) -> None:
         """Open the file, and make an index of the messages that are there where the file has none."""
         try:
@@ -104,6 +116,35 @@ class _AnyReader(Reader):
             self.connections, self.chunk_infos, self.chunks, self.indexes = [], [], {}, {}
             self.bio = self.path.open("rb")
             self._index_by_reading()
+
+    def read_chunk(self) -> Chunk:
+        """Read the head of a chunk; its records are unpacked within the budget."""
+        position = self.bio.tell() if self.bio is not None else 0
+        chunk = super().read_chunk()
+        compression = next(name for name, one in decompressors.items() if one is chunk.decompressor)
+        return chunk._replace(decompressor=self._bounded(position, compression))
+
+    def _bounded(self, position: int, compression: str) -> Callable[[bytes], bytes]:
+        """Return the function that unpacks the chunk at a position."""
+        if compression not in _BOUNDED:
+            return decompressors[compression]
+        return partial(self._unpacked, _BOUNDED[compression], position)
+
+    def _unpacked(self, make: Callable[[], Any], position: int, data: bytes) -> bytes:
+        """Records of a chunk; raises BudgetError, or ReaderError where it does not decompress."""
+        most = budgets.ROS1.unpacked or 0
+        unpacker = make()
+        try:
+            plain = bytes(unpacker.decompress(data, max_length=most + 1))
+        except Exception as error:
+            # bz2 and lz4 raise their own kinds.
+            raise ReaderError(f"a chunk does not decompress: {error}") from error
+        budgets.ROS1.check("unpacked", len(plain))
+        if not unpacker.eof:
+            raise ReaderError("a chunk does not decompress: it is not complete")
+        self._sizes[position] = len(plain)
+        budgets.ROS1.check_ratio(self.path.stat().st_size, sum(self._sizes.values()))
+        return plain
 
     def _index_by_reading(self) -> None:
         """Read the file chunk by chunk, as far as it goes."""
@@ -140,11 +181,11 @@ class _AnyReader(Reader):
             raise ReaderError(f"the compression {compression!r} is not known")
         if not whole and compression != "none":
             raise ReaderError("the file ends inside a compressed chunk")
+        unpack = self._bounded(position, compression)
         try:
-            plain = BytesIO(decompressors[compression](data))
-        except Exception as error:
-            # bz2 and lz4 raise their own kinds.
-            raise ReaderError(f"a chunk does not decompress: {error}") from error
+            plain = BytesIO(unpack(data))
+        except BudgetError as error:
+            raise ReaderError(f"a chunk {error}") from error
         times: dict[int, list[int]] = defaultdict(list)
         end = 0
         try:
@@ -158,7 +199,7 @@ class _AnyReader(Reader):
         counts = {number: len(mine) for number, mine in times.items()}
         if spans:
             self.chunk_infos.append(ChunkInfo(position, min(spans), max(spans) + 1, counts))
-            self.chunks[position] = Chunk(length if whole else len(data), begin, decompressors[compression])
+            self.chunks[position] = Chunk(length if whole else len(data), begin, unpack)
         if not whole:
             raise ReaderError("the file ends inside a chunk")
 

@@ -17,7 +17,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_tau
-from mwd_sensors.core.input_files import read_yaml
+from mwd_sensors.core.input_files import read_yaml, without_contents
 from mwd_sensors.core.settings import setting
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, clearance, nearest_first
 from mwd_surface.list_files.list_columns import DIPS, NORTHS, Given, columns_of
@@ -30,7 +30,6 @@ from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-_LARGEST = 1_000_000
 # Usual distance between surveys, m; and one beyond which the hole between is said to be hardly known.
 _SPACING = 30.0
 _WIDE = 150.0
@@ -118,7 +117,7 @@ def read_offset_wells(path: Path) -> OffsetWells:
         A file that cannot be read, is no YAML table of `wells`, or has unknown keys or two wells of one name.
     """
     try:
-        table = read_yaml(path, _LARGEST)
+        table = read_yaml(path)
     except OSError as error:
         raise OffsetWellError(f"{path}: {error.strerror}") from error
     except settings.SettingsError as error:
@@ -195,7 +194,7 @@ def offset_well(
 
 def _given(offset: OffsetWell) -> Given:
     """
-    What the file says of the list of an offset well, as the options of `mwd path` do.
+    Return how the file says to read the list of an offset well, as the options of `mwd path` do.
 
     Raises
     ------
@@ -217,12 +216,15 @@ def _given(offset: OffsetWell) -> Given:
     )
 
 
-def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearance], tuple[Remark, ...]]:
+def clearances(
+    well: UncertainWell, offsets: OffsetWells, quoting: bool = True
+) -> tuple[list[Clearance], tuple[Remark, ...]]:
     """
     Return the clearance to each offset well, the nearest by the rule first, and every remark about them.
 
     Remarks say which wells or parts of them are not compared and why, what was assumed when their lists were read, and
-    which have stations so far apart that the hole between is hardly known.
+    which have stations so far apart that the hole between is hardly known. quoting: whether a remark may quote a file
+    that cannot be read.
 
     Raises
     ------
@@ -240,6 +242,9 @@ def clearances(well: UncertainWell, offsets: OffsetWells) -> tuple[list[Clearanc
             found.append(clearance(well, other, offsets.rule, offset.shared_to_m))
         except ValueError as error:
             text = str(error) if offset.name in str(error) else f"offset well {offset.name}: {error}"
+            if not quoting and error.__cause__ is not None:
+                # Its list or programme cannot be read.
+                text = f"offset well {offset.name}: {without_contents(offset.file, error, '`mwd clearance`')}"
             remarks.append(Remark(RemarkKind.NOT_COMPARED, text))
             continue
         remarks += other.remarks

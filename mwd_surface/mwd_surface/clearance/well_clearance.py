@@ -68,6 +68,8 @@ def well_clearance(
     plan: Plan | None = None,
     bit_depth: float | None = None,
     leg: str | None = None,
+    *,
+    quoting: bool = True,
 ) -> WellClearance:
     """
     Compare the well of a list with its offset wells.
@@ -82,6 +84,8 @@ def well_clearance(
         m; left out, `sensor_to_bit` below the last survey.
     leg : str, optional
         Other than the current one.
+    quoting : bool
+        Whether a remark may quote a list that cannot be read; the page needs no login, so the node says no.
 
     Raises
     ------
@@ -102,7 +106,7 @@ def well_clearance(
         well = uncertain_well(surveys, path, records, 0.5 * offsets.hole_diameter_m)
         well = dataclasses.replace(well, surveyed=surveyed)
         check_plausible(well, offsets.rule)
-        found, remarks = clearances(well, offsets)
+        found, remarks = clearances(well, offsets, quoting)
     except ValueError as error:
         raise ValueError(f"no clearance: {error}") from error
     own = (*path.assumptions, *surveys.remarks, *(() if plan is None else plan.remarks))

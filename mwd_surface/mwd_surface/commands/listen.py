@@ -94,9 +94,8 @@ def _print(words: list[ReceivedWord]) -> None:
 
 def _opened(where: str, configuration: ToolConfiguration, gauge: Path | None, clock: Callable[[], float]) -> Source:
     """Source of a name such as `modbus:HOST:PORT`."""
-    import yaml
-
     from mwd_sensors.core import settings
+    from mwd_sensors.core.input_files import read_yaml
     from mwd_surface.receiver import sources
 
     kind, _, rest = where.partition(":")
@@ -107,7 +106,7 @@ def _opened(where: str, configuration: ToolConfiguration, gauge: Path | None, cl
         return sources.WavStream(0)
     host, _, port = rest.rpartition(":")
     if kind == "modbus" and host and port.isdigit() and not wired:
-        plain = (yaml.safe_load(gauge.read_text(encoding="utf-8")) if gauge is not None else None) or {}
+        plain = (read_yaml(gauge) if gauge is not None else None) or {}
         return sources.ModbusGauge(
             settings.from_mapping(sources.GaugeSettings, {**plain, "host": host, "port": int(port)}), clock
         )

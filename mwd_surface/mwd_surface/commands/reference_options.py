@@ -202,6 +202,7 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
 
     import yaml
 
+    from mwd_sensors.core.input_files import load_yaml
     from mwd_sensors.core.settings import SettingsError
 
     table = {}
@@ -210,7 +211,7 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
         if not equals or not name.strip():
             raise SettingsError(f"--set {change}: write it as NAME=VALUE, for example --set survey.duration_s=12")
         try:
-            read = yaml.safe_load(value)
+            read = load_yaml(value)
         except yaml.YAMLError as error:
             raise SettingsError(f"--set {change}: the value cannot be read: {str(error).splitlines()[0]}") from error
         # A day is text to every setting, and a date to YAML.

@@ -4,15 +4,49 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import sys
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from mwd_sensors.core.settings import printable
+
 if TYPE_CHECKING:
     from rich.table import Table
+
+
+class PrintableStream:
+    """
+    Standard output or error that writes control characters out.
+
+    Names of topics and files, and what peers send, may hold sequences that a terminal obeys. Colours of our own text
+    pass on a terminal. The bar of `progress`, which moves the cursor, writes beside it.
+    """
+
+    _COLOUR = re.compile(r"(\x1b\[[0-9;]*m)")
+
+    def __init__(self, stream: Any) -> None:
+        self.stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        if self.stream.isatty():
+            parts = self._COLOUR.split(text)
+            text = "".join(part if k % 2 else printable(part) for k, part in enumerate(parts))
+        else:
+            text = printable(text)
+        return int(self.stream.write(text))
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        """Write texts."""
+        for line in lines:
+            self.write(line)
 
 
 def output() -> Console:
@@ -71,6 +105,11 @@ def remark(sentence: str) -> None:
     remarks().print(sentence, markup=False)
 
 
+def _moving() -> Console:
+    """Console of what moves the cursor; its words must be printable."""
+    return Console(file=getattr(sys.stderr, "stream", sys.stderr), soft_wrap=True, highlight=False)
+
+
 @contextlib.contextmanager
 def progress(words: str) -> Iterator[Callable[[float], None]]:
     """A bar with the time left on a terminal, nothing elsewhere; the block gets a function that sets the share."""
@@ -80,8 +119,8 @@ def progress(words: str) -> Iterator[Callable[[float], None]]:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=remarks(), transient=True) as bar:
-        task = bar.add_task(words, total=1.0)
+    with Progress(*columns, console=_moving(), transient=True) as bar:
+        task = bar.add_task(printable(words), total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
@@ -92,7 +131,7 @@ def waiting(words: str) -> Iterator[None]:
         remarks().print(words, markup=False)
         yield
         return
-    with remarks().status(words):
+    with _moving().status(printable(words)):
         yield
 
 
@@ -105,5 +144,5 @@ def live_line() -> Iterator[Callable[[str], None]]:
     from rich.live import Live
     from rich.text import Text
 
-    with Live(Text(""), console=remarks(), transient=True, auto_refresh=False) as live:
-        yield lambda words: live.update(Text(words, no_wrap=True, overflow="ellipsis"), refresh=True)
+    with Live(Text(""), console=_moving(), transient=True, auto_refresh=False) as live:
+        yield lambda words: live.update(Text(printable(words), no_wrap=True, overflow="ellipsis"), refresh=True)

@@ -12,12 +12,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from mwd_sensors.core.input_files import load_json, read_text
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import load_json, read_text, without_contents
 from mwd_sensors.core.output_files import write_whole
 
 _BLOCK = 1000
 _LARGEST = 2**32 - 1  # uint32 on the wire
-_MOST_BYTES = 10_000
 
 
 class LeaseNumbers:
@@ -51,15 +51,14 @@ class LeaseNumbers:
             The file cannot be read or understood; the message says what to do.
         """
         try:
-            reserved = load_json(read_text(self._file, _MOST_BYTES))["reserved_below"]
+            reserved = load_json(read_text(self._file, budgets.JSON))["reserved_below"]
         except FileNotFoundError:
             reserved = 0
         except (OSError, ValueError, TypeError, KeyError) as error:
-            raise ValueError(f"{self._file}: {error!r}; delete it if no lease is newer than the clock") from error
+            why = without_contents(self._file, error)
+            raise ValueError(f"{why}; delete it if no lease is newer than the clock") from error
         if type(reserved) is not int or not 0 <= reserved <= _LARGEST - _BLOCK:
-            raise ValueError(
-                f"{self._file}: reserved_below {reserved!r}; delete it if no lease is newer than the clock"
-            )
+            raise ValueError(f"{self._file}: no such number; delete it if no lease is newer than the clock")
         self.end = max(reserved, at_least)
         return self.end
 

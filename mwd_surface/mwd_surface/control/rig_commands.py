@@ -16,6 +16,9 @@ from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, check, ra
 RIG_TIMEOUT = 2.0  # s; without a command for so long the rig reacts by itself
 _REFRESH = 0.5  # s between repetitions of a command
 _MOST_UNANSWERED = 100
+# s of a ramp that one call may make up for. The surface calls ten times a second; a process that stood still must not
+# ask in one step for what the string was to reach meanwhile.
+_LONGEST_STEP = 0.2
 
 
 @dataclasses.dataclass
@@ -153,7 +156,8 @@ class RigCommands:
             if point is None:
                 continue
             if point.mode == Mode.ROTATE:
-                self._speed = ramped(self._speed, point.rotary_speed, self._limits.speed_rate, now - self._ramp_at)
+                step = min(now - self._ramp_at, _LONGEST_STEP)
+                self._speed = ramped(self._speed, point.rotary_speed, self._limits.speed_rate, step)
                 self._ramp_at = now
                 point = dataclasses.replace(point, rotary_speed=self._speed, returns=self._returns)
             key = channel.set, point.rotary_speed

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mwd_sensors.core.units import LPM, RPM
 from mwd_sensors.telemetry.downlink import ROTATION, Downlink, amplitude
@@ -48,6 +48,19 @@ class Readings(NamedTuple):
     link_age_s: float = math.inf
     survey_running: bool = False
     no_control: str = ""
+
+
+# m^3/s, rad/s and Pa that no rig reaches.
+_MOST = {"flow": 1.0, "rotary_speed": 100.0, "pressure": 1e9}
+
+
+def possible(readings: Readings) -> Readings:
+    """Return the readings without those that no rig can have: they are not known."""
+    known: dict[str, Any] = {name: getattr(readings, name) for name in _MOST}
+    for name, value in known.items():
+        if value is not None and not abs(value) < _MOST[name]:
+            known[name] = None
+    return readings._replace(**known)
 
 
 class StallWatch:

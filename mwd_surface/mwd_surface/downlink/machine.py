@@ -14,11 +14,12 @@ from collections import deque
 from typing import NamedTuple
 
 from mwd_sensors.telemetry import tool_commands
-from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION, Frame, Programme, next_counter, programme
+from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION, Frame, Programme, programme
 from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
-from mwd_surface.downlink.interlocks import Readings, StallWatch, blocked, medium_value, words
+from mwd_surface.downlink.interlocks import Readings, StallWatch, blocked, medium_value, possible, words
 from mwd_surface.downlink.settings import DownlinkSettings
+from mwd_surface.downlink.tool_echo import ToolEcho
 from mwd_surface.downlink.watch import DeviationWatch
 
 PERMISSION_S = 120.0
@@ -110,6 +111,8 @@ class Machine:
         Of the last command that was begun; 0: none.
     number : int
         Of the last request; 0: none. Goes on after a restart, so that a number never means two requests.
+    echo : ToolEcho, optional
+        Echoes that the tool may send; without it any.
 
     Raises
     ------
@@ -124,10 +127,13 @@ class Machine:
         in_force: ToolSettings | None = None,
         counter: int = 0,
         number: int = 0,
+        echo: ToolEcho | None = None,
     ) -> None:
         self.downlink = tool_commands.downlink_of(tool)
         self.tool, self.settings = tool, settings
         self.in_force, self.counter = in_force or ToolSettings(), counter
+        self.echo = echo or ToolEcho()
+        self._proves = False
         self.state, self.number = DownlinkState.IDLE, number
         self.reason = self.decided_by = ""
         self.request: Request | None = None
@@ -160,7 +166,7 @@ class Machine:
         if not by.strip():
             raise ValueError("operator_name: must not be empty: the journal records who asked")
         number, argument = tool_commands.command(self.tool, name, value)
-        frame = Frame(next_counter(self.counter), number, argument)
+        frame, _ = self.echo.numbered(Frame(1, number, argument), self.counter)
         # What the tool would be told must fit together with what it was told before.
         tool_commands.applied(self.tool, self.in_force.after(frame))
         self.request, self.programme = Request(frame, name, value, by.strip()), programme(frame, self.downlink)
@@ -227,6 +233,7 @@ class Machine:
 
         people_s : time by which permission lapses, s, where `now` is that of a rig simulated faster than time.
         """
+        readings = possible(readings)
         people_s = now if people_s is None else people_s
         self._waited += 0.0 if self._people_s is None else people_s - self._people_s
         self._people_s = people_s
@@ -243,16 +250,30 @@ class Machine:
             self._go(DownlinkState.UNCONFIRMED, self._unanswered(), "", now)
 
     def on_echo(self, code: int, now: float) -> None:
-        """Take the word by which the tool repeats the last command it received, once it is believed."""
+        """
+        Take the word by which the tool repeats the last command it received, once it is believed.
+
+        It confirms the command at hand only where the tool could not have sent it before the command.
+        """
         request = self.request
+        self.echo.hear(code, now, self.answer_s)
         if (
             request is None
             or self.state not in (DownlinkState.SENT, DownlinkState.UNCONFIRMED)
             or code != request.frame.echo
         ):
             return
+        # Whenever the tool received it: it is the last command that it obeyed.
         self.in_force = self.in_force.after(request.frame)
-        self._go(DownlinkState.CONFIRMED, f"{self.about}: the tool confirms counter {request.frame.counter}", "", now)
+        if self._proves:
+            text = f"{self.about}: the tool confirms counter {request.frame.counter}"
+            self._go(DownlinkState.CONFIRMED, text, "", now)
+        elif self.state == DownlinkState.SENT:
+            text = (
+                f"{self.about}: the tool repeats this command, but perhaps from before: its answer to earlier commands "
+                "is not known; send it again to be certain"
+            )
+            self._go(DownlinkState.UNCONFIRMED, text, "", now)
 
     @property
     def about(self) -> str:
@@ -304,10 +325,22 @@ class Machine:
             self._deviation = self._watch(self.base, readings)
             self._started = now
             self.set_point = self.base
-            # Used up before the first symbol, and kept with this transition: a surface that dies from here on must not
-            # give another command the number by which the tool may answer this one.
-            self.counter = self.request.frame.counter if self.request is not None else self.counter
+            self._number_request(now)
             self._go(DownlinkState.RUNNING, f"{self.about}: from {words(self.base, self.downlink)}", "", now)
+
+    def _number_request(self, now: float) -> None:
+        """
+        Give the command at hand its counter: now, for the tool's word may have been heard since the draft.
+
+        Kept with the transition that follows: a surface that dies from here on must not give another command the
+        counter by which the tool may answer this one.
+        """
+        if self.request is None:
+            return
+        frame, self._proves = self.echo.numbered(self.request.frame, self.counter)
+        self.request, self.programme = self.request._replace(frame=frame), programme(frame, self.downlink)
+        self.counter = frame.counter
+        self.echo.send(frame.echo, now + self.programme.duration_s + self.answer_s)
 
     def _watch(self, base: float, readings: Readings) -> DeviationWatch:
         turns, share = self.downlink.medium == ROTATION, self.settings.tolerance

@@ -1,17 +1,59 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the surface must not forget of the downlink: settings of the tool, counter sent last, number of requests."""
+"""What the surface must not forget of the downlink: settings of the tool, counters, requests, the tool's echo."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import NamedTuple
 
-from mwd_sensors.core.input_files import load_json, read_text
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import load_json, read_text, without_contents
 from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.telemetry.tool_commands import ToolSettings, applied
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
+from mwd_surface.downlink.machine import Machine
+from mwd_surface.downlink.settings import DownlinkSettings
+from mwd_surface.downlink.tool_echo import ToolEcho
 
-_MOST_CHARACTERS = 10_000
+
+class Kept(NamedTuple):
+    """
+    What one well keeps.
+
+    Attributes
+    ----------
+    in_force : ToolSettings
+        By which the tool runs.
+    counter, number : int
+        Of the last command that was begun, and of the last request; 0: none.
+    heard : int, optional
+        Echo of the tool that was heard last; None: none.
+    sent : tuple of int
+        Echoes of the commands begun since.
+    """
+
+    in_force: ToolSettings = ToolSettings()
+    counter: int = 0
+    number: int = 0
+    heard: int | None = None
+    sent: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, machine: Machine) -> Kept:
+        """Return what a machine must not forget."""
+        return cls(machine.in_force, machine.counter, machine.number, machine.echo.heard, machine.echo.sent)
+
+    def machine(self, tool: ToolConfiguration, settings: DownlinkSettings) -> Machine:
+        """
+        Return a machine that goes on from here.
+
+        Raises
+        ------
+        ValueError
+            The tool takes no commands.
+        """
+        return Machine(tool, settings, self.in_force, self.counter, self.number, ToolEcho(self.heard, self.sent))
 
 
 class Memory:
@@ -25,13 +67,13 @@ class Memory:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._written: tuple[ToolSettings, int, int] | None = None
+        self._written: Kept | None = None
 
-    def read(self, tool: ToolConfiguration) -> tuple[ToolSettings, int, int]:
+    def read(self, tool: ToolConfiguration) -> Kept:
         """
-        Settings in force, counter and number of the last request.
+        Read what was kept; nothing where there is no file.
 
-        The settings are those of a tool as delivered where there is no file, or one of another tool.
+        The settings are those of a tool as delivered where the file is of another tool.
 
         Raises
         ------
@@ -39,39 +81,43 @@ class Memory:
             The file cannot be understood; the message says what to do.
         """
         try:
-            settings, counter, number = _kept(read_text(self._file, _MOST_CHARACTERS))
+            kept = _kept(read_text(self._file, budgets.JSON))
         except FileNotFoundError:
-            return ToolSettings(), 0, 0
+            return Kept()
         except (OSError, ValueError, TypeError, KeyError) as error:
-            raise ValueError(f"{self._file}: {error}; delete it if the tool runs by its tool.yaml") from error
+            why = without_contents(self._file, error)
+            raise ValueError(f"{why}; delete it if the tool runs by its tool.yaml") from error
         try:
-            applied(tool, settings)
+            applied(tool, kept.in_force)
         except ValueError:
-            return ToolSettings(), counter, number
-        return settings, counter, number
+            return kept._replace(in_force=ToolSettings())
+        return kept
 
-    def write(self, in_force: ToolSettings, counter: int, number: int) -> None:
+    def write(self, kept: Kept) -> None:
         """
-        Keep the settings, the counter and the number of the last request where they have changed.
+        Keep it where it has changed.
 
         Raises
         ------
         OSError
             The file cannot be written.
         """
-        if (in_force, counter, number) == self._written:
+        if kept == self._written:
             return
         self._file.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(
-            self._file, json.dumps({"in_force": in_force._asdict(), "counter": counter, "number": number}) + "\n"
-        )
-        self._written = (in_force, counter, number)
+        write_whole(self._file, json.dumps(kept._asdict() | {"in_force": kept.in_force._asdict()}) + "\n")
+        self._written = kept
 
 
-def _kept(text: str) -> tuple[ToolSettings, int, int]:
+def _kept(text: str) -> Kept:
     """What a file holds; ValueError, TypeError or KeyError where it is none."""
     given = load_json(text)
-    settings, counter, number = ToolSettings(**given["in_force"]), given["counter"], given.get("number", 0)
-    if [type(value) for value in (*settings, counter, number)] != [type(value) for value in (*ToolSettings(), 0, 0)]:
+    kept = Kept(
+        ToolSettings(**given["in_force"]), given["counter"], given["number"], given["heard"], tuple(given["sent"])
+    )
+    numbers = (kept.counter, kept.number, *kept.sent, *(() if kept.heard is None else (kept.heard,)))
+    if [type(value) for value in kept.in_force] != [type(value) for value in ToolSettings()] or any(
+        type(number) is not int for number in numbers
+    ):
         raise TypeError("a value is of another type")
-    return settings, counter, number
+    return kept

@@ -11,6 +11,7 @@ the data set twice. polars, duckdb and pandas read each folder as one table.
 from __future__ import annotations
 
 import hashlib
+import os
 import uuid
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as parquet
 
 from mwd_estimation.core.status import Status
+from mwd_sensors.core.input_files import open_regular
 from mwd_surface.fleet.attitude_statistics import FLAGS
 from mwd_surface.surveys import station_csv
 
@@ -114,7 +116,7 @@ def key_of(path: Path, settings: str, version: str) -> str:
         if file.name == "metadata.yaml" and len(files) > 1:
             continue
         total.update(file.stat().st_size.to_bytes(8, "little"))
-        with file.open("rb") as opened:
+        with os.fdopen(open_regular(file), "rb") as opened:
             while chunk := opened.read(_CHUNK):
                 total.update(chunk)
     return total.hexdigest()[:32]

@@ -5,11 +5,13 @@ from __future__ import annotations
 
 import csv
 import io
+import logging
 import re
 from collections.abc import Iterator
 
 import numpy as np
 
+from mwd_sensors.core import budgets
 from mwd_surface.list_files.list_columns import column_of, north_of
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import Cell
@@ -42,7 +44,13 @@ def las_table(text: str, name: str) -> Table:
 def _curves(text: str, name: str) -> Table:
     import lasio
 
+    # Its log would quote lines of the file on the terminal and in the logs of the nodes.
+    log = logging.getLogger("lasio")
+    log.addHandler(logging.NullHandler())
+    log.propagate = False
     try:
+        # lasio looks for the name of each curve among all others.
+        budgets.LIST.check("columns", re.split(r"(?m)^\s*~A", text, maxsplit=1)[0].count("\n"))
         file = lasio.read(io.StringIO(text), ignore_header_errors=True)
         data = np.atleast_2d(file.data)
     except Exception as error:  # lasio raises whatever its parsing meets

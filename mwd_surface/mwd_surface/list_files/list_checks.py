@@ -22,6 +22,7 @@ from mwd_surface.list_files.station_list import POSITION
 
 DEEPEST = 20_000.0  # m; the longest hole there is has 15.2 km
 _ARC = 60.0  # m; stations farther apart leave out others
+_IMPOSSIBLE = 100_000.0  # m; no caller can confirm more
 # A dogleg that no usual hole has, rad/m; short radius drilling, which has more, is confirmed by the caller.
 _DOGLEG = math.radians(30.0) / 30.0
 # Two tools or two roundings may differ by this at neighbouring stations, rad.
@@ -39,6 +40,10 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
     """
     for k in map(int, np.flatnonzero(md < 0.0)):
         raise ListFileError(f"{at[k]}: measured depth {md[k]:g} m is above the wellhead; depths count downwards")
+    for k in map(int, np.flatnonzero(md > _IMPOSSIBLE)):
+        raise ListFileError(
+            f"{at[k]}: measured depth {md[k]:g} m is deeper than any hole can be; check the unit and the decimal mark"
+        )
     for k in map(int, np.flatnonzero(md > DEEPEST)):
         if "depth" not in given.confirm:
             raise ListFileError(

@@ -57,6 +57,7 @@ _NUMBER = re.compile(
     re.DOTALL,
 )
 _SPACES = re.compile("(?<=\\d)['’\u00a0\u202f\u2009 ](?=\\d{3}(?!\\d))")
+_LONGEST = 100  # characters of a number with its unit; the time to match the pattern grows with the square
 _GROUPED = re.compile(r"^[+-]?[1-9]\d{0,2}(?P<mark>[.,])\d{3}$")
 
 
@@ -88,6 +89,8 @@ def split(cell: Cell) -> tuple[str, str] | None:
     if isinstance(cell, float):
         return repr(cell), ""
     text = cell.strip().translate(_MINUS)
+    if len(text) > _LONGEST:
+        return None
     # A spreadsheet marks text with an apostrophe in front.
     found = _NUMBER.match(text[1:] if text[:1] in "'’" else text)
     if found is None:

@@ -20,13 +20,13 @@ import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from mwd_sensors.core.input_files import read_file
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.input_files import check_lines, read_file
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import Cell, is_null, looks_like_number, texts
 from mwd_surface.list_files.remark import Remark, RemarkKind
 
-LARGEST = 20_000_000  # bytes
-_UNPACKED = 200_000_000  # bytes of a spreadsheet, unpacked
 _HEAD = 200  # lines above the one that names the columns, as programs for people write them
 _STACKED = 4  # lines that together name the columns
 WIDE, SPACE = "  ", " "  # two spaces or more part fields; any space does
@@ -88,7 +88,7 @@ def read_bytes(path: Path) -> bytes:
         It is missing, no regular file, or too large.
     """
     try:
-        return read_file(path, LARGEST)
+        return read_file(path, budgets.LIST)
     except OSError as error:
         raise ListFileError(f"{path}: {error.strerror}") from error
 
@@ -105,8 +105,17 @@ def text_of(data: bytes, name: str) -> str:
     Raises
     ------
     ListFileError
-        It is a file of another kind, such as PDF or an old spreadsheet.
+        It is a file of another kind, such as PDF or an old spreadsheet, or has more lines or columns than are read.
     """
+    text = _decoded(data, name)
+    try:
+        check_lines(text, budgets.LIST)
+    except BudgetError as error:
+        raise ListFileError(f"{name}: {error}") from error
+    return text
+
+
+def _decoded(data: bytes, name: str) -> str:
     for magic, what in (
         (b"%PDF", "a PDF; export the list as CSV or .xlsx"),
         (b"\xd0\xcf\x11\xe0", "an old spreadsheet (.xls) or document; save it as .xlsx or CSV"),
@@ -191,9 +200,9 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
     ListFileError
         It is empty or of another kind, or a line cannot be parted.
     """
-    grids = _sheets(data, name) if is_spreadsheet(data) else None
-    if grids is None:
+    if not is_spreadsheet(data):
         return _text_table(text_of(data, name), name, is_header, is_unit)
+    grids = _sheets(data, name)
     found = []
     for sheet, grid in grids:
         where = _header_in(grid, is_header)
@@ -218,13 +227,24 @@ def _sheets(data: bytes, name: str) -> list[tuple[str, list[Row]]]:
     import openpyxl
 
     _check_archive(data, name)
+    sheets, cells = [], 0
     try:
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
-        sheets = []
         for sheet in book.worksheets:
-            rows = enumerate(sheet.iter_rows(values_only=True), start=1)
-            cells = ((f"{name}, sheet {sheet.title}, row {k}", row) for k, row in rows)
-            sheets.append((sheet.title, [Row(at, tuple(map(_cell, row))) for at, row in cells if any(map(_said, row))]))
+            rows: list[Row] = []
+            sheets.append((sheet.title, rows))
+            # What a sheet says of its size may be wrong; a row then ends at its last cell.
+            sheet.reset_dimensions()
+            # A row of a few bytes may stand at any number and end at any column: the empty cells before it are made.
+            for k, row in enumerate(sheet.iter_rows(values_only=True), start=1):
+                cells += 1 + len(row)
+                budgets.SPREADSHEET.check("records", cells)
+                width = max((j for j, cell in enumerate(row, start=1) if _said(cell)), default=0)
+                budgets.SPREADSHEET.check("columns", width)
+                if width:
+                    rows.append(Row(f"{name}, sheet {sheet.title}, row {k}", tuple(map(_cell, row[:width]))))
+    except BudgetError as error:
+        raise ListFileError(f"{name} {error}") from error
     except Exception as error:  # openpyxl raises whatever its parsing meets
         raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
     return sheets
@@ -237,8 +257,9 @@ def _check_archive(data: bytes, name: str) -> None:
             items = archive.infolist()
     except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
         raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
-    if sum(item.file_size for item in items) > _UNPACKED:
-        raise ListFileError(f"{name}: unpacks to more than {_UNPACKED / 1e6:g} MB")
+    unpacked = sum(item.file_size for item in items)
+    if unpacked > (budgets.SPREADSHEET.unpacked or 0):
+        raise ListFileError(f"{name}: unpacks to more than {(budgets.SPREADSHEET.unpacked or 0) / budgets.MB:g} MB")
     if not any(item.filename.startswith("xl/") for item in items):
         raise ListFileError(f"{name} is an archive that is not an .xlsx spreadsheet; save it as .xlsx or CSV")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from mwd_sensors.core.settings import printable
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.well_clock import WellClock
 
@@ -48,12 +49,12 @@ class AlarmLog:
     def log_event(self, source: str, text: str, severity: Severity = Severity.INFO) -> None:
         """Log an event that is no alarm."""
         self.book.note(source, text, self.now_ns(), severity)
-        self._tell(f"{source}: {text}", Severity.INFO)
+        self._tell(printable(f"{source}: {text}"), Severity.INFO)
 
     def raise_alarm(self, alarm_id: str, severity: Severity, text: str, remedy: str = "") -> None:
         """Raise an alarm, or raise it again."""
         self.book.raise_alarm(alarm_id, severity, text, remedy, self.now_ns())
-        self._tell(f"{text}; {remedy}" if remedy else text, Severity.CRITICAL)
+        self._tell(printable(f"{text}; {remedy}" if remedy else text), Severity.CRITICAL)
 
     def clear_alarm(self, alarm_id: str) -> None:
         """Clear an alarm whose cause has gone; without effect where it is not raised."""

@@ -12,6 +12,8 @@ import enum
 from collections import deque
 from collections.abc import Mapping
 
+from mwd_sensors.core.settings import printable
+
 
 class Severity(enum.IntEnum):
     """The numbers of the Alarm message."""
@@ -91,6 +93,8 @@ class AlarmBook:
         """
         if not alarm_id:
             raise ValueError("alarm_id: must not be empty")
+        # Words of files, topics and peers are shown on terminals, which obey control characters.
+        text, remedy = printable(text), printable(remedy)
         severity = int(Severity(severity))
         old = self._alarms.get(alarm_id)
         if old is None:
@@ -154,6 +158,7 @@ class AlarmBook:
         """
         if not operator_name.strip():
             return False, "operator_name: must not be empty: the log says who acknowledged"
+        operator_name = printable(operator_name)
         if alarm_id and alarm_id not in self._alarms:
             return False, f"there is no alarm {alarm_id!r}; there are {', '.join(self._alarms) or 'none'}"
         wanted = [alarm_id] if alarm_id else [k for k, a in self._alarms.items() if not a.acknowledged]
@@ -184,7 +189,7 @@ class AlarmBook:
         return tuple(self._events)[-(self.logged - logged) :] if self.logged > logged else ()
 
     def _log(self, event: Event) -> None:
-        self._events.append(event)
+        self._events.append(dataclasses.replace(event, text=printable(event.text), source=printable(event.source)))
         self.logged += 1
 
     def _make_room(self, alarm: Alarm) -> bool:

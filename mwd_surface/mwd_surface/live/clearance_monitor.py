@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import concurrent.futures
 
+from mwd_sensors.core.input_files import without_contents
 from mwd_surface.clearance.clearance import Level
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
 from mwd_surface.list_files.remark import sentences
@@ -64,7 +65,9 @@ class ClearanceMonitor:
         log = self._alarm_log
         if near is None or isinstance(near, str):
             self._live.on_clearance((), self._clock.now)
-            log.clear_alarm(_SEPARATION)
+            # What cannot be compared any more is as near as it was: a separation alarm stands.
+            if near is None:
+                log.clear_alarm(_SEPARATION)
             self._report_file((near,) if near else ())
             return
         ahead = near.ahead()
@@ -72,7 +75,8 @@ class ClearanceMonitor:
         # An assumption stands on the page; only what was not compared may hide a well.
         self._report_file(sentences(near.not_compared))
         if near.level == Level.CLEAR:
-            log.clear_alarm(_SEPARATION)
+            if not near.refused:
+                log.clear_alarm(_SEPARATION)
             return
         severity = Severity.CRITICAL if near.level == Level.STOP else Severity.WARNING
         beyond = float(ahead[0].md[ahead[0].least]) - near.bit
@@ -90,7 +94,11 @@ class ClearanceMonitor:
 def _compare(surveys: SurveyList, plan: Plan | None, bit_depth: float | None) -> WellClearance | str | None:
     """Compare, or say in a sentence why not; None where there are no offset wells."""
     try:
-        offsets = offset_wells_of(surveys)
-        return None if offsets is None else well_clearance(surveys, offsets, plan, bit_depth)
+        try:
+            offsets = offset_wells_of(surveys)
+        except (ValueError, OSError) as error:
+            # The alarm is on a page that needs no login.
+            return without_contents(surveys.well.offset_wells, error, "`mwd clearance`")
+        return None if offsets is None else well_clearance(surveys, offsets, plan, bit_depth, quoting=False)
     except (CovarianceUnavailableError, ValueError) as error:
         return str(error)

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from mwd_sensors.core.input_files import without_contents
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.settings import PlanSettings
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.trajectory.plan import DRAWN_STEP, Plan, interpolated, offset_of_end
-from mwd_surface.trajectory.plan_file import read_plan
+from mwd_surface.trajectory.plan_file import in_north, read_plan
 from mwd_surface.trajectory.well_path import Definitive
 
 
@@ -31,8 +32,16 @@ class PlanMonitor:
     @staticmethod
     def read(settings: PlanSettings, north: str) -> Plan | ListFileError | None:
         """Read the plan from its file, in any thread: the plan, why it cannot be used, or None where none is named."""
+        if not settings.file:
+            return None
+        path = Path(settings.file).expanduser()
         try:
-            return read_plan(Path(settings.file).expanduser(), north) if settings.file else None
+            plan = read_plan(path)
+        except ListFileError as error:
+            # The alarm is on a page that needs no login.
+            return ListFileError(without_contents(path, error, "`mwd path`"))
+        try:
+            return in_north(plan, path, north)
         except ListFileError as error:
             return error
 

@@ -23,7 +23,7 @@ from mwd_sensors.telemetry.downlink import ECHO_WORD, ROTATION
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.downlink.interlocks import Readings
 from mwd_surface.downlink.machine import ENDED, NEXT, DownlinkState, Machine, Transition
-from mwd_surface.downlink.memory import Memory
+from mwd_surface.downlink.memory import Kept, Memory
 from mwd_surface.downlink.rig_clock import RigClock
 from mwd_surface.downlink.rig_control import RigControl
 from mwd_surface.downlink.settings import DownlinkSettings
@@ -66,7 +66,7 @@ class DownlinkServer:
         self._machine: Machine | None = None
         self._refusal = _NO_TOOL
         if settings.tool_file:
-            tool = tool_configuration.read(Path(settings.tool_file).expanduser())
+            (tool,) = tool_configuration.read_several([Path(settings.tool_file).expanduser()])
             try:
                 kept = self._memory.read(tool)
             except ValueError as error:
@@ -74,7 +74,7 @@ class DownlinkServer:
                 self._refusal = f"no command can be sent to the tool: {error}"
                 context.alarm_log.raise_alarm("downlink.memory", Severity.WARNING, self._refusal, _RESTART)
             else:
-                self._machine = Machine(tool, settings, *kept)
+                self._machine = kept.machine(tool, settings)
         self._goal: DeferredGoal | None = None
         self._published_at = -math.inf
         self._clock = RigClock()
@@ -172,6 +172,7 @@ class DownlinkServer:
         if word.name.lower() == ECHO_WORD.lower() and word.status == msg.LinkWord.BELIEVED and self._machine:
             self._machine.on_echo(int(word.raw), self._now())
             self._follow(self._machine, self._now())
+            self._remember(self._machine)
 
     def _on_quality(self, data: bytes) -> None:
         """Take the serialised state of the link."""
@@ -242,7 +243,7 @@ class DownlinkServer:
 
     def _remember(self, machine: Machine) -> None:
         try:
-            self._memory.write(machine.in_force, machine.counter, machine.number)
+            self._memory.write(Kept.of(machine))
         except OSError as error:
             text = f"the tool's settings are not saved: {error}"
             self._context.alarm_log.raise_alarm("downlink.unsaved", Severity.WARNING, text, "free the disk")

@@ -16,6 +16,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_text
 
 VARIABLE = "MWD_PAGE_TOKEN"
@@ -40,7 +41,7 @@ def read_token(file: str, environment: Mapping[str, str]) -> str:
         try:
             if path.stat().st_mode & stat.S_IROTH:
                 raise ValueError(f"page.token_file: every user of this machine can read {path}; chmod 640 {path}")
-            token = read_text(path, 10_000).partition("\n")[0].strip()
+            token = read_text(path, budgets.SECRET).partition("\n")[0].strip()
         except OSError as error:
             raise ValueError(f"page.token_file: {path}: {error.strerror}") from error
         if not token:
@@ -80,10 +81,15 @@ class Access:
         count, at = self._wrong.get(peer, (0, 0.0))
         return max(0, math.ceil(at + _WAIT_S - self._clock())) if count >= _MOST_WRONG else 0
 
-    def allows(self, peer: str, given: str) -> bool:
-        """Whether a secret is right; a wrong one is counted against its address."""
+    def allows(self, peer: str, given: str, *, forgive: bool = True) -> bool:
+        """
+        Whether a secret is right; a wrong one is counted against its address.
+
+        forgive : whether a right one clears that count.
+        """
         if hmac.compare_digest(_hashed(given), self._hash):
-            self._wrong.pop(peer, None)
+            if forgive:
+                self._wrong.pop(peer, None)
             return True
         self._wrong[peer] = (self._wrong.pop(peer, (0, 0.0))[0] + 1, self._clock())
         if len(self._wrong) > _REMEMBERED:

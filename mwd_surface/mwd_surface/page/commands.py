@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from aiohttp import web
@@ -40,7 +40,19 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
     },
     "export": {"format": (str, False), "name": (str, True)},
 }
+# Decisions that only give the rig back or refuse something: they wait for nobody, and for no lock-out.
+_SAFE: dict[str, tuple[int, ...]] = {"judge_control": (1, 2), "decide_downlink": (2, 3)}
 _MAX_TEXT = 500
+
+
+def is_safe(command: str, arguments: Mapping[str, Any]) -> bool:
+    """Whether a command denies or aborts: an operator who knows the token can give it at any time."""
+    return arguments.get("decision") in _SAFE.get(command, ())
+
+
+def may_be_safe(command: str) -> bool:
+    """Whether a command is safe with some of its arguments."""
+    return command in _SAFE
 
 
 def checked_arguments(command: str, body: bytes) -> dict[str, Any]:

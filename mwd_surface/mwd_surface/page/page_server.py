@@ -24,10 +24,11 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
+from mwd_sensors.core import budgets
 from mwd_surface.exports.export import FORMATS
 from mwd_surface.loopback import is_loopback
 from mwd_surface.page.access import Access
-from mwd_surface.page.commands import COMMANDS, Command, checked_arguments
+from mwd_surface.page.commands import COMMANDS, Command, checked_arguments, is_safe, may_be_safe
 from mwd_surface.page.files import PAGE, page_files, sender
 from mwd_surface.page.listener import listener, peer_of, port_error, request_logger
 from mwd_surface.page.replay_route import OnReplay, replay_handler
@@ -35,7 +36,6 @@ from mwd_surface.page.request_body import read_body
 from mwd_surface.page.settings import PageSettings
 from mwd_surface.page.state_feed import Client, Seen, StateFeed, dumps
 
-_MAX_BODY = 16 * 1024
 _HEADERS = {
     "Content-Security-Policy": (
         "default-src 'self'; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -46,6 +46,7 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Server": "mwd",
 }
+_WAIT = "too many wrong tokens: try again in {} s"
 _BUSY = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 
 
@@ -57,8 +58,8 @@ class PageServer:
     ----------
     settings : PageSettings
     on_command : callable, optional
-        `on_command(name, arguments) -> (ok, message)`, called in a thread of the server, one at a time; arguments are
-        checked against `COMMANDS`. None, or an empty token: read-only.
+        `on_command(name, arguments) -> (ok, message)`, called in a thread of the server, one at a time, and in a second
+        one for what denies or aborts; arguments are checked against `COMMANDS`. None, or an empty token: read-only.
     token : str
         The secret that commands need (`access.read_token`).
     clock : callable
@@ -103,6 +104,7 @@ class PageServer:
         # Connections that have not made a whole request yet, oldest first.
         self._silent: dict[Any, None] = {}
         self._executor: concurrent.futures.ThreadPoolExecutor | None = None
+        self._safe_executor: concurrent.futures.ThreadPoolExecutor | None = None
         self._thread: threading.Thread | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
@@ -201,7 +203,7 @@ class PageServer:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        application = web.Application(middlewares=[self._guard], client_max_size=_MAX_BODY)
+        application = web.Application(middlewares=[self._guard], client_max_size=budgets.PAGE.size)
         files = await asyncio.to_thread(page_files, self._page)
         for name, (body, kind) in files.items():
             application.router.add_get("/" + name, sender(body, kind))
@@ -219,12 +221,14 @@ class PageServer:
         if server is None:
             raise OSError("the web server did not start")
         executor = self._executor = concurrent.futures.ThreadPoolExecutor(1, "page-command")
+        safe_executor = self._safe_executor = concurrent.futures.ThreadPoolExecutor(1, "page-abort")
         host, port = self.settings.host, self.settings.port
         try:
             listening = await asyncio.to_thread(listener, host, port)
         except OSError as error:
             await runner.cleanup()
             executor.shutdown(wait=False)
+            safe_executor.shutdown(wait=False)
             raise port_error(error, host, port) from error
         bound = listening.getsockname()
         self._started.set_result((bound[0], bound[1]))
@@ -237,6 +241,7 @@ class PageServer:
             await asyncio.wait_for(asyncio.gather(*goodbyes, return_exceptions=True), 0.3)
         await runner.cleanup()
         executor.shutdown(wait=False, cancel_futures=True)
+        safe_executor.shutdown(wait=False, cancel_futures=True)
 
     async def _accept(self, listening: socket.socket, server: web.Server) -> None:
         """Let connections in, not too many; each must make a whole request in time or go."""
@@ -368,19 +373,29 @@ class PageServer:
     async def _command(self, request: web.Request) -> web.StreamResponse:
         if self._on_command is None or self._access is None:
             raise web.HTTPForbidden(text="this page is read-only: no token is configured")
-        peer = peer_of(request.transport)
-        if wait_s := self._access.wait_s(peer):
-            raise web.HTTPTooManyRequests(text=f"too many wrong tokens: try again in {wait_s} s")
+        name, peer = request.match_info["name"], peer_of(request.transport)
+        # Whoever guesses may have the operator's address: what only gives the rig back is not locked out.
+        wait_s = self._access.wait_s(peer)
+        if wait_s and not may_be_safe(name):
+            raise web.HTTPTooManyRequests(text=_WAIT.format(wait_s))
         kind, _, given = request.headers.get("Authorization", "").partition(" ")
-        if kind != "Bearer" or not self._access.allows(peer, given):
+        if kind != "Bearer" or not self._access.allows(peer, given, forgive=not wait_s):
             # Slows guessing down without blocking anybody else.
             await asyncio.sleep(0.3)
-            raise web.HTTPUnauthorized(text="the token is missing or wrong")
-        name = request.match_info["name"]
+            raise (
+                web.HTTPTooManyRequests(text=_WAIT.format(wait_s))
+                if wait_s
+                else web.HTTPUnauthorized(text="the token is missing or wrong")
+            )
         if name not in COMMANDS:
             raise web.HTTPNotFound(text=f"no such command: {name[:60]!r}; there are {', '.join(COMMANDS)}")
         arguments = checked_arguments(name, await read_body(request, self.settings.request_timeout))
-        work = asyncio.get_running_loop().run_in_executor(self._executor, self._on_command, name, arguments)
+        safe = is_safe(name, arguments)
+        if wait_s and not safe:
+            raise web.HTTPTooManyRequests(text=_WAIT.format(wait_s))
+        # With a thread of its own an abort does not wait for an export.
+        executor = self._safe_executor if safe else self._executor
+        work = asyncio.get_running_loop().run_in_executor(executor, self._on_command, name, arguments)
         try:
             ok, message = await asyncio.wait_for(work, self.settings.command_timeout)
         except ValueError as error:

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from typing import Any
 
 from aiohttp import web
+
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import load_json
 
 
 async def read_body(request: web.Request, timeout_s: float) -> bytes:
@@ -38,7 +40,7 @@ def json_object(body: bytes) -> dict[str, Any]:
         It is no JSON object, or one nested too deep.
     """
     try:
-        given = json.loads(body.decode() or "{}", parse_constant=_refuse_constant)
+        given = load_json(body.decode() or "{}", budgets.PAGE, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         raise web.HTTPBadRequest(text=f"the body is not JSON: {str(error)[:200]}") from None
     if not isinstance(given, dict):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,15 @@ import pyarrow.csv as arrow_csv
 import pyarrow.parquet as parquet
 from numpy.typing import NDArray
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import check_lines, check_regular, read_text
+
 ANGLES = ("inclination_deg", "azimuth_deg", "toolface_deg")
 GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 _COLUMNS = ("stamp_ns", *ANGLES, *GRAVITY, "status")
 _TYPES = {"stamp_ns": pa.int64(), "status": pa.string(), **dict.fromkeys((*ANGLES, *GRAVITY), pa.float64())}
+
+_ROW_BYTES = 8 * len(_COLUMNS)
 
 Rows = dict[str, NDArray[Any]]
 
@@ -42,8 +48,9 @@ def surveys(folder: Path) -> list[dict[str, str]]:
     OSError
         There is none.
     """
-    with (folder / "surveys.csv").open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    text = read_text(folder / "surveys.csv", budgets.LIST)
+    check_lines(text, budgets.LIST)
+    return list(csv.DictReader(io.StringIO(text, newline="")))
 
 
 def attitude(folder: Path) -> Iterator[Rows]:
@@ -72,13 +79,20 @@ def attitude(folder: Path) -> Iterator[Rows]:
                 "gravity": np.stack([_floats(table[name]) for name in GRAVITY], axis=1),
                 "status": table["status"].to_numpy(zero_copy_only=False),
             }
-    except (pa.ArrowInvalid, KeyError) as error:
+    except (pa.ArrowInvalid, pa.ArrowMemoryError, KeyError) as error:
         raise ValueError(f"{file} is not what `mwd process` writes: {str(error).splitlines()[0]}") from error
 
 
 def _batches(file: Path) -> Iterator[pa.RecordBatch]:
+    size = check_regular(file, budgets.RUN)
     if file.suffix == ".parquet":
         with parquet.ParquetFile(file) as opened:
+            about = opened.metadata
+            budgets.RUN.check("records", about.num_rows)
+            groups = range(about.num_row_groups)
+            budgets.RUN.check_ratio(size, sum(about.row_group(k).total_byte_size for k in groups))
+            # Runs of equal values pack any number of rows into a few bytes: by their width in memory.
+            budgets.RUN.check_ratio(size, about.num_rows * _ROW_BYTES)
             yield from opened.iter_batches(columns=list(_COLUMNS))
         return
     convert = arrow_csv.ConvertOptions(include_columns=list(_COLUMNS), column_types=_TYPES, strings_can_be_null=False)

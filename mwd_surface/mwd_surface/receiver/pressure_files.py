@@ -12,9 +12,13 @@ from pathlib import Path
 import numpy as np
 from scipy.io import wavfile
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.input_files import check_regular, read_file
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 
+_LONGEST_HEADER = 20_000
 _TIME, _VOLTAGE = "time_s", "voltage_v"
 # What a CSV may say behind the name of a quantity, and its SI value.
 _TIMES = {"s": 1.0, "ms": 1e-3}
@@ -23,6 +27,10 @@ _PRESSURES = {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "bar": 1e5, "psi": 6894.7572931
 _WAV_FULL_SCALE = 1.0e7
 # No recording pauses longer; a clock that was set does.
 _LONGEST_GAP_S = 86400.0
+# Samples of a gauge come at least ten times a second where pulses are read from them.
+_SLOWEST_S = 10.0
+# A recording of more than a day that is mostly pauses: each pause is filled sample by sample.
+_GAP_S, _MOST_GAPS = 60.0, 0.9
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,10 +94,33 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse") -
     time, pressure = time[rises], pressure[rises]
     if len(time) < 64:
         raise ValueError(f"{path}: {len(time)} samples of pressure with rising times are too few")
-    longest = float(np.diff(time).max())
+    _check_times(path, time)
+    return PressureFile(time, pressure, origin, notes, strokes)
+
+
+def _check_times(path: Path, time: Array) -> None:
+    """
+    Refuse times that would make far more samples of an even grid than there are samples.
+
+    Raises
+    ------
+    ValueError
+        A step is longer than any pause, or the whole is longer than the budget or mostly made of gaps.
+    """
+    steps = np.diff(time)
+    longest = float(steps.max())
     if longest > _LONGEST_GAP_S:
         raise ValueError(f"{path}: the time jumps by {longest:.6g} s, as if the clock was set; cut the file there")
-    return PressureFile(time, pressure, origin, notes, strokes)
+    try:
+        budgets.PRESSURE.check("seconds", float(time[-1] - time[0]))
+    except BudgetError as error:
+        raise ValueError(f"{path}: {error}; cut the file") from error
+    usual = float(np.median(steps))
+    if usual > _SLOWEST_S:
+        raise ValueError(f"{path}: a sample each {usual:.3g} s is too slow for any telemetry; {_SLOWEST_S:g} s at most")
+    gaps = float(steps[steps > _GAP_S].sum())
+    if gaps > _LONGEST_GAP_S and gaps > _MOST_GAPS * float(time[-1] - time[0]):
+        raise ValueError(f"{path}: {gaps:.6g} of {time[-1] - time[0]:.6g} s are gaps; cut the file there")
 
 
 def read_strokes(path: Path) -> dict[int, Array]:
@@ -128,7 +159,7 @@ def read_bytes(path: Path, baud: int) -> PressureFile:
 
         time, octets, _, origin = recorded_link.read(path, "serial")
         return PressureFile(time, octets, origin, ())
-    data = np.frombuffer(path.read_bytes(), dtype=np.uint8).astype(float)
+    data = np.frombuffer(read_file(path, budgets.SERIAL), dtype=np.uint8).astype(float)
     return PressureFile((np.arange(len(data)) + 1.0) * BITS_PER_BYTE / baud, data, "begin of the bytes", ())
 
 
@@ -161,10 +192,13 @@ def _no_column(path: Path, names: list[str], name: str, more: str = "") -> str:
 def _header(path: Path) -> tuple[list[str], str]:
     """Names of the columns in lower case, and what stands between them: comma, semicolon or tab."""
     try:
+        check_regular(path, budgets.PRESSURE)
         with path.open(encoding="utf-8-sig") as file:
-            first = file.readline()
+            first = file.readline(_LONGEST_HEADER + 1)
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: no text in UTF-8; export it as CSV UTF-8") from error
+    if len(first) > _LONGEST_HEADER:
+        raise ValueError(f"{path}: its first line has more than {_LONGEST_HEADER} characters; it must name the columns")
     between = max(",;\t", key=first.count)
     return [name.strip().strip('"').lower() for name in first.split(between)], between
 
@@ -182,8 +216,19 @@ def _columns(path: Path, wanted: tuple[str, str]) -> Array:
             with warnings.catch_warnings():
                 # A table without rows is refused by who counts its samples.
                 warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
-                table = np.loadtxt(file, delimiter=between, usecols=columns, ndmin=2, converters=_number, quotechar='"')
+                table = np.loadtxt(
+                    file,
+                    delimiter=between,
+                    usecols=columns,
+                    ndmin=2,
+                    converters=_number,
+                    quotechar='"',
+                    max_rows=(budgets.PRESSURE.records or 0) + 1,
+                )
+                budgets.PRESSURE.check("records", len(table))
                 return table.reshape(-1, len(wanted))
+        except BudgetError as error:
+            raise ValueError(f"{path}: {error}") from error
         except ValueError as error:
             raise ValueError(f"{path}: not all rows are numbers: {error}") from error
 
@@ -198,7 +243,12 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
         with warnings.catch_warnings():
             # Chunks that are not samples, and an end that is missing, as a recorder leaves when its power fails.
             warnings.simplefilter("ignore", wavfile.WavFileWarning)
+            size = check_regular(path, budgets.PRESSURE)
             rate, samples = wavfile.read(path)
+            budgets.PRESSURE.check("records", samples.size)
+            budgets.PRESSURE.check_ratio(size, samples.nbytes)
+    except BudgetError as error:
+        raise ValueError(f"{path}: {error}") from error
     except (ValueError, EOFError, struct.error, ZeroDivisionError, UnboundLocalError) as error:
         # The last two are scipy's answer to a file without a chunk of its format or samples, or with a width of 0.
         raise ValueError(f"{path}: no WAV that can be read (PCM or float): {error}") from error

@@ -26,6 +26,7 @@ _CUT_OFF = 0.2
 _SPIKE, _SPIKE_SHARES = 8.0, (0.4, 0.9)
 _SCALE_SAMPLES, _MOST_GROWTH = 64.0, 8.0
 _AROUND = 3  # samples to either side that decide
+LARGEST = 1e9  # Pa, or V of an antenna
 # Input rates beyond this multiple of the grid's are averaged down.
 _MOST_OVERSAMPLED = 6.0
 
@@ -100,7 +101,8 @@ class Resampler:
         Parameters
         ----------
         time, value : ndarray, shape (n,)
-            Rising times, s, and samples. A time that does not rise, and a sample that is not finite, is left out.
+            Rising times, s, and samples. A time that does not rise, and a sample that is not finite or that no
+            gauge can read, is left out.
 
         Returns
         -------
@@ -138,7 +140,8 @@ class Resampler:
         return out, known
 
     def _take(self, time: Array, value: Array) -> None:
-        good = np.isfinite(value) & np.isfinite(time)
+        # No gauge reads more; squares of it still leave all digits of its neighbours.
+        good = (np.abs(value) < LARGEST) & np.isfinite(time)
         if self._spacing == 0.0:
             self._early += zip(time[good].tolist(), value[good].tolist(), strict=True)
             if len(self._early) >= 64:

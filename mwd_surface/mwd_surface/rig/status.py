@@ -14,7 +14,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mwd_sensors.core.input_files import load_json
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 from mwd_surface.rig.interface import InterfaceStatus, PeerStatus
 
@@ -71,7 +72,7 @@ def read_status(path: Path) -> RigStatus:
         It is no rig status, or of another version of this program.
     """
     try:
-        table = load_json(path.read_text(encoding="utf-8"))
+        table = load_json(read_text(path, budgets.JSON))
         status = _status(table) if table["version"] == _VERSION else None
     except (KeyError, TypeError, ValueError) as error:
         raise RigStatusError(f"{path} is no rig status ({error})") from error

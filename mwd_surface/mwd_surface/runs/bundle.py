@@ -18,7 +18,8 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from mwd_sensors.core import wire
+from mwd_sensors.core import budgets, wire
+from mwd_sensors.core.input_files import read_file
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.runs.doctor import examine
@@ -154,9 +155,9 @@ def _secrets(folder: Path, environment: Mapping[str, str]) -> tuple[str, ...]:
     """Words that must not leave this machine: of token files in the folder, and of variables named as secrets."""
     words = [value for name, value in environment.items() if _SECRET.search(name)]
     for file, status in _below(folder, "*token*"):
-        if status.st_size < 4096:
+        if status.st_size <= budgets.SECRET.size:
             with contextlib.suppress(FileNotFoundError):
-                words += file.read_text(errors="replace").split()
+                words += read_file(file, budgets.SECRET).decode(errors="replace").split()
     return tuple(sorted({word for word in words if len(word) >= 4}, key=len, reverse=True))
 
 
@@ -183,7 +184,9 @@ def _texts(
         for file, status in _below(folder, pattern):
             if not file.is_symlink() and (pattern == "*.log" or status.st_size < _MOST_BYTES):
                 try:
-                    content = file.read_bytes()
+                    with file.open("rb") as opened:
+                        opened.seek(max(status.st_size - _LOG_BYTES - 1, 0) if pattern == "*.log" else 0)
+                        content = opened.read(max(_LOG_BYTES + 1, _MOST_BYTES))
                 except FileNotFoundError:
                     remarks.append(f"{file} is not in it: it was taken away meanwhile")
                     continue

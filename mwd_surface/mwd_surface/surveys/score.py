@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_sensors.core import wire
+from mwd_sensors.core import budgets, wire
 from mwd_sensors.core.frames import wrap_pi
+from mwd_sensors.core.input_files import check_regular
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.surveys.message_conversion import survey_of
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
@@ -91,6 +92,7 @@ def score(bag: Bag, namespace: str = "", truth: Path | None = None) -> list[Scor
     survey_topic = bag.find_topic(SURVEY_TYPE, f"{prefix}/survey" if truth is None else f"{prefix}/link/survey")
     surveys = _surveys(bag, survey_topic)
     if truth is not None:
+        check_regular(truth, budgets.PRESSURE)
         rows = np.loadtxt(truth, delimiter=",", skiprows=1, usecols=(0, 1, 2, 4), ndmin=2)
     else:
         rows = _truth(bag, bag.find_topic(wire.TRUTH.type_name, f"{prefix}/truth"))

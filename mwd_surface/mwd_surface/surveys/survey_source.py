@@ -11,6 +11,8 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import read_file
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.list_files.list_file import is_list, read_list
 from mwd_surface.list_files.remark import sentences
@@ -50,7 +52,7 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
         There is nothing at the path, or the recording has no survey list.
     """
     if path.is_file() and path.suffix == ".json":
-        return _remarked(decoded(path.read_bytes()))
+        return _remarked(decoded(read_file(path, budgets.JSON)))
     if is_list(path):
         return _remarked(survey_list(read_list(path)))
     folders = _folders(path) if path.is_dir() else []
@@ -120,7 +122,7 @@ def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
         if not (folder / name).is_file():
             continue
         try:
-            surveys = decoded((folder / name).read_bytes())
+            surveys = decoded(read_file(folder / name, budgets.JSON))
         except ValueError as error:
             why.append(f"{folder / name} is not whole ({error})")
             continue

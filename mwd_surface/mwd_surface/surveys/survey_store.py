@@ -18,7 +18,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from mwd_sensors.core.input_files import load_json
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import load_json, read_file, without_contents
 from mwd_sensors.core.output_files import sync_folder
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.surveys.list_rules import ListRules
@@ -115,11 +116,13 @@ class SurveyStore:
             if not path.exists():
                 continue
             try:
-                stored = decoded(path.read_bytes(), rules)
+                stored = decoded(read_file(path, budgets.JSON), rules)
             except (ValueError, OSError) as error:
                 damaged = True
                 kept = self._put_aside(path)
-                messages.append(f"{path.name} is not whole ({error}); kept as {kept.name}")
+                # The message goes into the log and to a page that needs no login.
+                why = str(error) if isinstance(error, NotWholeError) else without_contents(path.name, error)
+                messages.append(f"{path.name} is not whole ({why}); kept as {kept.name}")
                 continue
             if path == self.previous:
                 lost = "the last change may be missing" if damaged else f"{self.current.name} was missing"
@@ -138,7 +141,7 @@ class SurveyStore:
             os.link(self.current, second)
         except OSError:
             # File systems without hard links (FAT, some network shares).
-            second.write_bytes(self.current.read_bytes())
+            second.write_bytes(read_file(self.current, budgets.JSON))
         second.replace(self.previous)
 
     def _put_aside(self, path: Path) -> Path:
@@ -147,6 +150,10 @@ class SurveyStore:
             k += 1
         path.rename(aside)
         return aside
+
+
+class NotWholeError(ValueError):
+    """A file is not a whole survey list; the message quotes nothing of it."""
 
 
 def encoded(surveys: SurveyList) -> bytes:
@@ -170,13 +177,16 @@ def decoded(data: bytes, rules: ListRules | None = None) -> SurveyList:
     try:
         table = load_json(data.decode())
     except ValueError as error:
-        raise ValueError(f"half written or no JSON: {error}") from error
+        at = f" at byte {error.start}" if isinstance(error, UnicodeDecodeError) else f": {error}"
+        raise NotWholeError(f"half written or no JSON{at}") from error
     if not isinstance(table, dict) or table.get("format") != FORMAT or not isinstance(table.get("list"), dict):
-        raise ValueError("no survey list")
+        raise NotWholeError("no survey list")
     if table.get("version") != VERSION:
-        raise ValueError(f"version {table.get('version')!r}, this program reads {VERSION}")
+        version = table.get("version")
+        which = f"version {version}" if type(version) is int and 0 <= version < 1000 else "an unknown version"
+        raise NotWholeError(f"{which}, this program reads {VERSION}")
     if table.get("sha256") != _checksum(table["list"]):
-        raise ValueError("its checksum does not fit: edited or corrupted")
+        raise NotWholeError("its checksum does not fit: edited or corrupted")
     return SurveyList.from_mapping(table["list"], rules)
 
 

@@ -29,7 +29,20 @@ def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> 
         The file is missing, unreadable, too large, not a plan, or from another north; the message gives file, line and
         rule.
     """
-    plan = plan_from_list(read_list(path, given))
+    return in_north(plan_from_list(read_list(path, given)), path, north)
+
+
+def in_north(plan: Plan, path: str | Path, north: str) -> Plan:
+    """
+    Return a plan for a well whose azimuths are from a given north; empty: from any.
+
+    A plan that does not say its north is taken to be from that of the well, with a remark.
+
+    Raises
+    ------
+    ListFileError
+        The plan's azimuths are from another north; the message names both.
+    """
     if north and plan.north not in ("", north):
         raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
     if north and not plan.north:

@@ -7,8 +7,8 @@ import json
 import os
 from pathlib import Path
 
-from mwd_sensors.core import settings
-from mwd_sensors.core.input_files import load_json
+from mwd_sensors.core import budgets, settings
+from mwd_sensors.core.input_files import load_json, read_file
 from mwd_surface.trajectory.slide_sheet import Stretch
 
 NAME = "slides.jsonl"
@@ -17,7 +17,7 @@ NAME = "slides.jsonl"
 def read_stretches(path: Path) -> tuple[tuple[Stretch, ...], int]:
     """Stretches of a file, and how many of its lines were no such; no file is an empty sheet."""
     found, bad = [], 0
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else []
+    lines = read_file(path, budgets.JSON).decode(errors="replace").splitlines() if path.is_file() else []
     for line in lines:
         try:
             found.append(settings.from_mapping(Stretch, load_json(line), "stretch"))

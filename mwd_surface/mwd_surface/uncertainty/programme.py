@@ -22,7 +22,6 @@ from mwd_surface.uncertainty.error_terms import Tool, check_tool_code
 from mwd_surface.uncertainty.position_covariance import StationErrors
 
 CODE, STATION = "code", "station"
-_LARGEST = 1_000_000
 
 
 class ProgrammeError(ValueError):
@@ -165,7 +164,7 @@ def read_programme(path: Path) -> Programme:
         start.
     """
     try:
-        table = read_yaml(path, _LARGEST)
+        table = read_yaml(path)
     except OSError as error:
         raise ProgrammeError(f"{path}: {error.strerror}") from error
     except settings.SettingsError as error:

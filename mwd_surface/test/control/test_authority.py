@@ -339,6 +339,16 @@ def test_a_speed_is_reached_on_its_ramp_and_acknowledged():
     assert authority.status(1.6).acknowledged == 1
 
 
+@pytest.mark.parametrize("stall", [0.3, 1.0, 10.0, 1e9])
+def test_a_surface_that_stood_still_goes_on_with_the_ramp_and_does_not_jump(stall):
+    authority, lease = owned(AUTOMATIC, limits=LeaseLimits(speed_rate=1.0))
+    command(authority, SetPoint(Mode.ROTATE, lease, 1, rotary_speed=9.0, valid_for=2e9), 0.0)
+    before = passes(authority, 0.0, 2.0)[-1][1].rotary_speed
+    command(authority, SetPoint(Mode.ROTATE, lease, 1, rotary_speed=9.0, valid_for=2e9), 2.0 + stall)
+    for point in authority.update(2.0 + stall):
+        assert point.rotary_speed <= before + 0.2 + 1e-9
+
+
 def test_the_ramp_begins_at_the_speed_the_driller_had():
     authority, lease = owned(limits=LeaseLimits(speed_rate=1.0))
     authority.on_rig(Achieved(speed=6.0), 0.0)

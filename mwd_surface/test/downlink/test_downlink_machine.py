@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from mwd_sensors.core.units import LPM, RPM
-from mwd_sensors.telemetry.downlink import FLOW, Downlink, Frame
+from mwd_sensors.telemetry.downlink import COUNTERS, FLOW, Downlink, Frame
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.downlink.interlocks import Readings
 from mwd_surface.downlink.machine import ENDED, NEXT, PERMISSION_S, DownlinkState, Machine
+from mwd_surface.downlink.memory import Kept
 from mwd_surface.downlink.settings import DownlinkSettings
 
 TOOL = ToolConfiguration(
@@ -41,6 +42,9 @@ class Rig:
     def __init__(self, machine, readings=DRILLING):
         self.machine, self.readings, self.now = machine, readings, 100.0
         self.asked = []
+        if machine.echo.heard is None:
+            # A tool that received no command yet.
+            machine.on_echo(0, self.now)
 
     def play(self, seconds, **changes):
         for _ in range(math.ceil(seconds / STEP)):
@@ -102,10 +106,10 @@ def test_a_surface_that_dies_while_it_sends_gives_the_next_command_another_numbe
     rig.play(1.0 + machine.downlink.symbol_s + share * machine.programme.duration_s)
     assert machine.state == DownlinkState.RUNNING
     # What was kept at the last transition is what a surface that starts again reads.
-    again = Rig(Machine(TOOL, SETTINGS, machine.in_force, machine.counter)).start()
-    assert again.machine.request.frame.counter != machine.request.frame.counter
+    again = Rig(Kept.of(machine).machine(TOOL, SETTINGS)).start()
     again.play(2.0 + again.machine.downlink.symbol_s + again.machine.programme.duration_s)
     assert again.machine.state == DownlinkState.SENT
+    assert again.machine.request.frame.counter != machine.request.frame.counter
     again.machine.on_echo(machine.request.frame.echo, again.now)
     assert again.machine.state == DownlinkState.SENT
 
@@ -348,3 +352,60 @@ TestAnybody = pytest.mark.slow(Anybody.TestCase)
 def test_every_state_can_be_left_and_only_the_ends_begin_anew():
     assert set(NEXT) == set(DownlinkState)
     assert all(DownlinkState.DRAFT in NEXT[state] for state in ENDED)
+
+
+def sent(machine, now=100.0):
+    """Play a command until the tool's answer is waited for."""
+    rig = Rig(machine)
+    rig.now = now
+    rig.start()
+    assert rig.play(2.0 + machine.downlink.symbol_s + machine.programme.duration_s) == DownlinkState.SENT
+    return rig
+
+
+def test_the_eighth_attempt_is_not_confirmed_by_the_answer_to_the_first():
+    machine = Machine(TOOL, SETTINGS)
+    rig = sent(machine)
+    first = machine.request.frame.echo
+    machine.on_echo(first, rig.now)
+    assert machine.state == DownlinkState.CONFIRMED
+    for _ in range(COUNTERS + 1):
+        # The tool receives none of these and goes on repeating the first.
+        rig = sent(machine, rig.now)
+        machine.on_echo(first, rig.now)
+        assert machine.state == DownlinkState.SENT
+        assert rig.play(machine.answer_s + 1.0) == DownlinkState.UNCONFIRMED
+        machine.on_echo(first, rig.now)
+        assert machine.state == DownlinkState.UNCONFIRMED
+
+
+@pytest.mark.parametrize("heard_before", [False, True])
+def test_after_a_lost_memory_the_echo_in_force_confirms_nothing(heard_before):
+    before = sent(Machine(TOOL, SETTINGS)).machine.request.frame.echo
+    machine = Machine(TOOL, SETTINGS)
+    machine.echo.heard = before if heard_before else None
+    rig = Rig.__new__(Rig)
+    rig.machine, rig.readings, rig.now, rig.asked = machine, DRILLING, 100.0, []
+    rig.start()
+    assert rig.play(2.0 + machine.downlink.symbol_s + machine.programme.duration_s) == DownlinkState.SENT
+    machine.on_echo(before, rig.now)
+    assert machine.state == (DownlinkState.SENT if heard_before else DownlinkState.UNCONFIRMED)
+    if not heard_before:
+        assert "send it again" in machine.reason
+        # The tool runs by that command all the same, and the next attempt is certain.
+        assert machine.in_force.pulse_width == 1
+        rig = sent(machine, rig.now)
+        machine.on_echo(before, rig.now)
+        assert machine.state == DownlinkState.SENT
+        machine.on_echo(machine.request.frame.echo, rig.now)
+        assert machine.state == DownlinkState.CONFIRMED
+
+
+@pytest.mark.parametrize("name", ["flow", "rotary_speed", "pressure"])
+@pytest.mark.parametrize("value", [1e200, -1e308, math.inf, math.nan, 5e-324])
+def test_a_reading_that_no_rig_has_is_not_known_and_raises_nothing(name, value):
+    rig = Rig(Machine(TOOL, SETTINGS)).start()
+    rig.play(2.0 + rig.machine.downlink.symbol_s)
+    assert rig.machine.state == DownlinkState.RUNNING
+    rig.play(3.0, **{name: value})
+    assert rig.machine.set_point is None or math.isfinite(rig.machine.set_point)

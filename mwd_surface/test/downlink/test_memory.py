@@ -1,15 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the surface keeps of the downlink over a restart."""
 
-import json
-
 import pytest
 
 from mwd_sensors.telemetry.downlink import Downlink
 from mwd_sensors.telemetry.tool_commands import ToolSettings
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.downlink.machine import Machine
-from mwd_surface.downlink.memory import Memory
+from mwd_surface.downlink.memory import Kept, Memory
 from mwd_surface.downlink.settings import DownlinkSettings
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.page.downlink_table import downlink_table
@@ -17,23 +15,19 @@ from mwd_surface.page.downlink_table import downlink_table
 TOOL = ToolConfiguration(downlink=Downlink(pulse_widths_s=(0.3, 0.5)))
 
 
-def test_settings_counter_and_number_come_back(tmp_path):
+def test_what_was_kept_comes_back(tmp_path):
     file = tmp_path / "w1" / "downlink.json"
-    assert Memory(file).read(TOOL) == (ToolSettings(), 0, 0)
-    Memory(file).write(ToolSettings(pulse_width=1), 4, 9)
-    assert Memory(file).read(TOOL) == (ToolSettings(pulse_width=1), 4, 9)
-
-
-def test_a_file_of_before_the_number_is_read(tmp_path):
-    file = tmp_path / "downlink.json"
-    file.write_text(json.dumps({"in_force": ToolSettings()._asdict(), "counter": 4}))
-    assert Memory(file).read(TOOL) == (ToolSettings(), 4, 0)
+    assert Memory(file).read(TOOL) == Kept()
+    kept = Kept(ToolSettings(pulse_width=1), 4, 9, 513, (514, 515))
+    Memory(file).write(kept)
+    assert Memory(file).read(TOOL) == kept
+    assert Kept.of(kept.machine(TOOL, DownlinkSettings())) == kept
 
 
 def test_settings_that_the_tool_does_not_have_are_those_of_another_tool(tmp_path):
     file = tmp_path / "downlink.json"
-    Memory(file).write(ToolSettings(pulse_width=7), 4, 9)
-    assert Memory(file).read(TOOL) == (ToolSettings(), 4, 9)
+    Memory(file).write(Kept(ToolSettings(pulse_width=7), 4, 9))
+    assert Memory(file).read(TOOL) == Kept(ToolSettings(), 4, 9)
 
 
 @pytest.mark.parametrize(
@@ -47,6 +41,8 @@ def test_settings_that_the_tool_does_not_have_are_those_of_another_tool(tmp_path
         '{"in_force": {}, "counter": 1e999}',
         '{"in_force": {"sequence": "1"}, "counter": 1}',
         '{"in_force": {"mute": 0}, "counter": 1}',
+        '{"in_force": {}, "counter": 1, "number": 1, "heard": "7", "sent": []}',
+        '{"in_force": {}, "counter": 1, "number": 1, "heard": null, "sent": [1.5]}',
         '{"in_force": {}, "counter": 1, "more": "' + "x" * 20_000 + '"}',
     ],
 )

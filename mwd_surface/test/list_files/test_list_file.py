@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lists of stations as engineers send them, and the line number of what is wrong with the others."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.list_files import table as table_layer
+from mwd_sensors.core import budgets
 from mwd_surface.list_files.list_columns import Given
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import list_of, read_list
@@ -75,7 +76,7 @@ def test_the_north_that_the_header_names_is_kept():
         ),
         ("md_m,inc,azi\n0,90,0\n10,90,180\n", "line 3: the hole turns by 180.0 deg over 10.00 m"),
         ("inc,azi,md_m\n0\n1,2,3\n", "line 2: 1 fields, the header names azimuth as number 2"),
-        (GOOD.replace("500,0,45", "500,0," + "9" * 200_000), "line 3: field larger than field limit"),
+        (GOOD.replace("500,0,45", "500,0," + "9" * 200_000), "line 3 has 200006 characters"),
     ],
 )
 def test_what_is_wrong_is_reported_with_its_line(text, says):
@@ -88,7 +89,7 @@ def test_a_missing_or_huge_file_is_reported(tmp_path, monkeypatch):
     with pytest.raises(ListFileError, match="No such file"):
         read_plan(tmp_path / "none.csv")
     (tmp_path / "big.csv").write_text(GOOD)
-    monkeypatch.setattr(table_layer, "LARGEST", 10)
+    monkeypatch.setattr(budgets, "LIST", dataclasses.replace(budgets.LIST, size=10))
     with pytest.raises(ListFileError, match="larger than"):
         read_plan(tmp_path / "big.csv")
 

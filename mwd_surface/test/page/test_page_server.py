@@ -2,6 +2,7 @@
 """The page's server: what changed goes out, nothing unasked comes in, and nobody can hold it up."""
 
 import asyncio
+import concurrent.futures
 import contextlib
 import http.client
 import json
@@ -617,6 +618,35 @@ def test_a_token_of_any_bytes_is_refused_and_guessing_is_locked_out():
                 )
                 answers.append(raw.recv(12))
         assert answers == [b"HTTP/1.1 401"] * 5 + [b"HTTP/1.1 429"]
+
+
+@pytest.mark.parametrize(("name", "abort", "grant"), [("judge_control", 2, 0), ("decide_downlink", 3, 1)])
+def test_whoever_guesses_at_the_operator_s_address_does_not_lock_out_an_abort(name, abort, grant):
+    calls = []
+    with running(lambda *a: (calls.append(a), (True, "done"))[1], token=TOKEN) as server:
+        words = {"decision": abort, "operator_name": "Ann"}
+        for k in range(7):
+            assert order(server, name, words, token=f"guess {k}")[0] == (401 if k < 5 else 429)
+        assert order(server, name, words) == (200, {"ok": True, "message": "done"})
+        assert order(server, name, {**words, "decision": grant, "number": 1})[0] == 429
+        assert order(server, "stop_recording", {})[0] == 429
+        # The right token of an abort does not end the wait of whoever guesses.
+        assert order(server, "stop_recording", {}, token="another guess")[0] == 429  # noqa: S106
+        assert calls == [(name, words)]
+
+
+def test_an_abort_does_not_wait_for_an_export():
+    ends = threading.Event()
+
+    def act(name, _arguments):
+        return (name != "export" or ends.wait(30.0)), name
+
+    with running(act, token=TOKEN) as server, concurrent.futures.ThreadPoolExecutor(1) as pool:
+        export = pool.submit(order, server, "export", {"format": "csv"})
+        assert order(server, "judge_control", {"decision": 2, "operator_name": "Ann"})[0] == 200
+        assert not export.done()
+        ends.set()
+        assert export.result()[0] == 200
 
 
 def test_it_stops_with_watchers_on_and_can_start_again():

@@ -72,7 +72,7 @@ def test_what_was_saved_comes_back_to_the_last_bit_and_the_one_before_is_kept(tm
         (lambda data: bytes([data[100] ^ 1]).join([data[:100], data[101:]]), ""),
         (lambda data: b"\xff\xfe" + data, "half written or no JSON"),
         (lambda _data: b"[1, 2]", "no survey list"),
-        (lambda _data: b"[" * 200_000, "nested too deeply"),
+        (lambda _data: b"[" * 200_000, "nested 200000 levels deep"),
         (lambda data: data.replace(b'"version": 1', b'"version": 9', 1), "version 9, this program reads 1"),
     ],
 )

@@ -60,5 +60,10 @@ class Decompressor:
                 raise FormatError(f"a chunk's zstd frame holds {declared} bytes instead of {head.size}")
             return self._zstd.decompress(data, max_output_size=head.size)
         if head.compression == "lz4":
-            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(bytes(data), max_length=head.size + 1))
+            unpacker = lz4.frame.LZ4FrameDecompressor()
+            plain = bytes(unpacker.decompress(bytes(data), max_length=head.size + 1))
+            # Other readers refuse a frame whose end mark is damaged.
+            if len(plain) <= head.size and not unpacker.eof:
+                raise FormatError("a chunk's lz4 frame is not complete")
+            return plain
         return bytes(data)

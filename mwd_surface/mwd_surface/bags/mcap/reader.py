@@ -8,6 +8,7 @@ counts, everything else is reported. Nothing is allocated on the word of a lengt
 
 from __future__ import annotations
 
+import contextlib
 import os
 import zlib
 from collections.abc import Iterator
@@ -15,6 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
+from mwd_sensors.core.input_files import open_regular
 from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.contents import Bare, Chunk, Contents, Damage, Other, Piece, Span
 from mwd_surface.bags.mcap.decode import (
@@ -30,6 +34,8 @@ from mwd_surface.bags.mcap.records import (
     FOOTER_BYTES,
     MAGIC,
     MAX_CHUNK_BYTES,
+    MESSAGE_HEAD,
+    MESSAGE_PREFIX,
     PREFIX,
     Channel,
     FormatError,
@@ -38,6 +44,7 @@ from mwd_surface.bags.mcap.records import (
 )
 from mwd_surface.bags.mcap.walk import Walk, records_at, walk_plain, walk_records
 
+_LATEST_NS = 2**63 - 1
 _WINDOW = 256 * 1024
 _CHUNK_HEAD_BYTES = 128
 _BODIES = (
@@ -47,14 +54,36 @@ _BODIES = (
     Opcode.ATTACHMENT,
     Opcode.METADATA,
 )
-# How the head of a compressed chunk looks from its 37th byte on: the name of the compression with its length.
-_MARKS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-_MARK_AT = PREFIX + 28
+_PRIVATE = 0x80  # opcodes from here on are free for others
+# Bodies of these records have always, or at least, so many bytes.
+_FIXED = {int(Opcode.FOOTER): 20, int(Opcode.DATA_END): 4}
+_SHORTEST = {
+    int(Opcode.HEADER): 8,
+    int(Opcode.SCHEMA): 14,
+    int(Opcode.CHANNEL): 16,
+    int(Opcode.MESSAGE): MESSAGE_HEAD,
+    int(Opcode.CHUNK): 40,
+    int(Opcode.MESSAGE_INDEX): 6,
+    int(Opcode.CHUNK_INDEX): 60,
+    int(Opcode.ATTACHMENT): 36,
+    int(Opcode.ATTACHMENT_INDEX): 48,
+    int(Opcode.STATISTICS): 46,
+    int(Opcode.METADATA): 8,
+    int(Opcode.METADATA_INDEX): 20,
+    int(Opcode.SUMMARY_OFFSET): 17,
+}
+_FOLLOWING = 4  # records in a row that show where one begins
 
 
 class McapFile:
     """
     An MCAP file opened for reading.
+
+    Parameters
+    ----------
+    path : Path
+    damaged : bool
+        Whether a file with another begin is taken as well: its first bytes may be what was damaged.
 
     Raises
     ------
@@ -64,16 +93,18 @@ class McapFile:
         It is empty or does not begin as an MCAP file does.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, damaged: bool = False) -> None:
         self.path = path
-        self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        self._file = open_regular(path)
         try:
             self.size = os.fstat(self._file).st_size
             begin = os.pread(self._file, len(MAGIC), 0)
+            # Only a file without its end may stop inside a record.
+            self._cut_off = os.pread(self._file, len(MAGIC), max(self.size - len(MAGIC), 0)) != MAGIC
         except OSError:
             self.close()
             raise
-        if begin != MAGIC:
+        if begin != MAGIC and not (damaged and self.size > len(MAGIC)):
             self.close()
             raise FormatError("the file does not begin as an MCAP file does" if begin else "the file is empty")
 
@@ -124,6 +155,8 @@ class McapFile:
             return self.read(span.offset, span.length)
         body = self.body(span.offset, Opcode.CHUNK)
         head = parse_chunk_head(body, len(body))
+        if head.size != span.size:
+            raise FormatError(f"the chunk at byte {span.offset} has {head.size} bytes, its index {span.size}")
         return decompress(head, memoryview(body)[head.data_at : head.data_at + head.compressed_size])
 
     def contents(self) -> Contents:
@@ -157,10 +190,15 @@ class McapFile:
 
     def scan(self) -> Iterator[Piece]:
         """Every piece of the data section from the beginning of the file, damage included; never raises for damage."""
-        decompress, at = Decompressor(), len(MAGIC)
+        decompress, at, unpacked = Decompressor(), len(MAGIC), 0
         while at < self.size:
             try:
                 piece = self._piece(at, decompress)
+                unpacked += len(piece.plain) if isinstance(piece, Chunk) else 0
+                budgets.MCAP.check_ratio(self.size, unpacked)
+            except BudgetError as error:
+                yield Damage(at, self.size, f"the file {error}")
+                return
             except FormatError as error:
                 end = self._resume(at)
                 yield Damage(at, end, str(error))
@@ -177,10 +215,12 @@ class McapFile:
         if len(prefix) < PREFIX:
             raise FormatError("the file ends inside a record")
         opcode, length = prefix[0], int.from_bytes(prefix[1:], "little")
-        if opcode == 0 or Opcode.DATA_END < opcode < 0x80:
+        if opcode == 0 or Opcode.DATA_END < opcode < _PRIVATE:
             raise FormatError(f"no record begins with {opcode}")
         if length > self.size - at - PREFIX:
             raise FormatError("the file ends inside a record")
+        if length != _FIXED.get(opcode, length):
+            raise FormatError(f"a record {opcode} of {length} bytes")
         total = PREFIX + length
         if opcode == Opcode.MESSAGE:
             return self._bare(at, total)
@@ -192,7 +232,10 @@ class McapFile:
             walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
             if walk.end != len(plain):
                 raise FormatError(f"a chunk's records end at byte {walk.end} of {len(plain)}")
-            return Chunk(at, total, head, data, plain, walk)
+            # By what the chunk says of itself: the length of its record has no checksum.
+            return Chunk(at, PREFIX + head.data_at + head.compressed_size, head, data, plain, walk)
+        if self._has_wrong_length(at, length):
+            raise FormatError("no record begins where this one ends")
         body = self.read(at + PREFIX, length) if opcode in _BODIES else b""
         if opcode == Opcode.ATTACHMENT:
             parse_attachment(body)
@@ -202,53 +245,80 @@ class McapFile:
         plain = self.read(at, min(max(_WINDOW, first), self.size - at))
         walk = walk_records(np.frombuffer(plain, dtype=np.uint8))
         end = int(walk.others[0]) if len(walk.others) else walk.end
-        count = int(np.searchsorted(walk.offset, end))
-        if count == 0:
-            raise FormatError("a message is shorter than its head")
-        kept = Walk(
-            walk.offset[:count],
-            walk.size[:count],
-            walk.channel[:count],
-            walk.log_ns[:count],
-            walk.publish_ns[:count],
-            walk.others[:0],
-            end,
-        )
-        return Bare(at, end, plain[:end], kept)
+        last = int(walk.offset[walk.offset <= end].max(initial=0)) - MESSAGE_PREFIX
+        if last >= 0 and self._has_wrong_length(at + last, end - last - PREFIX):
+            end = last
+        if end == 0:
+            raise FormatError("a message is shorter than its head, or no record begins where it ends")
+        return Bare(at, end, plain[:end], walk_records(np.frombuffer(plain[:end], dtype=np.uint8)))
+
+    def _has_wrong_length(self, at: int, length: int) -> bool:
+        """Whether no record begins behind one of this length, but would with one bit of the length changed."""
+        after = at + PREFIX
+        if self._begins_records(after + length, first=False, cut_off=False):
+            return False
+        changed = (length ^ 1 << bit for bit in range(self.size.bit_length()))
+        return any(self._begins_records(after + other) for other in changed if other <= self.size - after)
 
     def _resume(self, at: int) -> int:
-        """Where reading can go on after damage at `at`: the next record if its head is sound, else the next chunk."""
+        """Where reading can go on after damage at `at`: at the next record, else at the first found."""
         try:
             after = at + PREFIX + int.from_bytes(self.read(at + 1, 8), "little")
-            prefix = self.read(after, PREFIX)
-            length = int.from_bytes(prefix[1:], "little")
-            if 0 < prefix[0] <= Opcode.DATA_END and length <= self.size - after - PREFIX:
+            if after <= self.size and self._begins_records(after, first=False, cut_off=False):
                 return after
         except FormatError:
             # The length at hand is part of the damage.
             after = at
-        return self._next_chunk(at + 1)
+        return self._next_record(at + 1)
 
-    def _next_chunk(self, at: int) -> int:
-        overlap = _MARK_AT + max(map(len, _MARKS))
-        while at < self.size:
-            window = self.read(at, min(_WINDOW, self.size - at))
-            hits = sorted(hit for mark in _MARKS for hit in _all(window, mark) if hit >= _MARK_AT)
-            for hit in hits:
-                start = at + hit - _MARK_AT
-                try:
-                    prefix = self.read(start, PREFIX)
-                    length = int.from_bytes(prefix[1:], "little")
-                    if prefix[0] == Opcode.CHUNK and length <= self.size - start - PREFIX:
-                        head = self.read(start + PREFIX, min(_CHUNK_HEAD_BYTES, length))
-                        parse_chunk_head(head, length)
-                        return start
-                except FormatError:
-                    continue
-            if at + len(window) >= self.size:
-                break
-            at += len(window) - overlap
+    def _next_record(self, at: int) -> int:
+        """First place from `at` on where records follow one another; the end of the file where there is none."""
+        while at + PREFIX <= self.size:
+            window = np.frombuffer(self.read(at, min(_WINDOW, self.size - at)), dtype=np.uint8)
+            count = len(window) - PREFIX + 1
+            # An opcode, and a length whose upper bytes are 0 as they are in every record below 4 GB.
+            likely = (window[:count] > 0) & (window[:count] <= Opcode.DATA_END)
+            for k in range(5, PREFIX):
+                likely &= window[k : k + count] == 0
+            for hit in np.flatnonzero(likely).tolist():
+                if self._begins_records(at + hit):
+                    return at + hit
+            at += count
         return self.size
+
+    def _begins_records(self, at: int, *, first: bool = True, cut_off: bool = True) -> bool:
+        """
+        Whether records follow one another from here on, up to the end of the file if it is near.
+
+        first : whether nothing else speaks for a record here: then it must be whole, and a message, a chunk with its
+        head, or followed by another record. cut_off : whether the last may reach beyond the end of a file without end.
+        """
+        cut_off = cut_off and self._cut_off
+        for step in range(_FOLLOWING):
+            sure = first and step == 0
+            if at == self.size or (at == self.size - len(MAGIC) and not self._cut_off):
+                return not (sure and self._cut_off)
+            try:
+                prefix = self.read(at, min(PREFIX, max(self.size - at, 0)))
+                opcode, length = prefix[0], int.from_bytes(prefix[1:], "little")
+                if not 0 < opcode <= Opcode.DATA_END and opcode < _PRIVATE:
+                    return False
+                if len(prefix) < PREFIX:
+                    return cut_off and not sure
+                if not sure:
+                    # What is damaged may be the length of this record, not of the one before.
+                    length = _FIXED.get(opcode, length)
+                if length < _SHORTEST.get(opcode, 0) or length != _FIXED.get(opcode, length):
+                    return False
+                if opcode == Opcode.CHUNK and length <= self.size - at - PREFIX:
+                    parse_chunk_head(self.read(at + PREFIX, min(_CHUNK_HEAD_BYTES, length)), length)
+                    return True
+            except (FormatError, IndexError):
+                return False
+            if length > self.size - at - PREFIX:
+                return cut_off and length <= MAX_CHUNK_BYTES and not sure
+            at += PREFIX + length
+        return True
 
     def _summary(self) -> Contents | None:
         tail = FOOTER_BYTES + len(MAGIC)
@@ -281,6 +351,8 @@ class McapFile:
                 found.channels[channel.id] = channel
             elif opcode == Opcode.CHUNK_INDEX:
                 index = parse_chunk_index(body)
+                if max(index.start_ns, index.end_ns) > _LATEST_NS:
+                    raise FormatError("the summary has times after the year 2262")
                 channels = frozenset(index.index_offsets) if index.index_length else None
                 found.spans.append(
                     Span(index.start_ns, index.end_ns, index.offset, index.length, index.size, channels, True)
@@ -294,6 +366,11 @@ class McapFile:
                 (found.attachments if opcode == Opcode.ATTACHMENT_INDEX else found.metadata).append(entry)
         if messages is None or (messages and not (found.spans and found.channels)):
             return None
+        try:
+            budgets.MCAP.check_ratio(self.size, sum(span.size for span in found.spans))
+        except BudgetError as error:
+            # Also of an index that names one chunk again and again; reading from the beginning stops in time.
+            raise FormatError(f"the file {error}") from error
         if found.spans:
             first = self.body(found.spans[0].offset, Opcode.CHUNK)
             found.checksums = parse_chunk_head(first, len(first)).crc != 0
@@ -314,7 +391,9 @@ class McapFile:
                 found.complete = False
             elif isinstance(piece, Other):
                 self._note_other(piece, found, guarded)
-                ended = ended or piece.opcode in (Opcode.DATA_END, Opcode.FOOTER)
+                if piece.opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                    ended = True
+                    self._note_repeated(piece.offset + piece.length, found)
             else:
                 self._note_messages(piece, found, guarded)
         found.complete = found.complete and ended
@@ -335,6 +414,18 @@ class McapFile:
                 found.metadata.append((piece.offset, piece.length))
         except FormatError as error:
             found.notes.append(f"{self.path.name}: a record at byte {piece.offset} skipped: {error}")
+
+    def _note_repeated(self, at: int, found: Contents) -> None:
+        """Take declarations that the damaged part has lost from the summary, which repeats them."""
+        lost = Contents()
+        with contextlib.suppress(FormatError):
+            while at < self.size - len(MAGIC):
+                piece = self._piece(at, Decompressor())
+                at = piece.offset + piece.length
+                if isinstance(piece, Other) and piece.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    self._note_other(piece, lost, {})
+        found.schemas = lost.schemas | found.schemas
+        found.channels = lost.channels | found.channels
 
     def _note_messages(self, piece: Chunk | Bare, found: Contents, guarded: dict[int, Channel]) -> None:
         walk, in_chunk = piece.walk, isinstance(piece, Chunk)
@@ -380,10 +471,3 @@ def declarations(piece: Chunk) -> tuple[dict[int, Schema], dict[int, Channel]]:
             # The chunk passed its checksum, so it was written like this; its messages are then without a topic.
             continue
     return schemas, channels
-
-
-def _all(window: bytes, mark: bytes) -> Iterator[int]:
-    at = window.find(mark)
-    while at >= 0:
-        yield at
-        at = window.find(mark, at + 1)

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from mwd_sensors.core import budgets
+
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -41,8 +43,8 @@ PREFIX = 9  # opcode, length
 MESSAGE_HEAD = 22  # channel, sequence, log time, publish time
 MESSAGE_PREFIX = PREFIX + MESSAGE_HEAD
 FOOTER_BYTES = PREFIX + 20
-# A chunk larger than this is refused: one hostile length must not take the memory of the machine.
-MAX_CHUNK_BYTES = 128 * 1024 * 1024
+# A larger chunk is refused: one hostile length must not take the memory of the machine.
+MAX_CHUNK_BYTES = budgets.MCAP.unpacked or 0
 COMPRESSIONS = ("", "zstd", "lz4")
 # A message record as the bulk writer lays it out; the payload's size completes it.
 MESSAGE_FIELDS: list[tuple[Any, ...]] = [

@@ -33,6 +33,7 @@ ROSBAG2_RECORD = "rosbag2"
 RECOVERY_RECORD = "mwd_recovery"
 KEPT = ".damaged"
 _DRAFT = ".recovering"
+_UNSIGNED = 2**64 - 1  # publication times are copied as they are
 
 
 def _always() -> bool:
@@ -83,7 +84,7 @@ def recover_file(source: Path, target: Path, going_on: Callable[[], bool] = _alw
     draft = target.with_name(target.name + _DRAFT)
     draft.unlink(missing_ok=True)
     try:
-        file = McapFile(source)
+        file = McapFile(source, damaged=True)
     except FormatError as error:
         return RecoveryReport(source, damages=1, lost_bytes=source.stat().st_size, notes=(str(error),))
     with contextlib.closing(file):
@@ -164,6 +165,12 @@ def _copy(file: McapFile, contents: Contents, writer: McapWriter, going_on: Call
             writer.add_schema(lost)
             contents.schemas[lost.id] = lost
         writer.add_channel(channel)
+    for number in sorted(set(contents.counts) - set(contents.channels)):
+        # The declaration of the topic is lost, not its messages.
+        lost_topic = Channel(number, 0, f"/lost_topic_{number}", "cdr", {})
+        contents.channels[number] = lost_topic
+        contents.notes.append(f"the declaration of topic {number} is lost: its messages are in {lost_topic.topic}")
+        writer.add_channel(lost_topic)
     tally = Tally(contents)
     for piece in file.scan():
         if not going_on():
@@ -191,7 +198,9 @@ def _copy(file: McapFile, contents: Contents, writer: McapWriter, going_on: Call
 def _copy_messages(piece: Chunk | Bare, channels: Mapping[int, Channel], writer: McapWriter) -> None:
     walk = piece.walk
     numbers = np.unique(walk.channel).tolist()
-    if isinstance(piece, Chunk) and all(number in channels for number in numbers):
+    # A chunk without checksum is not copied as it is: what is between its messages may be damaged.
+    whole = isinstance(piece, Chunk) and piece.head.crc and not walk.impossible
+    if isinstance(piece, Chunk) and whole and all(number in channels for number in numbers):
         if numbers:
             writer.close_chunk()
             writer.copy_chunk(
@@ -212,7 +221,7 @@ def _copy_messages(piece: Chunk | Bare, channels: Mapping[int, Channel], writer:
     )
     for number, offset, size, log_ns, publish_ns in rows:
         if number in channels:
-            writer.write(number, piece.plain[offset : offset + size], log_ns, publish_ns)
+            writer.write(number, piece.plain[offset : offset + size], log_ns, publish_ns & _UNSIGNED)
 
 
 def _copy_other(piece: Other, writer: McapWriter) -> None:

@@ -125,6 +125,12 @@ class Tally:
             self.lost_bytes += piece.end - piece.offset
             self.notes.append(f"bytes {piece.offset} to {piece.end} cannot be used: {piece.reason}")
         elif isinstance(piece, (Chunk, Bare)):
+            if piece.walk.impossible:
+                self.damages += 1
+                self.notes.append(
+                    f"bytes {piece.offset} to {piece.offset + piece.length}: {piece.walk.impossible} messages have a"
+                    " time that cannot be"
+                )
             self.chunks += isinstance(piece, Chunk)
             numbers, counts = np.unique(piece.walk.channel, return_counts=True)
             for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):

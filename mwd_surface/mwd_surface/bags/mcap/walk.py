@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Bytes
 from mwd_sensors.core.compiled import compiled
 from mwd_surface.bags.mcap.records import MESSAGE_HEAD, MESSAGE_PREFIX, MESSAGE_RECORD_HEAD, PREFIX, RECORD_HEAD, Opcode
@@ -29,6 +30,8 @@ class Walk:
         Where each record that is not a message begins.
     end : int
         First byte not understood; the length of the data when all of it was.
+    impossible : int
+        Messages left out because their log time is after the year 2262: int64 does not hold it.
     """
 
     offset: NDArray[np.int64]
@@ -38,6 +41,18 @@ class Walk:
     publish_ns: NDArray[np.int64]
     others: NDArray[np.int64]
     end: int
+    impossible: int = 0
+
+    def at(self, chosen: NDArray[np.bool_]) -> Walk:
+        """Return a walk with some of the messages, shape (n,)."""
+        return dataclasses.replace(
+            self,
+            offset=self.offset[chosen],
+            size=self.size[chosen],
+            channel=self.channel[chosen],
+            log_ns=self.log_ns[chosen],
+            publish_ns=self.publish_ns[chosen],
+        )
 
 
 @compiled
@@ -61,6 +76,8 @@ def _walk(  # one flat loop on purpose: it runs once per message of a bag
         if data[at] == 5:
             if length < 22:
                 break
+            if count == len(channel):
+                break
             channel[count] = np.uint16(data[at + 9]) | (np.uint16(data[at + 10]) << np.uint16(8))
             log_ns[count] = _number(data, at + 15)
             publish_ns[count] = _number(data, at + 23)
@@ -76,22 +93,39 @@ def _walk(  # one flat loop on purpose: it runs once per message of a bag
     return count, other, at
 
 
+@compiled
+def _count(data: Any) -> tuple[int, int]:
+    """How many messages and other records there are, so that no more room is taken than they need."""
+    at, count, other = 0, 0, 0
+    end = len(data)
+    while at + 9 <= end:
+        length = _number(data, at + 1)
+        if length < 0 or length > end - at - 9:
+            break
+        if data[at] == 5:
+            count += 1
+        else:
+            other += 1
+        at += 9 + length
+    return count, other
+
+
 def walk_records(data: Bytes) -> Walk:
     """Find the records in a run of bytes, shape (n,), uint8; stops at the first that does not fit, never raises."""
-    room = len(data) // MESSAGE_PREFIX + 1
-    offset, size, log_ns, publish_ns = (np.empty(room, dtype=np.int64) for _ in range(4))
-    channel = np.empty(room, dtype=np.uint16)
-    others = np.empty(len(data) // PREFIX + 1, dtype=np.int64)
+    n, m = _count(data)
+    offset, size, log_ns, publish_ns = (np.empty(n, dtype=np.int64) for _ in range(4))
+    channel = np.empty(n, dtype=np.uint16)
+    others = np.empty(min(m, budgets.MCAP.records or m), dtype=np.int64)
     n, m, end = _walk(data, offset, size, channel, log_ns, publish_ns, others)
-    return Walk(
-        offset[:n].copy(),
-        size[:n].copy(),
-        channel[:n].copy(),
-        log_ns[:n].copy(),
-        publish_ns[:n].copy(),
-        others[:m].copy(),
-        end,
-    )
+    return _possible(Walk(offset[:n], size[:n], channel[:n], log_ns[:n], publish_ns[:n], others[:m], end))
+
+
+def _possible(walk: Walk) -> Walk:
+    """Leave out messages at times that cannot be: one flipped bit must not take the others with it."""
+    possible = walk.log_ns >= 0
+    if possible.all():
+        return walk
+    return dataclasses.replace(walk.at(possible), impossible=int((~possible).sum()))
 
 
 def walk_plain(data: Bytes) -> Walk:
@@ -108,18 +142,22 @@ def walk_plain(data: Bytes) -> Walk:
                 break
             _, _, channel, _, log_ns, publish_ns = MESSAGE_RECORD_HEAD.unpack_from(view, at)
             rows.append((at + MESSAGE_PREFIX, length - MESSAGE_HEAD, channel, log_ns, publish_ns))
+        elif len(others) == budgets.MCAP.records:
+            break
         else:
             others.append(at)
         at += PREFIX + length
     table = np.array(rows, dtype=np.uint64).reshape(len(rows), 5).astype(np.int64)
-    return Walk(
-        table[:, 0],
-        table[:, 1],
-        table[:, 2].astype(np.uint16),
-        table[:, 3],
-        table[:, 4],
-        np.array(others, dtype=np.int64),
-        at,
+    return _possible(
+        Walk(
+            table[:, 0],
+            table[:, 1],
+            table[:, 2].astype(np.uint16),
+            table[:, 3],
+            table[:, 4],
+            np.array(others, dtype=np.int64),
+            at,
+        )
     )
 
 

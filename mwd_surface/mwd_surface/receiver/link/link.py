@@ -26,6 +26,7 @@ from mwd_surface.receiver.link.other_width import OtherWidth
 from mwd_surface.receiver.link.receivers import receiver_of
 from mwd_surface.receiver.link.tool_flow import ToolFlow
 from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
+from mwd_surface.receiver.resampling import LARGEST
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed
 
@@ -144,6 +145,8 @@ class Link:
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
         """Take samples, shape (n,): rising times, s, and Pa (V of a link through the ground)."""
         time, value = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
+        # Once, before any stage: what no gauge can read is a sample that is missing.
+        value = np.where(np.abs(value) < LARGEST, value, np.nan)
         out = LinkOutput()
         # By seconds, so that what is searched beside the words does not depend on how the samples are cut.
         seconds = np.flatnonzero(np.diff(np.floor(time))) + 1

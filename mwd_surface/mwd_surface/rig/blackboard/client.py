@@ -20,7 +20,9 @@ import urllib.parse
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from mwd_sensors.core import budgets
 from mwd_sensors.core.constants import CELSIUS_ZERO
+from mwd_sensors.core.input_files import load_json
 from mwd_sensors.core.settings import setting
 from mwd_surface.rig.backoff import Backoff
 from mwd_surface.rig.blackboard.manifest import manifest, query
@@ -297,8 +299,8 @@ async def _asked(client: Any, method: str, text: str) -> dict[str, Any]:
     answer = await parent.call_method(node.nodeid, argument)
     first = answer[0] if isinstance(answer, list) else answer
     try:
-        table = json.loads(first)
-    except (TypeError, ValueError, RecursionError) as error:
+        table = load_json(first, budgets.WITSML_STORE)
+    except (TypeError, ValueError, AttributeError) as error:
         raise BlackboardError(f"{method} gave no JSON") from error
     if not isinstance(table, dict):
         raise BlackboardError(f"{method} gave no table")

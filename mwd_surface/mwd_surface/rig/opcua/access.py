@@ -18,6 +18,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import read_file
 from mwd_surface.loopback import is_loopback
 from mwd_surface.rig.interface import optional
 from mwd_surface.rig.opcua.settings import OpcuaSettings
@@ -179,8 +181,8 @@ def _certificates(folder: Path, x509: Any) -> list[Any]:
     """Return the certificates in a folder, DER or PEM; other files are ignored."""
     found = []
     for path in sorted(folder.iterdir()):
-        data = path.read_bytes()
-        load = x509.load_pem_x509_certificate if data.startswith(b"-----") else x509.load_der_x509_certificate
-        with contextlib.suppress(ValueError):
+        with contextlib.suppress(ValueError, OSError):
+            data = read_file(path, budgets.CERTIFICATE)
+            load = x509.load_pem_x509_certificate if data.startswith(b"-----") else x509.load_der_x509_certificate
             found.append(load(data))
     return found

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from mwd_sensors.core import budgets
 from mwd_surface import __version__
 from mwd_surface.control.authority import ControlAuthority
 from mwd_surface.rig.interface import (
@@ -44,7 +45,6 @@ from mwd_surface.rig.values import RigValues, nothing_yet
 _REFUSALS = "asyncua.server.binary_server_asyncio"  # logger of asyncua for refused connections
 _LOG = logging.getLogger("mwd_surface.opcua")
 _TICK = 1.0  # s
-_LARGEST_MESSAGE = 1 << 20
 
 
 class OpcuaServer(LoopInterface):
@@ -161,8 +161,8 @@ class OpcuaServer(LoopInterface):
         server.iserver.max_monitored_item_queue_size = 1000
         server.iserver.max_unacked_messages_per_subscription = 100
         server.iserver.max_pending_messages_per_connection = 100
-        server.limits.max_message_size = _LARGEST_MESSAGE
-        server.limits.max_chunk_count = _LARGEST_MESSAGE // server.limits.max_recv_buffer + 1
+        server.limits.max_message_size = budgets.OPCUA.size
+        server.limits.max_chunk_count = budgets.OPCUA.size // server.limits.max_recv_buffer + 1
 
     async def _build(self, server: Any) -> None:
         """The object of the well with its variables and methods, its history and its conditions."""

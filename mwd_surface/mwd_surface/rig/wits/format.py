@@ -13,8 +13,10 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 
+from mwd_sensors.core import budgets
+
 BEGIN, END, EOL = b"&&", b"!!", b"\r\n"
-MAX_FRAME_BYTES = 65536
+MAX_FRAME_BYTES = budgets.WITS.size
 NULLS = (-9999.0, -8888.0, -999.25)
 # What a Pason-type recorder expects every half minute, and sends itself: a null vertical depth.
 KEEP_ALIVE = b"&&\r\n0111-9999\r\n!!\r\n"

@@ -23,6 +23,8 @@ from collections.abc import Callable
 from urllib.parse import urlsplit
 from xml.sax.saxutils import escape
 
+from mwd_sensors.core import budgets
+from mwd_sensors.core.input_files import read_text
 from mwd_sensors.core.settings import setting
 from mwd_surface.loopback import is_loopback
 from mwd_surface.rig.interface import (
@@ -37,7 +39,6 @@ from mwd_surface.rig.interface import (
 
 _NAMESPACE = "http://www.witsml.org/message/120"
 _ACTION = "http://www.witsml.org/action/120/Store."
-_LARGEST_ANSWER = 1 << 20
 SUCCESS, ALREADY_THERE, NOT_THERE = 1, -405, -433
 _SHOWN = 300
 
@@ -142,10 +143,11 @@ class WitsmlStore(LoopInterface):
         if not self.settings.user:
             return ""
         try:
-            with open(self.settings.password_file, encoding="utf-8") as file:  # noqa: PTH123
-                password = file.readline().rstrip("\r\n")
+            password = read_text(self.settings.password_file, budgets.SECRET).partition("\n")[0].rstrip("\r")
         except OSError as error:
             raise InterfaceError(f"password_file: {error}") from error
+        except UnicodeDecodeError as error:
+            raise InterfaceError(f"password_file: {self.settings.password_file} is not UTF-8") from error
         text = f"{self.settings.user}:{password}".encode()
         return "Basic " + base64.b64encode(text).decode("ascii")
 
@@ -212,13 +214,17 @@ class WitsmlStore(LoopInterface):
         request = urllib.request.Request(self.settings.url, body.encode(), headers)  # noqa: S310 (checked in start)
         try:
             with self._opener.open(request, timeout=self.settings.timeout) as response:
-                answer = response.read(_LARGEST_ANSWER + 1)
+                answer = response.read(budgets.WITSML_STORE.size + 1)
         except urllib.error.HTTPError as error:
             with error:
-                text = answer_texts(error.read(_LARGEST_ANSWER)).get("faultstring", "") if error.code == 500 else ""
+                text = (
+                    answer_texts(error.read(budgets.WITSML_STORE.size)).get("faultstring", "")
+                    if error.code == 500
+                    else ""
+                )
             raise StoreRefusedError(f"{order}: HTTP {error.code} {text or error.reason}") from error
-        if len(answer) > _LARGEST_ANSWER:
-            raise StoreRefusedError(f"{order}: the answer is larger than {_LARGEST_ANSWER} bytes")
+        if len(answer) > budgets.WITSML_STORE.size:
+            raise StoreRefusedError(f"{order}: the answer is larger than {budgets.WITSML_STORE.size} bytes")
         return answer_texts(answer)
 
     def status(self) -> InterfaceStatus:

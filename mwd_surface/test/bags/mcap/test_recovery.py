@@ -241,15 +241,16 @@ def test_a_check_sees_a_flipped_bit_in_a_chunk_and_one_in_an_index(whole, tmp_pa
         assert any("checksum" in note or "decompress" in note for note in report.notes)
 
 
-def test_messages_whose_topic_was_lost_are_counted_as_orphans(tmp_path):
+def test_messages_whose_topic_was_lost_are_saved_under_its_number(tmp_path):
     path = tmp_path / "x.mcap"
     body = channel_record(Channel(1, 0, "/a", "cdr", {}))
     for number in (1, 2):
         body += message_prefix(number, 1, START, START, 3) + b"abc"
     path.write_bytes(MAGIC + header_record("x") + body)
     report = recovery.recover_file(path, tmp_path / "y.mcap")
-    assert (report.messages, report.orphans) == (1, 1)
-    assert messages(tmp_path / "y.mcap") == [("/a", START, b"abc")]
+    assert (report.messages, report.orphans) == (2, 0)
+    assert report.topics == {"/a": 1, "/lost_topic_2": 1}
+    assert messages(tmp_path / "y.mcap") == [("/a", START, b"abc"), ("/lost_topic_2", START, b"abc")]
 
 
 @pytest.mark.parametrize("size", [2**60, 2**31, 200_000_000])

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Budgets of every reader of files and peers: how much it takes before it stops with a sentence.
+
+A reader allocates and works in proportion to what it is given; the budget bounds that where a small input can ask for
+much: compression, aliases, repeated chunks, times far apart, deep nesting. The table stands in SECURITY.md as well.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+MB = 1_000_000
+
+
+class BudgetError(ValueError):
+    """An input asks for more than its budget; the message says of what, and how much is allowed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Budget:
+    """
+    Budget of one reader; None: nothing to bound, or bounded by another column.
+
+    Attributes
+    ----------
+    reads : str
+        Inputs that it is for.
+    size : int
+        Bytes read.
+    unpacked : int, optional
+        Bytes in memory after decompression, of one piece.
+    records : int, optional
+        Rows, values, samples or records.
+    columns : int, optional
+        Fields of a row, or lines of a header.
+    seconds : float, optional
+        Time from the first record to the last.
+    nesting : int, optional
+        Levels.
+    """
+
+    reads: str
+    size: int
+    unpacked: int | None = None
+    records: int | None = None
+    columns: int | None = None
+    seconds: float | None = None
+    nesting: int | None = None
+
+    def check(self, what: str, amount: float) -> None:
+        """
+        Hold an amount against one column of the budget.
+
+        Raises
+        ------
+        BudgetError
+            It is more.
+        """
+        most = getattr(self, what)
+        if most is not None and amount > most:
+            raise BudgetError(f"{_WORDS[what].format(f'{amount:.6g}')}: at most {most:.6g} are read")
+
+    def check_ratio(self, packed: int, unpacked: int) -> None:
+        """
+        Hold all that a file unpacks to against its size.
+
+        Raises
+        ------
+        BudgetError
+            It unpacks to more than `FREE` bytes and `RATIO` times its size.
+        """
+        most = FREE + RATIO * packed
+        if unpacked > most:
+            raise BudgetError(
+                f"unpacks to {unpacked / MB:.6g} MB or more: {packed / MB:.3g} MB may unpack to {most / MB:.6g} MB"
+            )
+
+
+_WORDS = {
+    "size": "has {} bytes",
+    "unpacked": "has a piece of {} bytes unpacked",
+    "records": "has {} records",
+    "columns": "has {} columns or header lines",
+    "seconds": "goes over {} s",
+    "nesting": "is nested {} levels deep",
+}
+
+FREE, RATIO = 256 * MB, 200
+"""A compressed file may unpack to so many bytes, and so many times its size more: sensor noise packs less than tenfold,
+a silent topic up to a hundredfold."""
+
+DAY_S = 86_400.0
+
+YAML = Budget(
+    "YAML: scenarios, settings, tools, plans, calibrations, metadata of bags", 5 * MB, records=200_000, nesting=50
+)
+JSON = Budget("JSON: survey lists, slide sheets, memories of the nodes", 50 * MB, nesting=100)
+LIST = Budget("station lists and tables: CSV, text, LAS, WITSML", 20 * MB, records=200_000, columns=500)
+SPREADSHEET = Budget(
+    "spreadsheets (.xlsx): all that is packed; records are cells, also empty ones",
+    20 * MB,
+    unpacked=100 * MB,
+    records=5_000_000,
+    columns=500,
+)
+PRESSURE = Budget(
+    "pressure of a CSV or WAV, pump strokes", 2000 * MB, records=50_000_000, columns=500, seconds=30 * DAY_S
+)
+SERIAL = Budget("captured bytes of a serial line", 200 * MB)
+OBSERVATORY = Budget("observatory record (IAGA-2002)", 250 * MB)
+SECRET = Budget("tokens and passwords", 10_000)
+CERTIFICATE = Budget("certificates and keys", MB)
+MCAP = Budget("recording: MCAP", 2**63 - 1, unpacked=64 * 2**20, records=500_000)
+DATABASE = Budget("recording: db3 (SQLite)", 2**63 - 1, unpacked=64 * 2**20)
+ROS1 = Budget("recording: ROS 1 bag", 2**63 - 1, unpacked=64 * 2**20)
+RUN = Budget("results of a run: CSV, Parquet", 2**63 - 1, records=500_000_000)
+PAGE = Budget("request to the page", 16 * 1024, nesting=100)
+WITSML_STORE = Budget("answer of a WITSML store or a blackboard", 2**20, nesting=100)
+OPCUA = Budget("message to the OPC UA server", 2**20)
+WITS = Budget("frame of a WITS peer", 65_536)
+
+BUDGETS = (
+    YAML,
+    JSON,
+    LIST,
+    SPREADSHEET,
+    PRESSURE,
+    SERIAL,
+    OBSERVATORY,
+    SECRET,
+    CERTIFICATE,
+    MCAP,
+    DATABASE,
+    ROS1,
+    RUN,
+    PAGE,
+    WITSML_STORE,
+    OPCUA,
+    WITS,
+)
+
+
+def table() -> str:
+    """Return the table of SECURITY.md."""
+    rows = ["| input | bytes | piece unpacked | records | columns | days | nesting |", "|---|---|---|---|---|---|---|"]
+    for one in BUDGETS:
+        cells = [
+            "any" if one.size >= 2**62 else f"{one.size:_}".replace("_", " "),
+            *(
+                "" if value is None else f"{value:_}".replace("_", " ")
+                for value in (one.unpacked, one.records, one.columns)
+            ),
+            "" if one.seconds is None else f"{one.seconds / DAY_S:g}",
+            "" if one.nesting is None else str(one.nesting),
+        ]
+        rows.append(f"| {one.reads} | {' | '.join(cells)} |")
+    return "\n".join(rows)

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What stands in a file goes to nobody else, and what a file or peer sends moves no terminal."""
+
+import dataclasses
+import io
+from types import SimpleNamespace
+
+import example_surveys as example
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_estimation.pipeline.observatory import Observatory
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.place import Place
+from mwd_estimation.settings.tool import Tool
+from mwd_sensors.core.input_files import without_contents
+from mwd_sensors.core.settings import printable
+from mwd_sensors.nodes.sonde import SondeNode, SondeSettings
+from mwd_sensors.telemetry import tool_configuration
+from mwd_surface.commands.terminal import PrintableStream
+from mwd_surface.control.lease_numbers import LeaseNumbers
+from mwd_surface.downlink.memory import Memory
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.live.alarm_log import AlarmLog
+from mwd_surface.live.alarms import Severity
+from mwd_surface.live.clearance_monitor import _compare
+from mwd_surface.live.plan_monitor import PlanMonitor
+from mwd_surface.live.settings import PlanSettings
+from mwd_surface.live.well_clock import WellClock
+from mwd_surface.page import access
+from mwd_surface.surveys.list_rules import ListRules
+from mwd_surface.surveys.survey_store import SurveyStore
+
+SECRET = "hunter2-correct-horse"  # noqa: S105
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        SECRET,
+        f"{SECRET}\n{SECRET}\n",
+        f"md_m,inc_deg,azi_deg\n0,0,0\n{SECRET},1,2\n",
+        f"md_m,inc_deg,azi_deg,{SECRET}\n0,0,{SECRET},1\n",
+        f"~V\nVERS. 2.0:\n~{SECRET}\n{SECRET}.{SECRET}:{SECRET}\n~A\n{SECRET}",
+        f"<{SECRET}><a>{SECRET}</b></{SECRET}>",
+    ],
+)
+def test_a_secret_named_as_the_plan_is_in_no_alarm_and_on_no_terminal(tmp_path, text, capfd):
+    file = tmp_path / "plan.csv"
+    file.write_text(text)
+    found = PlanMonitor.read(PlanSettings(file=str(file)), "true")
+    assert isinstance(found, ListFileError)
+    assert SECRET not in str(found)
+    assert str(file) in str(found)
+    assert SECRET not in "".join(capfd.readouterr())
+
+
+def test_a_line_and_an_error_of_the_disk_are_still_named(tmp_path):
+    file = tmp_path / "plan.csv"
+    file.write_text("md_m,inc_deg,azi_deg\n0,0,0\nx,1,2\n")
+    assert "line 3" in str(PlanMonitor.read(PlanSettings(file=str(file)), "true"))
+    assert "No such file" in str(PlanMonitor.read(PlanSettings(file=str(tmp_path / "none.csv")), "true"))
+    assert "no regular file" in without_contents("x", OSError(22, "is no regular file"))
+
+
+def plan(file):
+    return str(PlanMonitor.read(PlanSettings(file=str(file)), "true"))
+
+
+def offset_wells(file):
+    return str(_compare(example.surveys(dataclasses.replace(example.WELL, offset_wells=str(file))), None, None))
+
+
+def list_of_an_offset_well(file):
+    wells = file.with_name("wells.yaml")
+    wells.write_text(f"wells: [{{name: A-3, file: {file.name}}}]")
+    found = _compare(example.surveys(dataclasses.replace(example.WELL, offset_wells=str(wells))), None, None)
+    return str(found.remarks if hasattr(found, "remarks") else found)
+
+
+def programme_of_an_offset_well(file):
+    (file.parent / "beside.csv").write_text("md_m,inc_deg,azi_deg\n0,0,0\n30,1,2\n")
+    wells = file.with_name("wells.yaml")
+    wells.write_text(f"wells: [{{name: A-3, file: beside.csv, programme: {file.name}}}]")
+    found = _compare(example.surveys(dataclasses.replace(example.WELL, offset_wells=str(wells))), None, None)
+    return str(found.remarks if hasattr(found, "remarks") else found)
+
+
+def survey_list(file):
+    file.rename(file.with_name("surveys.json"))
+    return "\n".join(SurveyStore(file.parent).load(example.WELL, ListRules()).messages)
+
+
+def error_of(read, *values):
+    try:
+        read(*values)
+    except (ValueError, OSError, RuntimeError) as error:
+        return str(error)
+    return ""
+
+
+def scenario(file):
+    node = SimpleNamespace(settings=SondeSettings(scenario=str(file)))
+    return error_of(SondeNode.configure, node)
+
+
+# Each reader of a file whose path is a parameter of a node, or that lies where a node keeps its own.
+READERS = {
+    "plan.file": plan,
+    "well.offset_wells": offset_wells,
+    "list of an offset well": list_of_an_offset_well,
+    "programme of an offset well": programme_of_an_offset_well,
+    "surveys.json": survey_list,
+    "scenario": scenario,
+    "tool_file": lambda file: error_of(tool_configuration.read_several, [file]),
+    "place.observatory_file": lambda file: error_of(Observatory, Place(observatory_file=str(file))),
+    "tool.assembly_file": lambda file: error_of(derivation.assembly, Tool(assembly_file=str(file))),
+    "page.token_file": lambda file: error_of(access.read_token, str(file), {}),
+    "downlink.json": lambda file: error_of(Memory(file).read, tool_configuration.ToolConfiguration()),
+    "leases": lambda file: error_of(LeaseNumbers(file).first, 1),
+}
+CONTENTS = [
+    "{0}",
+    "{0}\n{0}\n",
+    "{0}: {0}\n",
+    "a: [{0}\n",
+    "*{0}",
+    "!!{0} x",
+    "&{0} {0}: {0}",
+    "code: {0}\n",
+    "pulse_width_s: {0}\n",
+    "survey_sequences: ['{0}']\n",
+    "wells: {0}",
+    "wells: [{{name: x, {0}: {0}}}]",
+    "wells: [{{name: x, file: y, rule: {0}}}]",
+    "legs: [{{code: {0}}}]",
+    "hole_mm: {0}",
+    "hole_mm: 200\nsensor_m: 1\ncomponents: [{{name: {0}, od_mm: 1e9, id_mm: 0, length_m: 1}}]",
+    "duration_s: {0}\n",
+    "profile: [{{{0}: {0}}}]\n",
+    '{{"{0}": "{0}"}}',
+    '{{"format": "{0}", "version": "{0}", "list": {{"{0}": "{0}"}}}}',
+    '{{"reserved_below": "{0}"}}',
+    '{{"in_force": {{"{0}": 1}}, "counter": "{0}"}}',
+    '{{"{0}": [',
+    "DATE TIME DOY {0}X {0}Y {0}Z |\n{0} {0} {0}\n",
+    "DATE TIME DOY BOUX BOUY BOUZ |\n2026-01-01 {0} 1 1 2 3\n",
+    "md_m,inc_deg,azi_deg\n0,0,0\n{0},1,2\n",
+    "md_m,inc_deg,azi_deg,{0}\n0,0,{0},1\n",
+    "md_m,inc_deg,azi_deg\n0,0,0\n10,170,{0}\n",
+    "~V\nVERS. 2.0:\n~{0}\n{0}.{0}:{0}\n~A\n{0}",
+    "<{0}><a>{0}</b></{0}>",
+    "IOGP,{0},7\nP7,{0},{0}\n",
+]
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("contents", CONTENTS)
+def test_no_word_of_a_file_that_a_node_cannot_use_leaves_it(reader, contents, tmp_path, capfd):
+    file = tmp_path / "given.csv"
+    file.write_text(contents.format(SECRET))
+    said = READERS[reader](file)
+    assert SECRET not in said
+    assert SECRET not in "".join(capfd.readouterr())
+    # Any text is a token; every other reader refuses a file of one word.
+    assert said or contents != "{0}" or reader == "page.token_file"
+
+
+@given(st.text(), st.text(), st.text())
+def test_no_control_character_reaches_alarms_events_or_the_log_of_a_node(text, remedy, source):
+    told = []
+    log = AlarmLog(WellClock(), lambda words, _severity: told.append(words), lambda: 1)
+    log.raise_alarm("a", Severity.WARNING, text, remedy)
+    log.set_alarms("b.", {"b.1": (1, text, remedy)})
+    log.log_event(source, text)
+    log.book.acknowledge("a", f"x{source}", 2)
+    words = [*told, *(w for a in log.book.alarms() for w in (a.text, a.remedy, a.acknowledged_by))]
+    words += [w for event in log.book.events() for w in (event.text, event.source)]
+    assert all(word == printable(word) for word in words)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@given(st.text())
+def test_no_control_character_reaches_a_terminal(text):
+    plain, terminal = io.StringIO(), Terminal()
+    PrintableStream(plain).write(text)
+    PrintableStream(terminal).write(text)
+    for written in (plain.getvalue(), terminal.getvalue()):
+        assert all(c in "\n\t" or not (ord(c) < 32 or 127 <= ord(c) < 160) for c in written)
+    assert printable("inc 5.2°\tm\n") == "inc 5.2°\tm\n"
+
+
+def test_colours_pass_on_a_terminal_alone_and_nothing_that_moves_its_cursor_does():
+    plain, terminal = io.StringIO(), Terminal()
+    for stream in (plain, terminal):
+        PrintableStream(stream).write("\x1b[31mred\x1b[0m \x1b[2J\x1b]0;title\x07")
+    assert terminal.getvalue() == "\x1b[31mred\x1b[0m \\x1b[2J\\x1b]0;title\\x07"
+    assert "\x1b" not in plain.getvalue()

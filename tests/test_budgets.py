@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each reader has a budget: small inputs that ask for much end in a sentence, within a memory limit and in time."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import bombs
+from mwd_sensors.core import budgets
+from project import ROOT
+
+MEMORY = 3 * 10**9
+"""Address space of a command, bytes: libraries and compiled code take half of it, a bomb more than the rest."""
+
+
+def mwd(*words: object) -> str:
+    """Run a command under the limit; returns the one sentence with which it must end."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+    done = subprocess.run(
+        [sys.executable, "-m", "mwd_surface.cli", *map(str, words)],
+        preexec_fn=limit,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        stdin=subprocess.DEVNULL,
+    )
+    assert done.returncode in (1, 2), done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    assert "Killed" not in done.stderr
+    return done.stdout + done.stderr
+
+
+def test_the_table_of_the_security_page_is_that_of_the_code():
+    assert budgets.table() in (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+
+
+def test_every_budget_is_in_the_table_and_bounds_something():
+    declared = {value for value in vars(budgets).values() if isinstance(value, budgets.Budget)}
+    assert declared == set(budgets.BUDGETS)
+    assert all(one.size < 2**62 or one.unpacked or one.records for one in budgets.BUDGETS)
+
+
+@pytest.mark.slow(10)
+@pytest.mark.fault_case(84)
+@pytest.mark.parametrize("kind", bombs.YAML)
+def test_yaml_bombs_end_in_a_sentence(kind, tmp_path):
+    file = tmp_path / "bomb.yaml"
+    bombs.YAML[kind](file)
+    mwd("simulate", file, "-o", tmp_path / "out")
+    # The same file as the metadata of a bag: the recording beside it is read without it, or refused.
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    shutil.copy(file, bag / "metadata.yaml")
+    mwd("inspect", bag)
+
+
+@pytest.mark.slow(10)
+@pytest.mark.fault_case(66)
+@pytest.mark.parametrize("kind", bombs.MCAP)
+@pytest.mark.parametrize("command", ["inspect", "recover"])
+def test_recordings_that_unpack_without_measure_end_in_a_sentence(kind, command, tmp_path):
+    file = tmp_path / "bomb.mcap"
+    bombs.MCAP[kind](file)
+    assert file.stat().st_size < 10**6
+    mwd(command, file)
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize(("make", "name"), [(bombs.packed_file, "a.mcap.zstd"), (bombs.endless_view, "a.db3")])
+def test_packed_files_and_databases_that_compute_their_rows_end_in_a_sentence(make, name, tmp_path):
+    make(tmp_path / name)
+    mwd("inspect", tmp_path / name)
+
+
+@pytest.mark.slow(10)
+def test_a_pressure_file_of_rows_far_apart_is_refused(tmp_path):
+    bombs.far_rows(tmp_path / "far.csv")
+    (tmp_path / "tool.yaml").write_text("pulse_width_s: 0.8\n")
+    words = mwd("decode", tmp_path / "far.csv", "--tool", tmp_path / "tool.yaml", "-o", tmp_path / "out")
+    assert "cut the file" in words
+
+
+@pytest.mark.slow(10)
+@pytest.mark.fault_case(83)
+@pytest.mark.parametrize("name", bombs.LISTS)
+def test_lists_that_take_minutes_to_parse_end_in_a_sentence(name, tmp_path):
+    bombs.LISTS[name](tmp_path / name)
+    mwd("path", tmp_path / name, "-o", tmp_path / "out")
+
+
+COMMANDS: dict[str, tuple[str, ...]] = {
+    "simulate": ("simulate", "{}.yaml", "-o", "out"),
+    "inspect": ("inspect", "{}.mcap"),
+    "process": ("process", "{}.mcap", "-o", "out"),
+    "recover": ("recover", "{}.mcap"),
+    "path": ("path", "{}.csv", "-o", "out"),
+    "survey": ("survey", "{}.csv", "-o", "out"),
+    "export": ("export", "{}.json", "-f", "csv"),
+    "decode": ("decode", "{}.csv", "--tool", "tool.yaml", "-o", "out"),
+    "decode a WAV": ("decode", "{}.wav", "--tool", "tool.yaml", "-o", "out"),
+    "inspect ROS 1": ("inspect", "{}.bag"),
+    "inspect db3": ("inspect", "{}.db3"),
+    "plot": ("plot", "{}.mcap", "-o", "out"),
+}
+
+
+@pytest.mark.slow(20)
+@pytest.mark.parametrize("place", bombs.PLACES)
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_command_waits_for_a_pipe_a_device_or_a_folder(name, place, tmp_path):
+    words = [str(tmp_path / word.format("x")) if "." in word or word == "out" else word for word in COMMANDS[name]]
+    (tmp_path / "tool.yaml").write_text("pulse_width_s: 0.8\n")
+    bombs.PLACES[place](Path(words[1]))
+    assert os.path.lexists(words[1])
+    mwd(*words)
