@@ -3,13 +3,22 @@
 
 from __future__ import annotations
 
+import io
 import itertools
 import os
+import re
 import sqlite3
+import struct
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import openpyxl
 import zstandard
+from rosbags.rosbag1 import Writer as Ros1Writer
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Rosbag2Writer
+from rosbags.typesys import Stores, get_typestore
 
 from mwd_surface.bags.mcap.encode import channel_record, chunk_prefix, header_record, packed_record
 from mwd_surface.bags.mcap.records import MAGIC, Channel, ChunkHead
@@ -86,6 +95,109 @@ def endless_view(path: Path) -> None:
     database.close()
 
 
+def _ros1(path: Path, compression: str) -> None:
+    """ROS 1 bag of one chunk that unpacks to 300 MB."""
+    writer = Ros1Writer(path)
+    writer.set_compression(Ros1Writer.CompressionFormat[compression])
+    with writer:
+        connection = writer.add_connection("/a", "std_msgs/msg/String", msgdef="string data\n", md5sum="0" * 32)
+        writer.write(connection, 1, (300 * 10**6).to_bytes(4, "little") + bytes(300 * 10**6))
+
+
+def ros1_bz2(path: Path) -> None:
+    """ROS 1 bag of some hundred bytes, packed by bz2."""
+    _ros1(path, "BZ2")
+
+
+def ros1_lz4(path: Path) -> None:
+    """ROS 1 bag of a megabyte, packed by lz4."""
+    _ros1(path, "LZ4")
+
+
+def ros1_without_index(path: Path) -> None:
+    """ROS 1 bag whose index is cut off."""
+    _ros1(path, "BZ2")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"index_pos=") + len("index_pos=")
+    data[at : at + 8] = bytes(8)
+    path.write_bytes(data)
+
+
+def packed_messages(path: Path) -> None:
+    """Folder of a recording whose messages are packed one by one, and hold a gigabyte each."""
+    path.mkdir()
+    with Rosbag2Writer(path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection(
+            "/imu/data_raw", "sensor_msgs/msg/Imu", typestore=get_typestore(Stores.ROS2_JAZZY)
+        )
+        packed = zstandard.ZstdCompressor(level=1).compress(bytes(10**9))
+        for k in range(20):
+            writer.write(connection, k + 1, packed)
+    about = path / "bag" / "metadata.yaml"
+    text = about.read_text()
+    text = re.sub(r"compression_format:.*", "compression_format: zstd", text)
+    about.write_text(re.sub(r"compression_mode:.*", "compression_mode: MESSAGE", text))
+
+
+def long_wav(path: Path) -> None:
+    """WAV of a few bytes whose head claims four gigabytes of samples."""
+    head = struct.pack(
+        "<4sI4s4sIHHIIHH4sI", b"RIFF", 2**32 - 1, b"WAVE", b"fmt ", 16, 1, 1, 100, 200, 2, 16, b"data", 2**32 - 9
+    )
+    path.write_bytes(head + bytes(64))
+
+
+def slow_wav(path: Path) -> None:
+    """WAV of a megabyte at one sample in a second: most of a year of samples a second apart."""
+    head = struct.pack(
+        "<4sI4s4sIHHIIHH4sI", b"RIFF", 36 + 10**7, b"WAVE", b"fmt ", 16, 1, 1, 1, 2, 2, 16, b"data", 10**7
+    )
+    path.write_bytes(head + bytes(10**7))
+
+
+def _xlsx(path: Path, sheet: str) -> None:
+    """Spreadsheet with the given text of its one sheet."""
+    book = openpyxl.Workbook()
+    book.active.append(["md_m", "inc_deg", "azi_deg"])
+    plain = io.BytesIO()
+    book.save(plain)
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for item in old.infolist():
+            data = old.read(item)
+            new.writestr(item.filename, sheet.encode() if item.filename.endswith("sheet1.xml") else data)
+
+
+_SHEET = (
+    '<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>{}</sheetData></worksheet>'
+)
+
+
+def zeros_xlsx(path: Path) -> None:
+    """Spreadsheet of a megabyte that unpacks to a gigabyte."""
+    _xlsx(path, _SHEET.format(" " * 10**9))
+
+
+def far_row_xlsx(path: Path) -> None:
+    """Spreadsheet whose second row has number two thousand million."""
+    _xlsx(
+        path,
+        _SHEET.format(
+            '<row r="1"><c r="A1"><v>1</v></c></row><row r="2000000000"><c r="A2000000000"><v>1</v></c></row>'
+        ),
+    )
+
+
+def wide_xlsx(path: Path) -> None:
+    """Spreadsheet of 50 000 rows whose one cell stands at the far right."""
+    _xlsx(path, _SHEET.format("".join(f'<row r="{k}"><c r="XFD{k}"><v>1</v></c></row>' for k in range(1, 50_000))))
+
+
+def entities_xlsx(path: Path) -> None:
+    """Spreadsheet whose sheet has entities that unfold tenfold on each level."""
+    entities(path)
+    _xlsx(path, path.read_text())
+
+
 def far_rows(path: Path) -> None:
     """Pressure of 60 000 samples, most of them most of a day apart."""
     times, now = [], 0.0
@@ -131,4 +243,7 @@ def folder(path: Path) -> None:
 PLACES: dict[str, Callable[[Path], None]] = {"pipe": pipe, "device": device, "folder": folder}
 YAML = {"merge keys": merge_keys, "aliases": aliases, "long number": long_number, "deep": deep}
 MCAP = {"zeros": mcap_of_zeros, "records": mcap_of_records}
+ROS1 = {"bz2": ros1_bz2, "lz4": ros1_lz4, "without index": ros1_without_index}
+SHEETS = {"zeros": zeros_xlsx, "far row": far_row_xlsx, "wide": wide_xlsx, "entities": entities_xlsx}
+WAV = {"long": long_wav, "slow": slow_wav}
 LISTS = {"curves.las": many_curves, "wide.csv": wide_row, "entities.xml": entities}

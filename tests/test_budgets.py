@@ -84,6 +84,36 @@ def test_packed_files_and_databases_that_compute_their_rows_end_in_a_sentence(ma
 
 
 @pytest.mark.slow(10)
+@pytest.mark.parametrize("command", ["inspect", "recover"])
+@pytest.mark.parametrize("kind", bombs.ROS1)
+def test_ros_1_chunks_that_unpack_without_measure_end_in_a_sentence(kind, command, tmp_path):
+    bombs.ROS1[kind](tmp_path / "a.bag")
+    said = mwd(command, tmp_path / "a.bag")
+    assert "unpacked" in said or "unpacks" in said
+
+
+@pytest.mark.slow(10)
+def test_packed_messages_that_hold_gigabytes_end_in_a_sentence(tmp_path):
+    bombs.packed_messages(tmp_path / "packed")
+    mwd("process", tmp_path / "packed" / "bag", "-o", tmp_path / "out")
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("kind", bombs.SHEETS)
+def test_spreadsheets_that_unpack_without_measure_end_in_a_sentence(kind, tmp_path):
+    bombs.SHEETS[kind](tmp_path / "a.xlsx")
+    mwd("path", tmp_path / "a.xlsx", "-o", tmp_path / "out")
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("kind", bombs.WAV)
+def test_wav_files_that_claim_or_last_too_much_end_in_a_sentence(kind, tmp_path):
+    bombs.WAV[kind](tmp_path / "a.wav")
+    (tmp_path / "tool.yaml").write_text("pulse_width_s: 0.8\n")
+    mwd("decode", tmp_path / "a.wav", "--tool", tmp_path / "tool.yaml", "-o", tmp_path / "out")
+
+
+@pytest.mark.slow(10)
 def test_a_pressure_file_of_rows_far_apart_is_refused(tmp_path):
     bombs.far_rows(tmp_path / "far.csv")
     (tmp_path / "tool.yaml").write_text("pulse_width_s: 0.8\n")
