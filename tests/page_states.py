@@ -18,7 +18,7 @@ def differences(live, viewed, *, within_s=0.0, except_for=()):
     """
     Return the paths of all members that differ between the sections of two states of the page.
 
-    within_s: times and ages may differ by so much. except_for: paths that are not compared, or their beginnings.
+    within_s: largest difference of times and ages, s. except_for: paths that are not compared, or their beginnings.
     """
     found = []
     live, viewed = dict(live), dict(viewed)

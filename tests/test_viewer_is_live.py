@@ -46,7 +46,7 @@ MOMENTS = 8
 
 
 def short(story, seconds):
-    """A scenario that ends after so many seconds."""
+    """A scenario that ends after a given number of seconds."""
     phases, left = [], seconds
     for phase in story.schedule:
         phases.append(dataclasses.replace(phase, seconds=min(phase.seconds, left)))

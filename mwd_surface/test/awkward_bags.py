@@ -96,7 +96,7 @@ def db3(path: Path, given: list[Stream], serialization: str = "cdr") -> Path:
 
 
 def db3_with_log(path: Path, given: list[Stream], flushed: float = 0.5) -> Path:
-    """Write a .db3 file as a recorder leaves it that lost its power: a part of the messages is in the log beside it."""
+    """Write a .db3 file as left by a power failure of the recorder: some messages are only in its write-ahead log."""
     whole = next(db3(path.with_suffix(".folder"), given).glob("*.db3"))
     live = path.with_suffix(".live")
     with sqlite3.connect(whole) as source:
@@ -185,7 +185,7 @@ def changed(samples: Samples, **fields: object) -> Samples:
 
 
 def halves(imu: Samples) -> tuple[Samples, Samples]:
-    """Split IMU samples as a driver does that sends gyro and accelerometer on their own."""
+    """Split IMU samples into gyro and accelerometer messages, as drivers do that send them separately."""
     gyro, accel = imu.copy(), imu.copy()
     gyro["linear_acceleration"] = 0.0
     accel["angular_velocity"] = 0.0
@@ -193,7 +193,7 @@ def halves(imu: Samples) -> tuple[Samples, Samples]:
 
 
 def mixed(parts: Mapping[int, Samples]) -> Samples:
-    """Samples of several sources one after the other by turns; the key is their place in each turn."""
+    """Return samples of several sources in turns; the key is the place of the source in each turn."""
     count = min(len(part) for part in parts.values())
     out = np.empty(count * len(parts), dtype=next(iter(parts.values())).dtype)
     for place, part in parts.items():
@@ -212,7 +212,7 @@ def not_closed(path: Path) -> Path:
 
 
 def with_a_string(source: Path, path: Path, encoding: str = "cdr", data: bytes = b"\0\1\0\0\2\0\0\0a\0") -> Path:
-    """Copy an MCAP file with a topic of strings beside the others."""
+    """Copy an MCAP file and add a topic of strings."""
     with source.open("rb") as old, path.open("wb") as file:
         writer = McapWriter(file)
         writer.start()

@@ -31,7 +31,7 @@ WELL = Well(
     geomagnetic_model="WMM2025 2026-05-14",
     error_model="ISCWSA MWD Rev5.11",
 )
-VERTICAL = TieOn.given(0.0, 0.0, 0.0)  # somebody says that the hole above is vertical
+VERTICAL = TieOn.given(0.0, 0.0, 0.0)  # a person confirms that the hole above is vertical
 SIGMA_I, SIGMA_A = math.radians(0.05), math.radians(0.4)
 MADE = START + 100_000 * S
 

@@ -31,7 +31,7 @@ async def certified(folder):
 
 @pytest.fixture(scope="module", params=["operator", "automatic"])
 def table(request, tmp_path_factory):
-    """What the command says of our own surface node: with a person over every interface, without one over Modbus."""
+    """Table of the command for our own surface node: with a person over every interface, without one over Modbus."""
     folder = tmp_path_factory.mktemp("conformance")
     opcua = folder / "data" / "w1" / "opcua"
     (opcua / "trusted").mkdir(parents=True)

@@ -25,7 +25,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 TOKEN = "look-twice-first"  # noqa: S105
 # The recorder measures itself a moment before it says so; a path to the bit is drawn anew for each 0.1 m of hole.
 EXCEPT = ("recorder.", "links.recorder.")
-WITHIN_S = 0.11  # two cells: what the surface says of itself it hears through the middleware
+WITHIN_S = 0.11  # two cells: the surface gets its own messages through the middleware
 RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10")}
 SECONDS = 30.0
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Decide when a toolface is one to steer by: when the string has been at rest about its axis for a while.
+Decide when a toolface can be used for steering: when the string has not turned about its axis for some time.
 
 In stick-slip the bit stands still for seconds while the top drive goes on turning, and then turns again. A pause of
 the rotation therefore counts as its end only when it has lasted longer than the pauses of a stick-slip cycle: at least
@@ -21,7 +21,7 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 LONGEST_CYCLE = 30.0  # s; the torsional mode of the longest strings takes 10 s (Jansen and van den Steen 1995)
-MEMORY = 300.0  # s of rotation, over which a cycle is forgotten
+MEMORY = 300.0  # time constant with which the longest cycle decays while the string rotates, s
 _ROTATING, _REJECTED, _UNSETTLED = int(Status.ROTATING), int(Status.REJECTED), int(Status.TOOLFACE_UNSETTLED)
 
 
@@ -29,17 +29,17 @@ class Params(NamedTuple):
     """Settings of the decision."""
 
     dwell: float = 5.0  #: time without rotation before a toolface counts, s
-    cycles: float = 1.5  #: longest stick-slip cycles without rotation before it counts
+    cycles: float = 1.5  #: the same time as a multiple of the longest stick-slip cycle
 
 
 class Record:
-    """All that changes."""
+    """State that is carried from one block of samples to the next."""
 
     last_ns: int  #: stamp of the last sample used; 0 before the first
     turned_ns: int  #: stamp of the last sample in which the string turned; 0 before the first
     begun_ns: int  #: stamp at which the rotation of `turned_ns` began
     turning: bool  #: whether the string turned in the last sample
-    angle: float  #: turned since then, rad
+    angle: float  #: angle turned since `begun_ns`, rad
     cycle: float  #: time from the begin of the rotation before to that of this one, s; 0: there was none, or it counted
     longest: float  #: longest stick-slip cycle seen lately, s
 

@@ -244,7 +244,7 @@ _DESCRIPTIONS = {
     FaultCode.CLIPPED: _Description(_saturated, "saturated", warns=True),
     FaultCode.INVALID: _Description(
         _plain(
-            "{sensor} sends values that are not finite or beyond any that it can read",
+            "{sensor} sends values that are not finite or far outside its range",
             f"{_CABLE}; is its range in the settings of the tool (tool.gyro.range_deg_s and the like) the unit's?",
         )
     ),

@@ -24,7 +24,7 @@ from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# The gate is at so many times the range: above the 15 % of converters and the per cents of a scale correction.
+# Ratio of the gate to the range. Converters exceed the range by up to 15 %, and a scale correction adds a few per cent.
 MARGIN = 1.25
 # Gates where the range is not known, or stated wider: 1900 r/min; 400 g; a hundred times what a magnetised string adds.
 _FASTEST, _STRONGEST_FORCE, _STRONGEST_FIELD = 200.0, 4000.0, 0.01
@@ -38,7 +38,7 @@ _OTHER_RATE, _OTHER_FIELD = math.degrees(1.0), 1e9
 _MOST_FLOW = 1.0
 # Numbers of the sensors in `Refused`.
 GYRO, ACCEL, MAG, PRECISION_GYRO, PRECISION_ACCEL = range(5)
-# Records kept at most of what was refused: of three seconds of three streams at 2 kHz.
+# Largest number of refused readings that are kept: three seconds of three streams at 2 kHz.
 _MOST_KEPT = 20_000
 
 
@@ -82,16 +82,16 @@ class InputGate:
         return self._vector(samples, "linear_acceleration", ACCEL)
 
     def mag(self, samples: Samples) -> Samples:
-        """As `imu`, for samples of the magnetometer, dtype of `wire.MAG`."""
+        """Return samples of the magnetometer, dtype of `wire.MAG`, as they may be used."""
         return self._vector(samples, "magnetic_field", MAG)
 
     def precision(self, samples: Samples) -> Samples:
-        """As `imu`, for samples of the high-precision unit."""
+        """Return samples of the high-precision unit as they may be used."""
         samples = self._vector(samples, "angular_velocity", PRECISION_GYRO)
         return self._vector(samples, "linear_acceleration", PRECISION_ACCEL)
 
     def temperature(self, samples: Samples) -> Samples:
-        """As `imu`, for temperatures, dtype of `wire.TEMPERATURE`."""
+        """Return temperatures, dtype of `wire.TEMPERATURE`, as they may be used."""
         celsius = samples["temperature"][:, None]
         if not _count(celsius, _COLDEST, _HOTTEST):
             return samples
@@ -169,7 +169,7 @@ def _apply(values: Array, low: float, high: float) -> NDArray[np.float64]:
                 size = math.hypot(size, v)
                 beyond = beyond or not low <= v <= high
         for c in range(values.shape[1]):
-            # Every NaN is the same one, for some stages compare bits; and the sign of zero says nothing.
+            # Write one bit pattern for NaN and one for zero, because some stages compare bits.
             values[i, c] = values[i, c] + 0.0 if low <= values[i, c] <= high else math.nan
         if beyond:
             sizes[i] = size

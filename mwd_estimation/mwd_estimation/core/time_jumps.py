@@ -20,7 +20,7 @@ from mwd_sensors.core.arrays import Samples, Stamps
 BACK_NS = 1_000_000_000
 # Samples in a row that confirm a new time.
 CONFIRMED = 3
-# A slow stream may step farther than that: so many times its last step.
+# A slow stream may step farther than `BACK_NS`: up to this multiple of its last step.
 _PACES = 4
 MOST_AHEAD = 500_000
 """
@@ -50,7 +50,7 @@ class _Pace:
         return -BACK_NS < stamp - self.last_ns <= max(BACK_NS, _PACES * self._step)
 
     def take(self, stamp: int) -> None:
-        """Take a stamp that follows."""
+        """Accept a stamp that is near the latest one."""
         if stamp > self.last_ns:
             self._step = stamp - self.last_ns if self.last_ns != _NONE else 0
             self.last_ns = stamp
@@ -60,7 +60,7 @@ class _Pace:
         self.last_ns, self._step = stamp, step
 
     def take_block(self, stamps: Stamps) -> bool:
-        """Take a block of stamps none of which is far from the one before; False: one is, and none was taken."""
+        """Accept a block of stamps that each follow the one before; return False, and accept none, otherwise."""
         first = int(stamps[0]) if self.last_ns == _NONE else self.last_ns
         latest = np.maximum.accumulate(np.concatenate([[first], stamps]))
         if not ((stamps > latest[:-1] - BACK_NS) & (stamps <= latest[:-1] + BACK_NS)).all():
@@ -73,7 +73,7 @@ class _Pace:
 
 
 class _Beside:
-    """A stream beside the leader: its pace, its samples that wait, and those of a jump away from these."""
+    """A stream other than the leader: its pace, its waiting samples, and samples that jump away from these."""
 
     def __init__(self) -> None:
         self.pace = _Pace()
@@ -92,11 +92,11 @@ class _Beside:
 
     @property
     def is_ahead(self) -> bool:
-        """Whether the samples that wait are of a time that is confirmed and not yet the leader's."""
+        """Whether the waiting samples confirm a new time that the leader has not reached yet."""
         return len(self.waiting) >= CONFIRMED
 
     def released(self) -> Samples:
-        """Take out the samples that wait; the stream goes on from them."""
+        """Remove and return the waiting samples; the stream continues from the last of them."""
         samples, self.waiting, self.jump = np.concatenate(self.waiting), [], []
         stamps = samples["stamp_ns"]
         self.pace.begin(int(stamps.max()), int(stamps[-1] - stamps[-2]) if len(stamps) > 1 else 0)
@@ -209,7 +209,7 @@ class Clocks:
         other.jump = _in_a_row(other.jump, sample)
         if len(other.jump) < CONFIRMED:
             return sample[:0]
-        # Back in the time from before, or on to yet another one.
+        # The stream jumped back to its earlier time, or jumped again to a third time.
         self.dropped += len(other.waiting)
         other.waiting, other.jump = other.jump, []
         returns = pace.last_ns - BACK_NS < other.first_ns <= self._lead.last_ns + BACK_NS

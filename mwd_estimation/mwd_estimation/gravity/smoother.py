@@ -22,7 +22,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-AHEAD = 30_000  # samples after a sample that take part in smoothing it, at least
+AHEAD = 30_000  # least number of later samples from which a sample is smoothed
 BLOCK = 3 * AHEAD  # samples of one backward pass
 _NO_UPDATES = np.zeros(0, UPDATE)
 
@@ -90,7 +90,7 @@ class Smoother:
         part, update, north = joined(list(parts)), np.concatenate([_NO_UPDATES, *updates]), np.concatenate(north_t)
         smoothed = part.part(slice(done))
         _back(smoothed, update[: np.searchsorted(update["sample"], size)], north)
-        # The last update before the samples that stay is where their interpolation begins.
+        # Keep the last update before the remaining samples: their tilt is interpolated from there.
         first = max(int(np.searchsorted(update["sample"], done, side="right")) - 1, 0)
         stays = update[first:].copy()
         stays["sample"] -= done
@@ -206,7 +206,7 @@ def carry_back(sums: Sums, A: Array) -> None:
     pull = -0.5 * STANDARD_GRAVITY * T
     for j in range(A.shape[1]):
         x, y, down = A[VEL, j], A[VEL + 1, j], A[VEL + 2, j]
-        # Of the tilts after the update, which the errors of the sensors add to.
+        # Information about the tilts after the update, to which the errors of the sensors add.
         tilt_x, tilt_y = A[TILT, j] - pull * y, A[TILT + 1, j] + pull * x
         A[TILT, j] = tilt_x - pull * (y + 0.5 * T * A[POS + 1, j])
         A[TILT + 1, j] = tilt_y + pull * (x + 0.5 * T * A[POS, j])

@@ -33,7 +33,7 @@ _SHAKEN = 15.0
 _LEAK = (0.004, 0.02)
 # Misfit, from 0 (the same) by 1 (nothing in common) to 2 (reversed), that is still this axis, and that is not.
 _SAME, _OTHERWISE = 0.3, 0.6
-# Intervals, in usual ones, beyond which samples are missing in it.
+# An interval longer than this multiple of the usual one has lost samples.
 _LONG = 1.5
 # Share of the mean in the mean square of what is constant.
 _CONSTANT = 0.8
@@ -106,7 +106,7 @@ def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
     found = np.full((len(stamps), 6), math.nan)
     if len(beside_ns) < 2:
         return found
-    # What happened in an interval in which samples were lost only vibration knows.
+    # Do not interpolate where samples were lost: vibration may have moved the tool in between.
     steps = np.sort(beside_ns[1:] - beside_ns[:-1])
     longest = min(BIN_NS, _LONG * steps[len(steps) // 3])
     right = np.searchsorted(beside_ns, stamps)

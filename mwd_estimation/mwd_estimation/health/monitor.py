@@ -145,7 +145,7 @@ def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
 
 
 def push_refused(state: State, refused: NDArray[Any]) -> None:
-    """Take what the gate refused, dtype of `input_gate.REFUSED`; to be pushed before the IMU samples of its time."""
+    """Accept refused readings, dtype of `input_gate.REFUSED`, before the IMU samples of the same time."""
     state.tables = state.tables._replace(refused=input_gate.kept(state.tables.refused, refused))
 
 

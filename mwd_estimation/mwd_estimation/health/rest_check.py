@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether the gyros turn while gravity stands still: the witness that two gyros which differ do not have by themselves.
+Check whether the gyros read a turn while gravity stands still. This decides which of two differing gyros is wrong.
 
 Where the accelerometers are quiet, the direction of gravity in the tool changes by w x f and by nothing else. A gyro
-that reads a turn across gravity which gravity does not follow has drifted beyond its bias. About gravity itself, as in
-a vertical hole about the axis of the tool, nothing is seen.
+that reads a turn across gravity which gravity does not follow has drifted beyond its bias. A turn
+about gravity itself, such as about the axis of the tool in a vertical hole, cannot be checked.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from mwd_estimation.health.signal_checks import BIN_NS, FEW
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-# Half seconds over which gravity has to stay.
+# Number of half seconds in which gravity must not change.
 BINS = 8
-# Rate up to which the turn in that time is about the change of gravity's direction: a radian; rad/s.
+# Largest rate, rad/s, at which the change of gravity over that time is nearly equal to the turn (one radian).
 _SLOW = 0.25
 # Spread of a value that runs evenly over the half second, as a share of its way; the scatter it has to exceed.
 _EVEN, _SCATTERS = 1.0 / math.sqrt(12.0), 3.0
@@ -36,7 +36,7 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
     """
     for c in range(6):
         row = channels[c]
-        # An accelerometer that repeats itself says nothing of gravity.
+        # An accelerometer that repeats its values does not show gravity.
         if row.n < FEW or (c >= 3 and (row.spread > shakes or row.constant_bins > 0)):
             s.rested = 0
             return
@@ -61,7 +61,7 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
     seen = AGAINST if across <= most else NOTHING
     if total <= _SLOW and across - math.sqrt(moved) / size / seconds > most:
         seen = FOR
-    # A faster turn shows within a half second.
+    # A faster turn would show as a spread of gravity within each half second.
     even = across * size * min(1e-9 * BIN_NS * _EVEN, 0.7 / max(total, _SLOW))
     if total > _SLOW and across > most and even > _SCATTERS * math.sqrt(scatter):
         seen = FOR

@@ -20,13 +20,13 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 BIN_NS = 500_000_000
-# Place of a sensor's check UNIT by what the gate refused, after its first, which is that by windows of motion.
+# Offset from a sensor's first check UNIT (windows of motion) to its second one (readings refused by the gate).
 BY_GATE = 1
 # Samples of an axis below which half a second is not judged: a magnetometer may come at 10 Hz. And those below
 # which a spread is not used.
 _SOME, FEW = 3, 10
-# Powers of ten of the units a field may come in beside T: mT, gauss, uT, mG, nT, in the order of their numbers; and the
-# usual field, T.
+# Powers of ten of the units other than T in which a field may be sent (mT, gauss, uT, mG, nT, in the order of their
+# numbers); and the usual field, T.
 FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 _USUAL_FIELD = 5e-5
 

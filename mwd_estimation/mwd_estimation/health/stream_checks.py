@@ -122,7 +122,7 @@ def _usual_interval(s: Any, samples: Samples) -> float:
 
 @compiled
 def _follow_rate(s: Any, checks: Any, samples: Samples) -> None:
-    """Take another rate for the usual one when samples have come evenly at it for long: its rate was set."""
+    """Adopt a new usual rate when samples have come evenly at it for long: the unit was set to that rate."""
     if checks[FaultCode.RATE.value, 0].state != FAULT or s.stop - s.first <= _FEW_INTERVALS:
         s.at_other = 0
         return

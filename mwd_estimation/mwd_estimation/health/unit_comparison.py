@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Health of the precision unit: its own samples, and what the conventional unit beside it reads of the same motion.
+Health of the precision unit, from its own samples and from the readings of the conventional unit on the same tool.
 
 Two units on one tool read the same vectors; `axis_comparison` finds where they do not. Which unit is wrong only a
 third sensor can show: first either is named, and the precision unit alone where its axes are wrong and the tool has
@@ -41,10 +41,10 @@ from mwd_sensors.core.records import dtype_of
 # Half seconds of motion after which the conventional unit would be in doubt if the mistake were its own; at rest before
 # a rate is judged, and for which it must stay, within this share of it; and samples from which on they are.
 _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY, _SAMPLES = 12, 4, 6, 1.0, 10
-# A rate at rest is too high beyond so many sigma of the bias, twice the Earth's, and what a string turns that is pulled
-# steadily through a bend, which is rest to every other sensor: 10 deg in 30 m at 1 m/s, rad/s.
+# A rate at rest is too high above the sum of this multiple of the bias sigma, twice the Earth rate, and the rate of a
+# string pulled steadily through a bend, which every other sensor takes for rest: 10 deg in 30 m at 1 m/s, rad/s.
 _BIASES, _PULLED = 40.0, math.radians(10.0 / 30.0)
-# Half seconds without a difference after which one that was seen before counts no longer.
+# Number of half seconds without a difference after which an earlier difference is forgotten.
 _FORGOTTEN_BINS = 120
 # Mappings of y and z among themselves.
 _ACROSS = sum(1 << k for k, m in enumerate(MAPPINGS) if m[0, 0] == 1)
@@ -127,7 +127,7 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
         strange = strange or not (right or mapping > 0)
         if mapping or known > 1 or not wrong[s]:
             wrong[s] = 1 << mapping if mapping else 0
-    # Nothing is left of it where the other unit is the one that is wrong, or both have agreed for long.
+    # The mismatch is over where the other unit is the faulty one, or where both units have agreed for long enough.
     unit.state.agree[s] = 0 if strange else unit.state.agree[s] + 1
     over = shown or not sound or unit.state.agree[s] > _FORGOTTEN_BINS
     observe(mismatch, FOR if strange else (AGAINST if over else NOTHING), began, 0.0, 0.0)
@@ -245,7 +245,7 @@ class PrecisionHealth:
         self._beside.append((stamps, values))
 
     def take_refused(self, refused: Samples) -> None:
-        """Take what the gate refused, dtype of `input_gate.REFUSED`, before the half second of its time is judged."""
+        """Accept refused readings, dtype of `input_gate.REFUSED`, before the half second of their time is judged."""
         self._records = self._records._replace(refused=input_gate.kept(self._records.refused, refused))
 
     def judge(self, end_ns: int, still: bool, samples: tuple[Stamps, Array]) -> list[SensorFault]:

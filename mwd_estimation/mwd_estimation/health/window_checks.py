@@ -145,7 +145,7 @@ class WindowJudge:
             if self._accel_unit >= 0 and self._samples[1] == WHOLE and w.forces >= _FEW_FORCES:
                 self._sigma = self._noise() / self._length
         if w.fields >= 3 and self._samples[2] < BROKEN:
-            # Of other units the gate keeps the readings out, and `signal_checks.judge_refused` names them.
+            # The gate removes readings in other units of measurement; `signal_checks.judge_refused` names these units.
             known = LEAST_FIELD < self._field_size < MOST_FIELD
             self._note_unit(6, 0 if known else -1, self._field_size, MOST_FIELD)
 
@@ -333,7 +333,7 @@ class WindowJudge:
         flipped = abs(dip + expected) < p.dip and off > p.dip_frame + sure
         seen = FOR if flipped else (AGAINST if off < p.dip_frame else NOTHING)
         if seen == AGAINST:
-            # Seen before the reference was known.
+            # End a fault that was found before the reference was known.
             self._note(FaultCode.POINTS_UP, 3, AGAINST)
         who = 2 if inclination > 1.75 else (4 if inclination < 1.4 else 6)
         self._note(FaultCode.SIGN, 3, seen, dip, expected).seen_which[0] = who

@@ -50,7 +50,7 @@ _BLOCK_PERIOD = 0.002  # s; longest time a sample waits for others before they a
 _INNOVATIONS_PERIOD = 1.0  # s
 _SILENCE_PERIOD = 1.0  # s
 _TF_PERIOD_NS = 50_000_000
-_LATELY_S = 10.0  # after which samples that were not used are over
+_LATELY_S = 10.0  # without unused samples, after which the warning about them ends
 
 
 class EstimatorNode(GraphNode[EstimatorSettings]):

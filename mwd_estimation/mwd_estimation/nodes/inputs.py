@@ -22,8 +22,9 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 
 _SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
-_RATED = 16  # samples a rate is told from
-# Between topics that arrive together; and blocks in a row with as much, after which the stamps are not used.
+_RATED = 16  # number of samples from which a rate is computed
+# Difference of the stamps of topics that arrive together, s; number of blocks in a row with a larger difference after
+# which the stamps are not used.
 _SKEW_S, _SKEWED = 1.0, 5
 _TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent

@@ -46,7 +46,7 @@ from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples
 
-_WEAKEST = 1e-9  # T, less than any magnetometer resolves: zeros are no reading
+_WEAKEST = 1e-9  # T, less than any magnetometer resolves: zeros are not a reading
 # Samples in a row without a later stamp that show that time stands still: of a second, by which single stamps may be
 # off (`time_jumps.BACK_NS`), even of a fast unit.
 _STANDS_STILL = 10_000
@@ -164,7 +164,7 @@ class Estimate:
         self._counters.rejected += self._ahead[name].add(samples)
 
     def take_refused(self, refused: Samples) -> None:
-        """Take what the gate refused and may be in another unit, dtype of `input_gate.REFUSED`."""
+        """Accept the refused readings that may be in another unit, dtype of `input_gate.REFUSED`."""
         if len(refused):
             refused["stamp_ns"][refused["sensor"] == input_gate.MAG] -= self.mag_late_ns
             self.watch.take_refused(refused)

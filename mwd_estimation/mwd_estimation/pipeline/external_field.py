@@ -59,7 +59,7 @@ class ObservatoryRecord:
 
 def read_iaga2002(text: str, name: str) -> ObservatoryRecord:
     """
-    Read a record in IAGA-2002 format: X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F, with other components beside them.
+    Read a record in IAGA-2002 format: X, Y, Z, or H, D, Z, or H, E, Z, or D, I, F, possibly with other components.
 
     Files of several days may stand one after the other, each with its own header. The baseline declination (DECBAS) of
     a header is added to the angles that variometers report from it.

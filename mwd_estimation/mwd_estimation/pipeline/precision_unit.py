@@ -68,7 +68,7 @@ class PrecisionUnit:
         self._at = 0
 
     def take_refused(self, refused: Samples) -> None:
-        """Take what the gate refused and may be in another unit, dtype of `input_gate.REFUSED`."""
+        """Accept the refused readings that may be in another unit, dtype of `input_gate.REFUSED`."""
         self._health.take_refused(refused)
 
     def compare(self, stamps: Stamps, values: Array, suspect: NDArray[np.uint8]) -> None:

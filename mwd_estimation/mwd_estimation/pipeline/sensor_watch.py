@@ -80,7 +80,7 @@ class SensorWatch:
         monitor.push_mag(self._state, stamps, b_t)
 
     def take_refused(self, refused: Samples) -> None:
-        """Take what the gate refused and may be in another unit, dtype of `input_gate.REFUSED`."""
+        """Accept the refused readings that may be in another unit, dtype of `input_gate.REFUSED`."""
         monitor.push_refused(self._state, refused)
 
     def note_declared(self, samples: Samples) -> None:

@@ -46,7 +46,7 @@ _WALK_DEG_H_RTH = 10.0
 # Ramp of a precision gyro's bias where the tool warms up or cools, 1 sigma, as a share of the bias in an hour: that of
 # a tactical MEMS unit 10 degC an hour into the warm.
 _RAMP_PER_H = 0.6
-# Rate that a gyro may read at rest, at least: what temperature and time leave of any bias, rad/s.
+# Smallest limit for the rate that a gyro reads at rest, rad/s: any bias changes this much with temperature and age.
 _REST_RATE = 0.01
 _LOCAL_GRAVITY = 0.002  # m/s^2, of the normal gravity of a place: anomalies, and the depth of the tool
 
@@ -361,7 +361,7 @@ def station_params(settings: EstimatorSettings) -> StationSettings:
 
 
 def dwell_params(settings: EstimatorSettings) -> toolface_dwell.Params:
-    """Return the parameters of the decision when a toolface is one to steer by."""
+    """Return the parameters of the decision when a toolface can be used for steering."""
     return toolface_dwell.Params(settings.attitude.toolface_dwell_s, settings.attitude.toolface_dwell_cycles)
 
 

@@ -81,15 +81,15 @@ class Attitude:
     )
     toolface_dwell_s: float = setting(
         5.0,
-        "Time without rotation after which a toolface is one to steer by. Raising it delays the first toolface of a "
-        "slide; lowering it may pass on toolfaces of a string that sticks and will turn again.",
+        "Time without rotation after which a toolface can be used for steering. Raising it delays the first toolface "
+        "of a slide; lowering it may release toolfaces of a string that sticks and will turn again.",
         unit="s",
         low=0.0,
         high=120.0,
     )
     toolface_dwell_cycles: float = setting(
         1.5,
-        "The same in stick-slip cycles, of which the longest of the last minutes of rotation counts. Raise it where "
+        "The same time as a multiple of the longest stick-slip cycle in the last minutes of rotation. Raise it where "
         "cycles are irregular.",
         low=1.0,
         high=10.0,

@@ -18,7 +18,7 @@ from mwd_sensors.core.settings import SettingsError, setting
 _IFR2 = "IFR2"
 # The geomagnetic model of a word of `place.field`.
 _MODELS = {"model": "wmm2025", "igrf": "igrf"}
-# Beyond these, which `Reference` has too, no figure is a field of the Earth, nT.
+# Limits of the Earth's field, nT; the same as in `Reference`.
 _WEAKEST_NT, _STRONGEST_NT = 5e3, 2e5
 
 
@@ -200,7 +200,7 @@ def _slips_of_place(place: Place, first_ns: int) -> tuple[Slip, ...]:
     for words, other in meant.items():
         if abs(other.lat_deg or 0.0) > 90.0 or (other.lat_deg, other.lon_deg, other.date) == (lat, lon, place.date):
             continue
-        # Of no map grid: the field is all that counts, and the grid may not reach there.
+        # Without a map grid: only the field is needed, and the other place may lie outside the grid.
         with contextlib.suppress(ValueError):
             found = _of_model(dataclasses.replace(other, grid="none"), first_ns)
             slips.append(Slip(words, found.total or 0.0, found.dip or 0.0))
@@ -225,7 +225,8 @@ def _fixed(place: Place) -> Reference:
         meant = [(unit, place.total_nt * size) for unit, size in units.items()]
         fits = [f"; {place.total_nt:g} {unit} are {nt:.0f} nT" for unit, nt in meant if 2e4 < nt < 7e4]
         raise SettingsError(
-            f"place.total_nt: {place.total_nt:g} nT is no field of the Earth (20000 to 70000 nT){''.join(fits[:1])}"
+            f"place.total_nt: {place.total_nt:g} nT is outside the range of the Earth's field (20000 to 70000 nT)"
+            + "".join(fits[:1])
         )
     reference = Reference(
         total=place.total_nt * 1e-9,

@@ -177,7 +177,7 @@ def _of_azimuth(
 
 
 def _of_slip(station: Station, readings: Readings) -> list[Reason]:
-    """What the readings show of a reference that was given with a slip."""
+    """Return a reason where the readings show that the reference was given with a slip."""
     reference, covariance = station.reference, station.deviations.covariance
     if reference is None or not np.isfinite(covariance).all():
         return []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A toolface counts after a pause that is longer than those of stick-slip, and the cut of the stream changes no bit."""
+"""A toolface counts after a pause longer than those of stick-slip; how the stream is cut does not change a bit."""
 
 import dataclasses
 import itertools

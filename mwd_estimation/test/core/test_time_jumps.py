@@ -154,6 +154,6 @@ def test_a_stream_slower_than_once_a_second_is_used_without_end():
         before_ns = clocks.lead_ns
         clocks.lead(samples(k, k + 0.5))
         given += [stamp for waited in clocks.reached(before_ns).values() for stamp in seconds(waited)]
-    # Those that confirm its first step come together.
+    # The samples that confirm the first step of the stream are released together.
     assert given == [*range(100, 1000, 60)]
     assert clocks.dropped == 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The smoother goes back by the transposed steps of the filter, beats it, and smooths a log in blocks as in one."""
+"""The smoother transposes the steps of the filter, is more accurate, and gives the same result in any blocks."""
 
 import numpy as np
 import pytest

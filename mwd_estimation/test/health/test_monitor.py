@@ -73,7 +73,7 @@ def sent(name, seconds, still_s=0.0):
 
 
 def gated(run, state):
-    """The run as it comes through the gate."""
+    """Return the run after it passed the input gate."""
     gate = InputGate(Ranges(PARAMS.gyro_range, PARAMS.accel_range, PARAMS.mag_range))
     imu, mag = wire.IMU.empty(len(run.stamps)), wire.MAG.empty(len(run.mag_ns))
     imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"] = run.stamps, run.gyro, run.accel

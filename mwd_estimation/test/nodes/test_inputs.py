@@ -254,7 +254,7 @@ def test_a_sensor_declared_absent_is_named_as_that_and_a_broken_one_as_broken(ve
     assert f"{vector}_covariance" in declared[0].remedy
     samples[f"{vector}_covariance"], samples[vector] = 0.0, np.nan
     (broken,) = [found for found in diagnostics.sensor_diagnostics(estimated(imu, mag)[0]) if sensor in found.message]
-    assert broken.message == f"{sensor} sends values that are not finite or beyond any that it can read"
+    assert broken.message == f"{sensor} sends values that are not finite or far outside its range"
     assert "plug" in broken.remedy
 
 
@@ -272,7 +272,7 @@ def test_a_sensor_that_is_declared_absent_only_after_it_failed_is_broken_however
         pipeline.push_mag(mag[k : k + cut])
         changes += pipeline.push_imu(imu[k : k + cut]).health
     assert [describe(change).message for change in changes] == [
-        "magnetometer sends values that are not finite or beyond any that it can read"
+        "magnetometer sends values that are not finite or far outside its range"
     ]
 
 

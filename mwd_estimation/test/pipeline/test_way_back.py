@@ -28,7 +28,7 @@ SCHEDULE = [
     {"kind": "drill", "seconds": 70.0, "rpm": 100.0, "rop_m_h": 0.0},
     {"kind": "still", "seconds": 60.0, "pumps": False},
 ]
-# The fault lasts from here to there, and half a minute later all is as if it had not been, s.
+# Start and end of the fault, s; time after its end from which the output equals that of a healthy run, s.
 BEGINS, ENDS, AFTER = 15.0, 32.0, 30.0
 
 
@@ -45,7 +45,7 @@ def seconds(samples):
 
 
 def estimated(streams, come=None):
-    """Output of streams that come second by second; come: times of arrival by topic, where those are not the stamps."""
+    """Return the output for streams cut into seconds; come: times of arrival by topic, where other than the stamps."""
     field = sent()[1]
     place = Place(
         field="fixed",
@@ -94,7 +94,7 @@ def assert_back(output, pipeline, name="drillvib", after=ENDS + AFTER):
     last, expected = output.surveys[-1].station, clean.surveys[-1].station
     assert last.verdict == expected.verdict
     assert abs(wrap_pi(last.azimuth - expected.azimuth)) < 3.0 * np.hypot(last.sigma_azimuth, expected.sigma_azimuth)
-    # The precision unit has its say again.
+    # The precision unit is used again.
     assert _refusal(last) == _refusal(expected)
     return began
 

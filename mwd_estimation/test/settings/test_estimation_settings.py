@@ -52,7 +52,7 @@ def test_a_fixed_field_at_a_known_latitude_has_the_gravity_of_that_latitude():
     placed = Place(field="fixed", total_nt=50000.0, dip_deg=60.0, lat_deg=58.4)
     assert reference_of(placed, START).gravity == earth.gravity(math.radians(58.4), 0.0)
     bare = reference_of(Place(field="fixed", total_nt=50000.0, dip_deg=60.0), START)
-    # What nobody gave is not known, not zero.
+    # A setting that was not given is unknown (NaN), not zero.
     assert (bare.gravity, bare.declination, bare.convergence) == (None, None, None)
 
 

@@ -52,7 +52,7 @@ def test_the_slip_that_was_made_is_named_at_every_place_and_attitude(slip, lat, 
     assume(float(apart @ apart) > 40.0)
     found = reference_slip(*readings(meant, attitude), wrong, COVARIANCE)
     assert found is not None
-    # Two slips may mean fields that no reading tells apart.
+    # Two different slips may lead to fields that the readings cannot distinguish.
     assert abs(found.total - meant.total) < 3.0 * SIGMAS[1]
     assert abs(found.dip - meant.dip) < 3.0 * SIGMAS[2]
 

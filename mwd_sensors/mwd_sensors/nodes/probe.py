@@ -110,7 +110,7 @@ class ProbeNode(GraphNode[LineSettings]):
             remedy = f"check power, the parameters baud ({settings.baud}) and protocol ({settings.protocol})"
             message = "broken frames only" if counters.broken and not counters.frames else "no samples"
             return Diagnostic("line", ERROR, message, remedy, values)
-        # Those since the last time: a warning goes when the line is good again.
+        # Count only the errors since the last call, so that the warning ends when the line is good again.
         before, self._bad_before = self._bad_before, (counters.broken, counters.lost)
         broken, lost = (max(now - then, 0) for now, then in zip(self._bad_before, before, strict=True))
         if broken or lost:

@@ -375,7 +375,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def _destroy_entities(self) -> None:
         """
-        Destroy what `configure` created; the middleware's side of it goes once the executor has no event of it left.
+        Destroy the entities that `configure` created; free their middleware handles after their last queued event.
 
         The events executor keeps borrowed references in its queue: an event that waits there for an entity that is gone
         ends the process (rclpy 7.1).
@@ -392,7 +392,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         if executor is None:
             self._let_go(held)
         else:
-            # The first task runs when the executor has heard that they are gone, the second after all of their events.
+            # The first task runs after the executor was told to drop the entities, the second after all events of them.
             executor.create_task(lambda: executor.create_task(self._let_go, held))
 
     def _let_go(self, held: contextlib.ExitStack) -> None:

@@ -322,7 +322,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def storage_of(path: Path) -> str:
-    """Return the storage of a file by its first bytes, else by its ending; empty where it is none."""
+    """Return the storage of a file by its first bytes, else by its ending; empty if the file is of no known storage."""
     if path.suffix != ".zstd":
         try:
             with os.fdopen(open_regular(path), "rb") as file:

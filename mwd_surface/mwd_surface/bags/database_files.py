@@ -2,9 +2,9 @@
 """
 The ``.db3`` files of a bag (sqlite3 storage), read through `rosbags` and merged by time.
 
-A file whose recorder was not closed has its last messages in a write-ahead log or its last sound state in a journal
-beside it. Such a file is completed in a temporary copy, so that nothing of the user's is changed and read-only media
-can be read too.
+A file whose recorder was not closed has its last messages in a write-ahead log, or its last sound state in a journal,
+in the same folder. Such a file is completed in a temporary copy, so that nothing of the user's is changed and read-only
+media can be read too.
 """
 
 from __future__ import annotations

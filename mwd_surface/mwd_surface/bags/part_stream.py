@@ -151,7 +151,7 @@ class PartStream:
             if channel in types:
                 try:
                     data = bytes(ros2_types().ros1_to_cdr(data, types[channel]))
-                except Exception as error:  # noqa: BLE001  (bytes that lie can fail in any way inside a decoder)
+                except Exception as error:  # noqa: BLE001  (a decoder may raise any error on damaged bytes)
                     name = self._opened.names[number][channel]
                     failed[name] = failed.get(name, (0, error))[0] + 1, error
                     continue

@@ -62,7 +62,7 @@ class Ros1Bag:
         self.complete, self.lost_bytes = not self._reader.cut, self._reader.lost_bytes
         self.notes = ["a recording of ROS 1: read through rosbags, which is slower"]
         if not self.complete:
-            self.notes.append(f"{path.name} has no index, for it was not closed: {self._reader.cut}")
+            self.notes.append(f"{path.name} has no index because it was not closed: {self._reader.cut}")
         self.topics: dict[str, TopicInfo] = {}
         self.unreadable: dict[str, TopicInfo] = {}
         for name, info in self._reader.topics.items():

@@ -22,9 +22,9 @@ from mwd_surface.bags.mcap import recovery
 from mwd_surface.bags.mcap.recovery_report import RecoveryReport
 from mwd_surface.bags.topic_info import TopicInfo
 
-# Rows of a damaged database asked for at once, and how many times in a row none comes before the search ends.
+# Number of rows that are read from a damaged database at once; number of empty reads in a row that end the search.
 _STEP, _BARREN = 1000, 50
-# A head that claims more than so many times the bytes that are there is damaged itself.
+# A header that states more than this multiple of the real size of the file is damaged itself.
 _LONGEST = 100
 
 
@@ -33,7 +33,7 @@ def recover(path: Path, output: Path | None = None) -> list[RecoveryReport]:
     Recover a recording of any storage.
 
     An MCAP file or a folder of them is recovered by `mcap.recovery`. Any other recording is copied to a new bag
-    (by default ``<name>.recovered`` beside it), unless it is in order.
+    (by default ``<name>.recovered`` in the same folder), unless it is in order.
 
     Raises
     ------
@@ -164,7 +164,7 @@ class _Database:
             rows = self._rows(begin, begin + _STEP - 1)
             barren = 0 if rows else barren + 1
             if not rows:
-                # Whether rows are missing there, or there are none, nobody can tell.
+                # Rows cannot be counted as lost here: the range may never have had any.
                 self.lost = before
             for topic, log_ns, data in rows:
                 if topic in self.topics and isinstance(log_ns, int) and log_ns >= 0 and isinstance(data, bytes):

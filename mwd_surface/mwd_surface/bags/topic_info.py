@@ -113,7 +113,7 @@ def _may_be_cdr(data: bytes, type_name: str) -> bool:
         return True
     try:
         ros2_types().deserialize_cdr(data, type_name)
-    except Exception:  # noqa: BLE001  (bytes that lie can fail in any way inside a decoder)
+    except Exception:  # noqa: BLE001  (a decoder may raise any error on damaged bytes)
         return False
     return True
 

@@ -33,9 +33,9 @@ from mwd_surface.uncertainty.uncertain_well import UncertainWell
 # Usual distance between surveys, m; and one beyond which the hole between is said to be hardly known.
 _SPACING = 30.0
 _WIDE = 150.0
-# Wells whose heads lie farther apart are no neighbours: one of their positions is wrong, m.
+# Wells whose wellheads lie farther apart are not neighbours: one of the positions is wrong, m.
 _FAR = 20_000.0
-# Two statements of the place of a wellhead that differ by more are not of one place, m.
+# Two positions given for one wellhead contradict each other if they differ by more, m.
 _ASTRAY = 5.0
 
 
@@ -72,18 +72,22 @@ class OffsetWell:
         False, "the file is a plan: its errors are those of surveys every 30 m, not of the stations of the plan"
     )
     north: str = setting(
-        "", "north of the azimuths of a list that does not say it; empty: as the list says", choices=("", *NORTHS)
+        "",
+        "north of the azimuths where the list does not state it; empty: the north that the list states",
+        choices=("", *NORTHS),
     )
-    length_unit: str = setting("", "unit of the lengths of a list that does not say it: m, ft or ftus")
-    angle_unit: str = setting("", "unit of the angles of a list that does not say it: deg, rad or grad")
+    length_unit: str = setting("", "unit of the lengths where the list does not state it: m, ft or ftus")
+    angle_unit: str = setting("", "unit of the angles where the list does not state it: deg, rad or grad")
     decimal: str = setting("", "decimal mark where 1,000 may be either", choices=("", "point", "comma"))
     dip: str = setting("", "where positive angles from the horizontal point", choices=("", *DIPS))
-    columns: str = setting("", "which column of its list is what, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI")
+    columns: str = setting("", "columns of its list by quantity, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI")
     wellhead_northing_m: float | None = setting(
         None, "northing of its wellhead in the map coordinates of its list; with wellhead_easting_m", unit="m"
     )
     wellhead_easting_m: float | None = setting(None, "easting of its wellhead; see wellhead_northing_m", unit="m")
-    confirm: str = setting("", "what of its list is right, although implausible: dogleg, wellhead or depth")
+    confirm: str = setting(
+        "", "value of its list that is correct although it looks implausible: dogleg, wellhead or depth"
+    )
     shared_to_m: float | None = setting(
         None, "measured depth down to which both wells are the same hole, for a sidetrack", unit="m", low=0.0
     )
@@ -169,7 +173,7 @@ def offset_well(
     to_true = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}
     own = plan.north or north.name.lower()
     if not plan.north:
-        text = f"offset well {offset.name}: its list does not say which north its azimuths are from: taken as {own}"
+        text = f"offset well {offset.name}: its list does not say from which north its azimuths are: {own} is assumed"
         remarks = (*remarks, Remark(RemarkKind.NORTH_ASSUMED, text))
     turn = to_true[own] - to_true[north.name.lower()]
     azimuth = wrap_tau(plan.azimuth + turn)
@@ -307,7 +311,7 @@ def _wellhead(
 
 
 def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
-    """What must be known of the list of an offset well: the remarks of its reader, and what cannot be compared."""
+    """Return the remarks about the list of an offset well: those of its reader, and parts that cannot be compared."""
     named = f"offset well {offset.name}"
     remarks = [dataclasses.replace(one, text=f"{named}: {one.text}") for one in plan.remarks]
     above = float(plan.md[0])

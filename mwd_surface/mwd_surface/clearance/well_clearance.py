@@ -20,7 +20,7 @@ from mwd_surface.uncertainty.uncertain_well import UncertainWell
 @dataclasses.dataclass(frozen=True)
 class WellClearance:
     """
-    What is near a well.
+    Wells near a well, with their clearances.
 
     Attributes
     ----------

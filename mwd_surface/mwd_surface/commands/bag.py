@@ -59,7 +59,8 @@ def recover(
     """
     Save every sound message of a recording that was cut off or damaged; the original is kept.
 
-    A folder of MCAP files is mended in place. A .db3 file or a .bag of ROS 1 is saved to a new recording beside it.
+    A folder of MCAP files is mended in place. A .db3 file or a .bag of ROS 1 is saved to a new recording in the same
+    folder.
 
     \b
     Examples:

@@ -67,7 +67,7 @@ def path(
     confirm: Annotated[
         list[str] | None,
         typer.Option(
-            help="What was checked and is right, although implausible: dogleg, wellhead or depth. May be repeated.",
+            help="Value that is correct although it looks implausible: dogleg, wellhead or depth. May be repeated.",
             rich_help_panel=_LIST,
         ),
     ] = None,

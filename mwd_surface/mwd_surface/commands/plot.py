@@ -19,8 +19,8 @@ def plot(
             "--what", help="Any of sensors, rig, truth, attitude, surveys, spectra, allan, with commas; or all."
         ),
     ] = "sensors,attitude,surveys",
-    start: Annotated[float, typer.Option(help="Begin so many seconds after the first message.")] = 0.0,
-    end: Annotated[float | None, typer.Option(help="End so many seconds after the first message.")] = None,
+    start: Annotated[float, typer.Option(help="Begin this many seconds after the first message.")] = 0.0,
+    end: Annotated[float | None, typer.Option(help="End this many seconds after the first message.")] = None,
     topic: Annotated[list[str] | None, typer.Option(help="Only this topic; may be repeated.")] = None,
 ) -> None:
     """

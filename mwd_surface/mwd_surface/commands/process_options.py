@@ -38,10 +38,11 @@ Stamps = Annotated[
     ),
 ]
 Start = Annotated[
-    float | None, typer.Option("--start", help="Begin so many seconds after the first message.", rich_help_panel=_INPUT)
+    float | None,
+    typer.Option("--start", help="Begin this many seconds after the first message.", rich_help_panel=_INPUT),
 ]
 End = Annotated[
-    float | None, typer.Option("--end", help="End so many seconds after the first message.", rich_help_panel=_INPUT)
+    float | None, typer.Option("--end", help="End this many seconds after the first message.", rich_help_panel=_INPUT)
 ]
 SensorToBit = Annotated[
     float | None,

@@ -20,7 +20,7 @@ def status(
         list[Path] | None,
         typer.Argument(help="Folder of a run or a well; by default out/ here and ~/mwd_data.", show_default=False),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs: one JSON list.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list, for programs.")] = False,
 ) -> None:
     """
     Show the rig interfaces of running graphs: state and address, peers, rates, drops, last values.
@@ -88,21 +88,25 @@ def print_manifest() -> None:
 
 @rig.command("conformance")
 def conformance(
-    namespace: Annotated[str, typer.Option("--ros", help="Namespace of the well, to try ROS and to decide.")] = "",
-    opcua: Annotated[str, typer.Option(help="Address of the OPC UA server, to try that.")] = "",
-    modbus: Annotated[str, typer.Option(help="HOST:PORT of the Modbus server, to try that.")] = "",
-    heartbeat: Annotated[float, typer.Option(help="control.heartbeat_s of the authority, s.")] = 2.0,
+    namespace: Annotated[
+        str, typer.Option("--ros", help="Namespace of the well: test its ROS interface and grant requests there.")
+    ] = "",
+    opcua: Annotated[str, typer.Option(help="Address of the OPC UA server to test.")] = "",
+    modbus: Annotated[str, typer.Option(help="HOST:PORT of the Modbus server to test.")] = "",
+    heartbeat: Annotated[
+        float, typer.Option(help="Heartbeat limit of the authority (its control.heartbeat_s), s.")
+    ] = 2.0,
     well: Annotated[str, typer.Option(help="Name of the object of OPC UA that has the methods.")] = "well",
-    certificate: Annotated[Path | None, typer.Option(help="Of this client, for OPC UA.")] = None,
+    certificate: Annotated[Path | None, typer.Option(help="Certificate of this client, for OPC UA.")] = None,
     key: Annotated[Path | None, typer.Option(help="Private key of the certificate.")] = None,
-    server_certificate: Annotated[Path | None, typer.Option(help="Of the OPC UA server.")] = None,
+    server_certificate: Annotated[Path | None, typer.Option(help="Certificate of the OPC UA server.")] = None,
     application: Annotated[str, typer.Option(help="Application URI in the certificate.")] = "urn:mwd:conformance",
     unit: Annotated[int, typer.Option(help="Unit of Modbus.")] = 1,
     domain: Annotated[int | None, typer.Option(help="Middleware domain; by default ROS_DOMAIN_ID, else 0.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs: one JSON list.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list, for programs.")] = False,
 ) -> None:
     """
-    Try whether a control authority keeps the contract of a lease: misuse it over each interface, print a table.
+    Test whether a control authority keeps the contract of a lease: misuse it over each interface, print a table.
 
     Use it on a rig that is switched off or simulated: it rotates, turns and pumps within the limits. Ends with status 1
     where a case fails, 2 where an interface does not answer.

@@ -25,7 +25,7 @@ def view(
     run: Annotated[Path, typer.Argument(metavar="RUN|BAG", help="Folder of a run, or a recording.")],
     port: Annotated[int | None, typer.Option(help="Port of the page; by default 8080 or a free one.")] = None,
     rate: Annotated[float, typer.Option(help="Seconds of the recording in a second.")] = 1.0,
-    start: Annotated[float, typer.Option(help="Begin so many seconds after the first message.")] = 0.0,
+    start: Annotated[float, typer.Option(help="Begin this many seconds after the first message.")] = 0.0,
     paused: Annotated[bool, typer.Option("--paused", help="Do not play until the button is pressed.")] = False,
     plan: Annotated[
         Path | None, typer.Option(help="Planned path, CSV or WITSML; by default the file named in the recording.")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a conformance case works with: peers of one interface, the person at the rig, and what all can see."""
+"""Tools of a conformance case: clients of one interface, the person at the rig, and the public state."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class NotPossibleError(Exception):
 
 
 class CaseError(Exception):
-    """Something that a case relies on did not happen; says what."""
+    """Failed precondition of a case; the message names it."""
 
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """What every client can read: lease in force (0: none), mode of the top drive, set-points, request that waits."""
+    """Public state, which every client can read: lease in force (0: none), mode, set-points, pending request."""
 
     lease: int
     mode: int
@@ -73,7 +73,7 @@ class Peer(Protocol):
         """Ask for control, or for its renewal."""
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send a set-point or a heartbeat; returns whether it was taken, as far as the interface says."""
+        """Send a set-point or a heartbeat; return whether the interface reports it as accepted."""
 
     def release(self, lease: int) -> bool:
         """Give a lease back; returns whether that was done."""
@@ -90,7 +90,7 @@ class Interface(Protocol):
         """Return one of the clients, the same for the same number."""
 
     def view(self) -> View:
-        """Read what all can see."""
+        """Read the public state."""
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
         """Return cases of this interface alone: title, what is expected, and the case."""
@@ -100,7 +100,7 @@ class Interface(Protocol):
 
 
 class Person(Protocol):
-    """Who decides at the rig."""
+    """The person who decides at the rig."""
 
     def grant(self, number: int) -> bool:
         """Grant a request; returns whether it was done."""
@@ -128,9 +128,9 @@ class Bench:
 
     @property
     def person(self) -> Person:
-        """Who decides at the rig."""
+        """The person who decides at the rig."""
         if self._person is None:
-            raise NotPossibleError("nobody decides at the rig: name a ROS domain")
+            raise NotPossibleError("nobody can decide at the rig; add --ros NAMESPACE")
         return self._person
 
     def one(self) -> Peer:
@@ -142,7 +142,7 @@ class Bench:
         return self.interface.peer(1)
 
     def view(self) -> View:
-        """Read what all can see once it shows what was just done."""
+        """Read the public state after it shows the last action."""
         time.sleep(self.interface.lag_s)
         return self.interface.view()
 
@@ -154,7 +154,7 @@ class Bench:
         return answer
 
     def take(self, peer: Peer, **wish: object) -> int:
-        """Ask, have it granted, and return the lease."""
+        """Ask for control, have the request granted, and return the lease."""
         answer = self.ask(peer, **wish)
         if answer.permission == Permission.PENDING:
             self.person.grant(answer.lease)
@@ -165,11 +165,11 @@ class Bench:
         return answer.lease
 
     def turning(self, peer: Peer, lease: int, sequence: int = 1, **point: object) -> None:
-        """Let the owner ask for something, and see that it is in force."""
+        """Let the owner send a set-point, and check that it is in force."""
         wanted = Point(**point)  # type: ignore[arg-type]
         peer.send(lease, sequence, wanted)
         if not self.until(lambda: self._in_force(lease, sequence)):
-            raise CaseError(f"set-point {sequence} of the owner was not taken")
+            raise CaseError(f"set-point {sequence} of the owner was refused")
 
     def _in_force(self, lease: int, sequence: int) -> bool:
         view = self.interface.view()

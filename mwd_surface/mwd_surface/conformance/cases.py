@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Cases that every interface of a control authority must pass: each misuses it in one way and looks at what all can see.
+Cases that every interface of a control authority must pass: each misuses it in one way and reads the public state.
 
 A case is a function that takes a `Bench` and returns whether the authority behaved and what was observed.
 """
@@ -61,7 +61,7 @@ def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iter
 
 
 def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[bool, str]:
-    """Whether what all can see is still what the owner asked for under a number."""
+    """Return whether the public state still shows the set-point that the owner sent under a number, and a text."""
     view = bench.view()
     same = (view.lease, view.sequence) == (lease, sequence)
     if taken or not same:
@@ -365,7 +365,7 @@ def _beyond(title: str, expected: str, point: Point) -> None:
 for _title, _point in (
     ("a speed beyond its limit", Point(speed=_FAR)),
     ("left-hand rotation", Point(speed=-0.5)),
-    ("left-hand rotation, ever so slow", Point(speed=-0.01)),
+    ("a very slow left-hand rotation", Point(speed=-0.01)),
     ("a left-hand turn", Point(Mode.ORIENT, 0.0, -0.5)),
     ("a turn beyond its limit", Point(Mode.ORIENT, 0.0, _FAR)),
     ("a flow beyond its limit", Point(Mode.PUMP, 0.0, 0.0, _FAR)),
@@ -378,8 +378,8 @@ for _title, _point in (
     ("an unknown mode", Point(9)),
     ("the largest mode", Point(255)),
     ("valid for 0 s", Point(valid_for=0.0)),
-    ("valid for less than nothing", Point(valid_for=-5.0)),
-    ("valid for not a number", Point(valid_for=math.nan)),
+    ("valid for a negative time", Point(valid_for=-5.0)),
+    ("a validity that is not a number", Point(valid_for=math.nan)),
     ("valid for ever", Point(valid_for=math.inf)),
 ):
     _beyond(_title, "refused; what was in force stays", _point)
@@ -447,7 +447,7 @@ def _denied(title: str, **wish: object) -> None:
 _denied("a request without a name", name="")
 _denied("a request with a name of 101 characters", name="x" * 101)
 _denied("a request with control characters in its name", name="x\n[driller] took control back")
-_denied("a request for less than no time", duration=-1.0)
+_denied("a request for a negative time", duration=-1.0)
 _denied("a request for a time that is not a number", duration=math.nan)
 _denied("a request for ever", duration=math.inf)
 _denied("a request with a limit below zero", speed=-1.0)
@@ -502,7 +502,7 @@ _abort("a dead controller left the string held", _fault)
 _abort("another one waits", _one_waits)
 
 
-@case("abort without a name", "works all the same")
+@case("abort without a name", "control is taken back")
 def _abort_nameless(bench: Bench) -> tuple[bool, str]:
     _commanded(bench)
     done = bench.person.abort("")

@@ -62,7 +62,7 @@ class ModbusConformance:
         return self._numbers.setdefault(name, 7001 + len(self._numbers))
 
     def view(self) -> View:
-        """Read what all can see."""
+        """Read the public state."""
         words = self._reader.read_input_registers(_STATE, count=22, device_id=self.unit).registers
         speed, turn = (struct.unpack(">f", struct.pack(">2H", *words[k : k + 2]))[0] for k in (14, 16))
         return View(words[2] << 16 | words[3], words[7], words[5], speed * _RPM, turn * _DEGREE, int(words[0] == 1))
@@ -104,7 +104,7 @@ class ModbusPeer:
             return Answer(0, 0, "exception")
         words = self.client.read_holding_registers(_REQUEST + 4, count=4, device_id=self._interface.unit).registers
         if words[0] != number:
-            raise CaseError(f"the answer to {number} is for {words[0]}")
+            raise CaseError(f"the request of controller {number} was answered for controller {words[0]}")
         answer = Answer(words[1], words[2] << 16 | words[3])
         if answer.lease:
             self._names[answer.lease] = number

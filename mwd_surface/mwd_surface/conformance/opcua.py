@@ -39,7 +39,7 @@ class OpcuaConformance:
 
     def __init__(self, url: str, keys: OpcuaKeys, well: str) -> None:
         self.url, self.keys, self.well = url, keys, well
-        # What the server refuses is what is tried here.
+        # Do not log refused calls: the cases try calls that the server has to refuse.
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
         self._peers: dict[int, OpcuaPeer] = {}
         self._reader = OpcuaPeer(self)
@@ -51,7 +51,7 @@ class OpcuaConformance:
         return self._peers[number]
 
     def view(self) -> View:
-        """Read what all can see."""
+        """Read the public state."""
         names = ("ControlLease", "SetPointMode", "SetPointSequence", "TopDriveSpeedSetPoint", "TurnSetPoint")
         lease, mode, sequence, speed, turn, pending = self._reader.read((*names, "ControlPending"))
         return View(lease, mode, sequence, speed, turn, pending)

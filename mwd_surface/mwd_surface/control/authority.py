@@ -136,7 +136,7 @@ class ControlAuthority:
         if self._end(request, now) > self._end(owner.request, now):
             beyond.append("duration")
         if beyond:
-            text = "a lease can only be prolonged as it was granted; for more give it back and ask anew"
+            text = "a lease can only be prolonged as it was granted; to get more, give it back and ask again"
             return Decision(Permission.DENIED, 0, f"{', '.join(beyond)}: beyond what was granted: {text}")
         owner.heard, owner.ends = now, max(owner.ends, self._end(request, now))
         return Decision(Permission.GRANTED, owner.number, "renewed, within what was granted")
@@ -152,7 +152,9 @@ class ControlAuthority:
         if pending is not None and pending.request.priority >= request.priority:
             return Decision(Permission.DENIED, 0, f"a request of {pending.name} waits already; ask later")
         if self.upcoming > LARGEST_NUMBER:
-            return Decision(Permission.DENIED, 0, "the numbers of leases are used up; give the well another folder")
+            return Decision(
+                Permission.DENIED, 0, "all lease numbers of this well are used; give the well another folder"
+            )
         lease = _Lease(self.upcoming, request, limits, now, math.inf, now)
         self.upcoming += 1
         if stronger is None and self.settings.grant == "automatic":
@@ -199,7 +201,7 @@ class ControlAuthority:
     def _abort(self, operator: str, because: str) -> None:
         """Give top drive and pumps to the driller, whatever the state; a request that waits must not follow at once."""
         if self._pending is not None:
-            self._log(f"{self._pending.name} asks for control no more: {operator} took control back")
+            self._log(f"the request of {self._pending.name} ended: {operator} took control back")
             self._pending = None
         if self._lease is not None or self._rig.active or self._fault:
             self._end_lease(f"{operator} took control back{because}", Reaction.RELEASE)
@@ -214,9 +216,9 @@ class ControlAuthority:
                 return False, f"lease {lease} is not in force"
             if found[0].sender != sender:
                 self.refused += 1
-                return False, f"lease {lease} is {found[0].name}'s, who alone can give it back"
+                return False, f"lease {lease} belongs to {found[0].name}; only {found[0].name} can give it back"
             if found[0] is self._pending:
-                self._log(f"{found[0].name} asks for control no more{because}")
+                self._log(f"{found[0].name} withdrew the request for control{because}")
                 self._pending = None
                 return True, "withdrawn"
             self._end_lease(f"{found[0].name} gave control back{because}", Reaction.RELEASE)
@@ -289,9 +291,9 @@ class ControlAuthority:
                 holder = "nobody has control" if owner is None else f"{owner.name} has control"
                 return False, f"lease {point.lease} is not in force: {holder}"
             if sender != owner.sender:
-                # Its number can be read by all.
+                # The number of the lease is not a proof: every client can read it.
                 self.refused += 1
-                return False, f"lease {point.lease} is {owner.name}'s, who alone commands under it"
+                return False, f"lease {point.lease} belongs to {owner.name}; only {owner.name} can command under it"
             if point.sequence == 0:
                 owner.heard = now
                 self._rig.hear(now)
@@ -333,7 +335,7 @@ class ControlAuthority:
                 self._refusal = f"the rig refuses: {message}"
 
     def on_rig(self, achieved: Achieved, now: float) -> None:
-        """Take what the rig does."""
+        """Accept the state of the rig."""
         with self._lock:
             self._achieved = achieved
             limit = math.inf if self._lease is None else self._lease.limits.torque
@@ -370,7 +372,7 @@ class ControlAuthority:
     def _pass(self, now: float) -> float:
         """End what is over by `now`; returns the time that counts, which does not go back."""
         if now < self._now - _CLOCK_BACK:
-            # How long anything has lasted is not known any more.
+            # After the clock went back, no duration is known any more.
             self._now, self._pending = now, None
             if self._lease is not None:
                 reaction = self._reactions[f"controller_lost_{'rotating' if self._rig.rotating else 'sliding'}"]

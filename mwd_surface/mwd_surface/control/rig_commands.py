@@ -109,7 +109,7 @@ class RigCommands:
             self._set(self._drive, point, now + point.valid_for)
 
     def hear(self, now: float) -> None:
-        """Take a heartbeat: what is asked of top drive and pumps is valid for its time again."""
+        """Accept a heartbeat: the set-points of top drive and pumps are valid for their full time again."""
         for channel in (self._drive, self._pump):
             if channel.point is not None and math.isfinite(channel.lapses):
                 channel.lapses = now + channel.point.valid_for

@@ -92,7 +92,7 @@ class LeaseLimits:
 @dataclasses.dataclass(frozen=True)
 class SetPoint:
     """
-    What is asked of the top drive, or with PUMP of the pumps; as mwd_msgs/RigCommand.
+    Set-point of the top drive, or with PUMP of the pumps; as mwd_msgs/RigCommand.
 
     Attributes
     ----------

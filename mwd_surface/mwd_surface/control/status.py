@@ -46,7 +46,9 @@ class Judgement(enum.IntEnum):
 @dataclasses.dataclass(frozen=True)
 class Sender:
     """
-    Who sends, as far as an interface can tell: only the sender of a request renews, commands and gives back its lease.
+    The sender of a message, as far as an interface can identify it.
+
+    Only the sender of a request renews its lease, commands under it and gives it back.
 
     interface: its name. identity: what nobody else on that interface can have, such as a connection or a key; it is not
     a secret.

@@ -160,7 +160,7 @@ def table_of(
     software: str = "",
     stretches: Sequence[Stretch] = (),
 ) -> SurveyTable:
-    """The printed table of a path of the list beside its plan; see `survey_table`."""
+    """Return the printed table of a path of the list, with its plan; see `survey_table`."""
     plan = surveys.plan
     path, left_out = _finite(path)
     left_out += _without_depth(surveys)
@@ -179,7 +179,7 @@ def table_of(
 
 def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
     """
-    A number with so many decimals; empty for None or what is not finite.
+    A number with the given number of decimals; empty for None or what is not finite.
 
     Never "-0.00", and a number that rounds to `wrap` (360.00 for an azimuth) is zero again.
     """
@@ -359,7 +359,7 @@ def _correction(reference: Survey | None, north: str) -> float | None:
 
 
 def degrees(angle: float | None, decimals: int) -> str:
-    """An angle, rad, in degrees with so many decimals; empty for None."""
+    """An angle, rad, in degrees with the given number of decimals; empty for None."""
     return "" if angle is None else fixed(angle * _DEG, decimals)
 
 

@@ -82,7 +82,7 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
 
 def allowed(md: Array) -> Array:
     """Return how far positions of a list may be from those of its angles, m: by method, and by stations left out."""
-    # Over a long gap the hole is no arc.
+    # Over a long gap the hole does not follow one arc.
     gaps = np.concatenate([[0.0], np.cumsum(np.maximum(np.diff(md) - _ARC, 0.0))])
     return np.asarray(1.0 + 0.005 * (md - md[0]) + 0.1 * gaps)
 

@@ -215,7 +215,7 @@ _DIRECTED = {
     **dict.fromkeys(("磁方位", "磁方位角", "磁北方位角"), "magnetic"),
     **dict.fromkeys(("坐标方位", "坐标方位角", "网格方位", "网格方位角", "дирекционный угол"), "grid"),
 }
-# Other quantities whose names have a word of one of ours in them; nobody expects them to be read.
+# Quantities that are not read although their names contain a word of a quantity that is read; no remark is made.
 _OTHERS = re.compile(
     r"section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|tool ?face|"
     r"magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|reference|"
@@ -486,7 +486,7 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
 
 
 def _qualifiers(phrase: str, *, angle: bool) -> tuple[str, str, bool, list[str]]:
-    """Unit, north, whether from the horizontal, and the words not understood, of the words beside a name."""
+    """Return unit, north, whether from the horizontal, and unknown words, from the words around a name."""
     unit, north, horizontal = unit_word(phrase), "", False
     if unit and not (angle and unit in LENGTH_UNITS):
         return unit, "", False, []

@@ -63,17 +63,17 @@ _TOTALS = frozenset(
     ]
 )
 _FEW = 4
-# What programs write beside the row that continues a list to the bit or to the planned end: no survey was taken there.
+# Words in a row that extends a list to the bit or to the planned end, where no survey was taken.
 _PROJECTION = re.compile(
     r"^\W*(?:proj|projected|projection|extrap|extrapolated|extrapolation|外推|预测)\W*$"
     r"|\b(?:proj\.?|projected|projection|extrapolated|extrapolation)\s+(?:survey\s+)?(?:to|at)\s+(?:the\s+)?(?:bit|td|total)\b",
     re.IGNORECASE,
 )
 _GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGNORECASE)
-_PROJECTED_ROWS = 3  # at most so many rows follow a note that announces a projection
-# A first station so far from its wellhead lies visibly elsewhere without a convergence (3 deg: half a metre), m.
+_PROJECTED_ROWS = 3  # largest number of rows after a note that announces a projection
+# Distance of the first station from its wellhead above which a convergence of 3 deg moves it by half a metre, m.
 _OFFSET = 10.0
-# Magic bytes of files that are no lists: recordings.
+# Magic bytes of recordings, which are not lists.
 _OTHERS = (b"\x89MCAP0", b"SQLite format 3\x00", b"#ROSBAG")
 
 
@@ -130,7 +130,7 @@ def _table(data: bytes, name: str, given: Given) -> Table:
 
     def is_header(names: Sequence[str]) -> int:
         found = list_columns.find(names, given)
-        # Names that say the same twice, or nothing that is understood, are rather half of the names.
+        # Names that repeat a quantity or are not understood score less: they are probably one of two rows.
         again = sum(len({(one.north, one.unit) for one in columns}) < len(columns) for columns in found.of.values())
         units = sum(bool(one.unit) for columns in found.of.values() for one in columns)
         return 0 if found.missing else max(1, 3 * len(found.of) + units - 2 * again - len(found.unread))
@@ -674,7 +674,7 @@ class _Reader:
 
     @property
     def named_map(self) -> bool:
-        """Whether north and east come from columns of map axes, or the list has a grid beside another north."""
+        """Whether north and east come from columns of map axes, or the list names a grid as well as another north."""
         return "map_north" in self.columns or self.head.wellhead is not None
 
     def _horizontal(self, md: Array, column: Callable[[str], Array]) -> tuple[Array, Array]:
@@ -691,7 +691,7 @@ class _Reader:
         )
         self.remarks += remarks
         if local and charted:
-            # The offsets are read; the map coordinates beside them say where the wellhead lies.
+            # The offsets are read; the map coordinates in the same list give the position of the wellhead.
             charts = np.column_stack([column(_MAP[0]), column(_MAP[1])])
             beside, more = offsets_from_wellhead(
                 self.name, md, charts, inclination, self.given, self.head.wellhead, charted=True

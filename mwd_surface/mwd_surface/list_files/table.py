@@ -470,7 +470,7 @@ def _apart(span: tuple[int, int], word: tuple[int, int]) -> float:
 
 
 def _groupings(words: Sequence[str], width: int) -> Iterator[list[str]]:
-    """Ways to part words into so many names of up to four words."""
+    """Return the ways to split words into a given number of names of up to four words."""
     most = 20_000
     stack: list[tuple[int, list[str]]] = [(0, [])]
     while stack and most:

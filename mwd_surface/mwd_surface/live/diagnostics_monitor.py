@@ -53,7 +53,7 @@ class DiagnosticsMonitor:
         self._live.on_well(well, self._clock.now, self.reference)
 
     def on_diagnostics(self, array: Any) -> None:
-        """Take the diagnostics of a node, diagnostic_msgs/DiagnosticArray."""
+        """Accept the diagnostics of a node, diagnostic_msgs/DiagnosticArray."""
         ours = [s for s in array.status if s.hardware_id == self._namespace]
         if ours:
             self._diagnostics_of[ours[0].name.partition(":")[0]] = (self._clock.now, ours)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Which alarms are evaluated: an alarm that is not there says nothing while nobody looked for its cause.
+Find the alarms that are evaluated. A missing alarm means nothing while its cause was not looked for.
 
 A kind of alarm counts as evaluated once something came that would show its cause. A recording without diagnostics, or
 a rig without data, leaves its kind in the list of what is not evaluated.

@@ -39,16 +39,16 @@ class InputMonitor:
         self.table = InputTable()
 
     def on_sonde(self, samples: Samples) -> None:
-        """Take samples that bear the time of the sonde."""
+        """Accept samples that bear the time of the sonde."""
         if len(samples):
             self._note(SONDE, int(samples["stamp_ns"][-1]))
 
     def on_gauge(self, stamp_ns: int) -> None:
-        """Take the time of the newest sample of a link's gauge."""
+        """Accept the time of the newest sample of a link's gauge."""
         self._note(GAUGE, stamp_ns)
 
     def on_rig_input(self, frame: str, samples: Samples) -> None:
-        """Take rig data, `wire.RIG_STATE`, of any source; frame: that of its messages."""
+        """Accept rig data, `wire.RIG_STATE`, of any source; frame: that of its messages."""
         if not len(samples):
             return
         self._note(short_name(frame), int(samples["stamp_ns"][-1]))
@@ -58,7 +58,7 @@ class InputMonitor:
             self._depths.take(frame, depth, self._clock.now)
 
     def on_depth_by_hand(self, bit_depth: float) -> None:
-        """Take a bit depth that a person has set, m."""
+        """Accept a bit depth that a person has set, m."""
         self._block.start(bit_depth)
         self._depths.set_by_hand(bit_depth, self._clock.now)
 

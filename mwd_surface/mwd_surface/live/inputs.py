@@ -89,7 +89,7 @@ class InputClock:
         self._stamp_ns: int | None = None
 
     def note(self, stamp_ns: int, host_ns: int, now: float) -> None:
-        """Take the newest stamp of data that arrived at `now`; host_ns: the surface's time then."""
+        """Accept the newest stamp of data that arrived at `now`; host_ns: the surface's time then."""
         ahead, second = (stamp_ns - host_ns) / NANOSECONDS, math.floor(now)
         self._stamp_ns = stamp_ns
         if self._best and self._best[-1][0] == second:
@@ -132,17 +132,17 @@ class DepthSources:
         self._block: tuple[float, float] | None = None
 
     def take(self, frame: str, bit_depth: float, now: float) -> None:
-        """Take a valid bit depth, m, of any source, in force or not."""
+        """Accept a valid bit depth, m, of any source, in force or not."""
         self._depths[short_name(frame)] = (now, bit_depth)
         if self._hand is not None and self._is_source(frame) and abs(bit_depth - self._hand[1]) <= DISAGREEMENT:
             self._hand = None
 
     def set_by_hand(self, bit_depth: float, now: float) -> None:
-        """Take a person's word for the bit depth, m."""
+        """Accept the bit depth, m, that a person has set."""
         self._hand = (now, bit_depth)
 
     def take_block(self, bit_depth: float | None, now: float) -> None:
-        """Take the depth, m, that the block of the source in force carries on; None: the source gives its own."""
+        """Accept the depth, m, that the block of the source in force carries on; None: the source gives its own."""
         self._block = None if bit_depth is None else (now, bit_depth)
 
     def by_hand(self, now: float) -> float | None:

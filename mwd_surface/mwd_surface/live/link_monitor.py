@@ -34,7 +34,7 @@ _FIELDS = (
 
 class LinkMonitor:
     """
-    Takes the messages of the links in use and shows the state of the one that is best, and of the others beside it.
+    Takes the messages of the links in use and shows the state of the one that is best, and of the other links.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class LinkMonitor:
         return self._collectors.setdefault(link, LinkCollector()) if self._source in (link, "best") else None
 
     def on_word(self, word: Any) -> None:
-        """Take a word of a link, mwd_msgs/LinkWord."""
+        """Accept a word of a link, mwd_msgs/LinkWord."""
         collector = self._collector(word.link)
         if collector is None:
             return
@@ -86,7 +86,7 @@ class LinkMonitor:
         self._show()
 
     def on_frame(self, frame: Any) -> None:
-        """Take a pass of a sequence, mwd_msgs/LinkFrame."""
+        """Accept a pass of a sequence, mwd_msgs/LinkFrame."""
         collector = self._collector(frame.link)
         if collector is None:
             return
@@ -105,7 +105,7 @@ class LinkMonitor:
         self._show()
 
     def on_quality(self, quality: Any) -> None:
-        """Take the state of a link, mwd_msgs/LinkQuality."""
+        """Accept the state of a link, mwd_msgs/LinkQuality."""
         if self._collector(quality.link) is None:
             return
         self._qualities[quality.link] = LinkStatus(
@@ -128,14 +128,14 @@ class LinkMonitor:
         self._show()
 
     def on_pressure(self, data: bytes) -> None:
-        """Take a serialised burst of the gauge, mwd_msgs/PressureBurst."""
+        """Accept a serialised burst of the gauge, mwd_msgs/PressureBurst."""
         try:
             self._pressure.push(*gauge_burst.decode(data))
         except ValueError as error:
             self._alarm_log.log_event("link", f"pressure not shown: {error}", Severity.WARNING)
 
     def on_strokes(self, message: Any) -> None:
-        """Take strokes of the pumps, mwd_msgs/StrokeBurst."""
+        """Accept strokes of the pumps, mwd_msgs/StrokeBurst."""
         for pump, at in zip(message.pump, message.stamp, strict=True):
             times = self._strokes.setdefault(int(pump), deque(maxlen=_STROKES))
             if times and not 0 < stamp_of(at) - times[-1] <= _SLOWEST_NS:

@@ -109,7 +109,7 @@ class LinkCollector:
         self._frames: deque[LinkFrameState] = deque(maxlen=_FRAMES)
 
     def on_word(self, word: LinkWordState) -> None:
-        """Take a word, provisional or final; a final one replaces the provisional one."""
+        """Accept a word, provisional or final; a final one replaces the provisional one."""
         if word.kind == SURVEY:
             if word.frame != self._survey_frame:
                 self._survey, self._survey_frame = {}, word.frame
@@ -120,7 +120,7 @@ class LinkCollector:
             del self._words[key]
 
     def on_frame(self, frame: LinkFrameState) -> None:
-        """Take a pass of a sequence."""
+        """Accept a pass of a sequence."""
         self._frames.append(frame)
 
     def status(self, quality: LinkStatus) -> LinkStatus:

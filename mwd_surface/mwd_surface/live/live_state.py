@@ -85,13 +85,13 @@ class LiveState(LiveStreams):
         self.well_given = True
 
     def on_quill(self, angle: float, now: float) -> None:
-        """Take the angle of the quill, rad clockwise looking down-hole from the zero of the rig."""
+        """Accept the angle of the quill, rad clockwise looking down-hole from the zero of the rig."""
         if math.isfinite(angle):
             self._quill = angle % math.tau
             self._touch("quill", now)
 
     def on_link(self, link: LinkStatus, now: float) -> None:
-        """Take the state of the link by which the surface hears the tool."""
+        """Accept the state of the link by which the surface hears the tool."""
         self._link = link
         for name in ("inclination", "azimuth", "toolface"):
             age = getattr(link, f"{name}_age")
@@ -101,23 +101,23 @@ class LiveState(LiveStreams):
         self._touch("link", now)
 
     def on_control(self, status: ControlStatus, now: float) -> None:
-        """Take who has control of top drive and pumps, and what was asked."""
+        """Accept the owner of top drive and pumps, and the set-points."""
         self._control = status
         self._touch("control", now)
 
     def on_advice(self, advice: Advice, now: float) -> None:
-        """Take the advice on the next interval; the dial shows its toolface."""
+        """Accept the advice on the next interval; the dial shows its toolface."""
         self._advice = advice
         self.on_advisory(advice.toolface if advice.mode == AdviceMode.SLIDE else None, advice.limit)
         self._touch("advice", now)
 
     def on_downlink(self, downlink: DownlinkStatus, now: float) -> None:
-        """Take the state of the command to the tool at hand."""
+        """Accept the state of the command to the tool at hand."""
         self._downlink = downlink
         self._touch("downlink", now)
 
     def on_inputs(self, inputs: InputTable, now: float) -> None:
-        """Take clocks, ages and the source of depth of all inputs."""
+        """Accept clocks, ages and the source of depth of all inputs."""
         self._inputs = inputs
         self._touch("inputs", now)
 
@@ -156,12 +156,12 @@ class LiveState(LiveStreams):
         return dataclasses.replace(value, measured_at=self._words[name][0])
 
     def on_well(self, well: Well, now: float, reference: ReferenceField | None = None) -> None:
-        """Take the well, and the reference field in force; without one, that of the last survey counts."""
+        """Accept the well, and the reference field in force; without one, that of the last survey counts."""
         self._well, self._reference = well, reference
         self._touch("well", now)
 
     def on_records(self, records: Iterable[SurveyRecord], now: float, remarks: Iterable[Remark] = ()) -> None:
-        """Take all records of the survey list, in order, and its remarks."""
+        """Accept all records of the survey list, in order, and its remarks."""
         self._records, self._remarks = tuple(records), tuple(remarks)
         self._touch("records", now)
         last = max(self._records, key=lambda r: r.survey.stamp_ns, default=None)
@@ -170,33 +170,33 @@ class LiveState(LiveStreams):
             self._touch("well", now)
 
     def on_trajectory(self, path: Definitive, now: float, covariance: Array | None = None) -> None:
-        """Take the well path; covariance, shape (m, 3, 3): of its first m positions, m^2, for the ellipses."""
+        """Accept the well path; covariance, shape (m, 3, 3): of its first m positions, m^2, for the ellipses."""
         self._path, self._covariance = path, covariance
         self._touch("path", now)
 
     def on_plan(self, plan: Plan | None, now: float) -> None:
-        """Take the planned path, dense enough to draw (`plan.interpolated`); None: there is none."""
+        """Accept the planned path, dense enough to draw (`plan.interpolated`); None: there is none."""
         self._plan = plan
         self._touch("plan", now)
 
     def on_offset(self, offset: Offset | None, now: float, dogleg_to_target: float | None = None) -> None:
-        """Take the offset of the end of the path from the plan; dogleg_to_target: of the arc to the target, rad/m."""
+        """Accept the offset of the end of the path from the plan; dogleg_to_target: of the arc to the target, rad/m."""
         self._offset, self._dogleg_to_target = offset, dogleg_to_target
         self._touch("offset", now)
 
     def on_clearance(self, ahead: Sequence[Clearance], now: float, remarks: Iterable[Remark] = ()) -> None:
-        """Take the clearances from the last survey on, the nearest by the rule first, and the remarks about them."""
+        """Accept the clearances from the last survey on, the nearest by the rule first, and the remarks about them."""
         self._clearance, self._clearance_remarks = tuple(ahead), tuple(remarks)
         self._touch("clearance", now)
 
     def on_steering(self, stretches: Sequence[Stretch], yields: Sequence[Yield], now: float) -> None:
-        """Take the slide sheet: stretches and yields, deepest last."""
+        """Accept the slide sheet: stretches and yields, deepest last."""
         if (tuple(stretches), tuple(yields)) != (self._stretches, self._yields):
             self._stretches, self._yields = tuple(stretches), tuple(yields)
             self._touch("steering", now)
 
     def on_survey_progress(self, progress: SurveyProgress, now: float) -> None:
-        """Take the progress of a survey or north seek, or its end with a result."""
+        """Accept the progress of a survey or north seek, or its end with a result."""
         known = progress.active and progress.elapsed is not None and math.isfinite(progress.elapsed)
         left = progress.active and progress.remaining is not None and math.isfinite(progress.remaining)
         self._progress = dataclasses.replace(
@@ -207,13 +207,13 @@ class LiveState(LiveStreams):
         self._touch("survey_progress", now)
 
     def on_recorder(self, status: RecorderStatus, now: float) -> None:
-        """Take the status of the recorder."""
+        """Accept the status of the recorder."""
         self.on_stream("recorder", 1, now)
         self._recorder = status
         self._touch("recorder", now)
 
     def on_diagnostics(self, diagnostics: Iterable[NodeDiagnostic], now: float) -> None:
-        """Take the diagnostics of all nodes as of now."""
+        """Accept the diagnostics of all nodes as of now."""
         worst_first = tuple(sorted(diagnostics, key=lambda d: (-d.level, d.name)))
         if worst_first != self._diagnostics:
             self._diagnostics = worst_first

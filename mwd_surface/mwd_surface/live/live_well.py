@@ -49,12 +49,12 @@ from mwd_surface.trajectory.slide_sheet import SlideRules, Stretch
 
 CELL_NS = 50_000_000
 _LINK_PERIOD = 2.0  # s between attitudes over a link at most
-# Of the tool, and what a surface that hears the tool through a link takes instead.
+# Topics of the tool, and the topics that replace them where the tool is heard through a telemetry link.
 OVER_LINK = {"attitude": "link/attitude", "survey": "link/survey"}
 _FROM_TOOL = ("gravity", "dynamics", "interference", "imu/temperature", "imu/mag", "imu/data_raw", "survey/revised")
 
 Message = tuple[int, str, bytes]
-# Of equal times the topic decides, not who handed in first.
+# At equal times sort by topic, not by the order of the calls.
 _ARRIVED = operator.itemgetter(0, 1)
 
 
@@ -191,7 +191,7 @@ class LiveWell:
         return handlers
 
     def begin(self, now_ns: int) -> None:
-        """Go on at a time, ns, without what happens once a second in between: nothing was heard meanwhile."""
+        """Continue at a later time, ns, and skip the updates of each second before it: no message arrived meanwhile."""
         self.clock.now_ns = max(self.clock.now_ns, now_ns - now_ns % CELL_NS)
 
     # What comes in.
@@ -201,7 +201,7 @@ class LiveWell:
         self._waiting.append((arrived_ns, topic, data))
 
     def advance(self, until_ns: int) -> None:
-        """Take what has arrived up to a time, ns, in whole cells; what arrived later waits."""
+        """Process the messages that arrived up to a time, ns, in whole cells; later messages wait."""
         last = until_ns - until_ns % CELL_NS
         self._waiting.sort(key=_ARRIVED)
         waiting, self._waiting, taken = self._waiting, [], 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the surface said of itself, in a recording: its alarms, events, list, inputs, advice, and its states."""
+"""Messages in a recording from the surface node itself: alarms, events, list, inputs, advice, and states."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _AGAIN = 1.5  # s; two lists of inputs that place a depth by hand closer than th
 
 class SaidByTheSurface:
     """
-    Shows what a surface said while it was recorded.
+    Show the messages that a surface node published while it was recorded.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class SaidByTheSurface:
     book : SurveyBook
         Takes the survey list.
     on_outcome : callable
-        Called with how a survey ended, in words, once the list says it.
+        Called with the outcome of a survey, in words, once the list shows it.
     topics : collection of str
         Those of `SAID` that come as messages.
 
@@ -90,7 +90,7 @@ class SaidByTheSurface:
         self.advises, self.tells_inputs = "steering/advice" in topics, "inputs" in topics
 
     def on_survey(self, survey: Survey) -> None:
-        """Await the list that says how this survey ended."""
+        """Wait for the list that shows whether this survey was accepted."""
         self._awaited = survey
         self._tell_outcome()
 
@@ -107,7 +107,7 @@ class SaidByTheSurface:
     def _on_alarms(self, message: Any) -> None:
         alarms = [alarm_of(one) for one in message.alarms]
         now, stamp_ns = self._clock.now, stamp_of(message.header.stamp)
-        # A graph with a time of its own stamps its alarms with it.
+        # A graph with simulated time stamps its alarms with that time.
         now_ns = stamp_ns if abs(stamp_ns - self._clock.now_ns) > NANOSECONDS else self._clock.now_ns
         missing = tuple(str(one) for one in message.not_evaluated)
         self._live.on_alarms(alarms, tuple(reversed(self._events)), now, now_ns, missing)

@@ -80,7 +80,7 @@ class PlanSettings:
 
 @dataclasses.dataclass(frozen=True)
 class LinkSettings:
-    """How the surface hears the tool."""
+    """Settings of the connection from the tool to the surface."""
 
     source: str = setting(
         "direct",

@@ -43,7 +43,7 @@ class SlideRecorder:
         return self._sheet.stretches
 
     def on_attitude(self, samples: Samples) -> None:
-        """Take attitudes, `wire.ATTITUDE`: whether the tool rotates."""
+        """Accept attitudes, `wire.ATTITUDE`: whether the tool rotates."""
         self._rotating = bool(int(samples[-1]["status"]) & Status.ROTATING)
 
     def on_rig_state(self, samples: Samples, bit_depth: float | None, sensor_to_bit: float) -> None:

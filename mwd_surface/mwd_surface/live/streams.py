@@ -127,7 +127,7 @@ class LiveStreams:
         self._values.arrived(stream, count, now, lost)
 
     def on_attitude(self, samples: Samples, now: float) -> None:
-        """Take attitudes, `wire.ATTITUDE`, oldest first, and select the toolface (`toolface_reading`)."""
+        """Accept attitudes, `wire.ATTITUDE`, oldest first, and select the toolface (`toolface_reading`)."""
         if len(samples) == 0:
             return
         self.on_stream("estimator", len(samples), now)
@@ -149,7 +149,7 @@ class LiveStreams:
             self.on_toolface(reading, now, why)
 
     def on_toolface(self, reading: ToolfaceReading, now: float, why: str = "not available") -> None:
-        """Take a toolface that does not come from `on_attitude`; why: the reason shown where it has no sigma."""
+        """Accept a toolface that does not come from `on_attitude`; why: the reason shown where it has no sigma."""
         self.toolface_reading = reading
         self._angle("toolface", reading.angle, reading.sigma, why, now)
         self._touch("toolface", now)
@@ -162,7 +162,7 @@ class LiveStreams:
         self._readings.append(DialReading(value, reading.mode, now, reading.rotating, reading.stamp_ns))
 
     def on_gravity(self, samples: Samples, now: float) -> None:
-        """Take gravity, `wire.GRAVITY`: vibration (the largest of the block) and rotary speed of the tool."""
+        """Accept gravity, `wire.GRAVITY`: vibration (the largest of the block) and rotary speed of the tool."""
         known = samples[samples["sigma"] >= 0.0]
         if len(known) == 0:
             return
@@ -171,7 +171,7 @@ class LiveStreams:
         self._put("rotary_speed", float(known["rotary_speed"][-1]), None, now)
 
     def on_dynamics(self, samples: Samples, now: float) -> None:
-        """Take summaries of drilling dynamics, `wire.DYNAMICS`; the last one counts."""
+        """Accept summaries of drilling dynamics, `wire.DYNAMICS`; the last one counts."""
         if len(samples) == 0:
             return
         self.on_stream("dynamics", len(samples), now)
@@ -192,7 +192,7 @@ class LiveStreams:
             self._put(name, float(last[field]), None, now)
 
     def on_temperature(self, samples: Samples, now: float) -> None:
-        """Take temperatures of the sonde, `wire.TEMPERATURE`; a variance of 0 means unknown."""
+        """Accept temperatures of the sonde, `wire.TEMPERATURE`; a variance of 0 means unknown."""
         if len(samples) == 0:
             return
         self.on_stream("sonde", len(samples), now)
@@ -206,7 +206,7 @@ class LiveStreams:
             self._withhold("temperature", f"{celsius:.0f} degC is no temperature of a tool: check its sensor", now)
 
     def on_magnetic_field(self, samples: Samples, now: float) -> None:
-        """Take magnetic fields, `wire.MAG`; the mean of their totals counts."""
+        """Accept magnetic fields, `wire.MAG`; the mean of their totals counts."""
         if len(samples) == 0:
             return
         self.on_stream("sonde", len(samples), now)
@@ -219,7 +219,7 @@ class LiveStreams:
             self._put("total_field", float(np.mean(totals)), None, now)
 
     def on_interference(self, samples: Samples, now: float) -> None:
-        """Take estimates of interference, `wire.INTERFERENCE`; the last one counts."""
+        """Accept estimates of interference, `wire.INTERFERENCE`; the last one counts."""
         if len(samples) == 0:
             return
         self.on_stream("interference", len(samples), now)
@@ -236,7 +236,7 @@ class LiveStreams:
             self._put("dip_deviation", float(last["dip_residual"]), None, now)
 
     def on_rig_state(self, samples: Samples, now: float) -> None:
-        """Take rig data, `wire.RIG_STATE`; only the fields that its `valid` marks are used."""
+        """Accept rig data, `wire.RIG_STATE`; only the fields that its `valid` marks are used."""
         if len(samples) == 0:
             return
         self.on_stream("rig", len(samples), now)

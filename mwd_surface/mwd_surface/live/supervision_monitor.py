@@ -47,7 +47,7 @@ class SupervisionMonitor:
             self._live.on_stream("sonde", 0, now)
 
     def on_heartbeat(self, beat: Any) -> None:
-        """Take the heartbeat of a node, diagnostic_msgs/DiagnosticStatus."""
+        """Accept the heartbeat of a node, diagnostic_msgs/DiagnosticStatus."""
         node = beat.name.rpartition("/")[2]
         self._beat_at[node] = self._clock.now
         for pair in beat.values:
@@ -56,7 +56,7 @@ class SupervisionMonitor:
                 self._figures[f"{name}.{node}"] = float(pair.value)
 
     def on_sonde(self, samples: Samples) -> None:
-        """Take samples that bear the time of the sonde."""
+        """Accept samples that bear the time of the sonde."""
         self._sampled_at = self._clock.now
         newest = int(samples["stamp_ns"].max()) if len(samples) else self._stamp_ns
         # A clock that was set back advances too.

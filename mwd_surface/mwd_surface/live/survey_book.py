@@ -69,7 +69,7 @@ class SurveyBook:
     # Rig data and surveys.
 
     def on_rig_state(self, samples: Samples) -> float | None:
-        """Take the rig's depths, `wire.RIG_STATE`; returns the last one if it was accepted, m."""
+        """Accept the rig's depths, `wire.RIG_STATE`; returns the last one if it was accepted, m."""
         accepted = False
         for sample in samples:
             known = bool(sample["valid"] & RIG_VALID["bit_depth"])
@@ -77,7 +77,7 @@ class SurveyBook:
         return self.bit_depth if accepted else None
 
     def on_sonde(self, samples: Samples) -> None:
-        """Take the time of samples of the sonde, to compare its clock with the rig's."""
+        """Accept the time of samples of the sonde, to compare its clock with the rig's."""
         if len(samples):
             self.depth.note_sonde(int(samples["stamp_ns"][-1]))
 
@@ -104,7 +104,7 @@ class SurveyBook:
         return outcome(survey, record)
 
     def on_revision(self, survey: Survey) -> None:
-        """Keep a revision of the estimator beside the first value; a person decides about it."""
+        """Keep a revision of the estimator in addition to the first value; a person decides about it."""
         try:
             surveys = self.surveys.revise(survey)
         except ValueError as error:
@@ -190,5 +190,5 @@ class SurveyBook:
 
 
 def outcome(survey: Survey, record: SurveyRecord) -> str:
-    """How the survey that a person asked for ended, in words."""
+    """Outcome of the survey that a person requested, in words."""
     return f"survey {record.survey.sequence}: {Verdict(survey.verdict).name.lower()}"

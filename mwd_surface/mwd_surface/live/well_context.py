@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every part of a well uses, and what the well tells the outside."""
+"""Objects that every part of a well shares, and the interface through which a well publishes its results."""
 
 from __future__ import annotations
 
@@ -24,37 +24,37 @@ from mwd_surface.trajectory.well_path import Definitive
 
 class WellOutlet:
     """
-    What a well tells the outside.
+    Receiver of the results of a well.
 
-    The surface node publishes and saves it. Of a recording that is viewed nothing is told: this class.
+    The surface node publishes and saves them. This class itself ignores them, for the viewer of a recording.
     """
 
     def warn(self, text: str) -> None:
         """Write a warning, such as of a message that cannot be read, into the log of the process."""
 
     def on_toolface(self, reading: ToolfaceReading, age: float, frame: str) -> None:
-        """Take a new toolface; age: of the word that it comes from, s; frame: of the attitude."""
+        """Accept a new toolface; age: of the word that it comes from, s; frame: of the attitude."""
 
     def on_inputs(self, table: InputTable) -> None:
-        """Take clocks and ages of the inputs, once a second."""
+        """Accept clocks and ages of the inputs, once a second."""
 
     def on_advice(self, advice: Advice) -> None:
-        """Take changed advice."""
+        """Accept changed advice."""
 
     def on_stretch(self, stretch: Stretch) -> None:
-        """Take an interval of the slide sheet that has ended."""
+        """Accept an interval of the slide sheet that has ended."""
 
     def on_accepted(self, record: SurveyRecord) -> None:
-        """Take a survey that came into use."""
+        """Accept a survey that came into use."""
 
     def on_surveys(self, surveys: SurveyList, path: Definitive) -> None:
-        """Take the changed survey list and its path."""
+        """Accept the changed survey list and its path."""
 
     def on_alarms(self, book: AlarmBook, missing: tuple[str, ...], stamp_ns: int) -> None:
-        """Take changed alarms and events; missing: what is not evaluated, in words."""
+        """Accept changed alarms and events; missing: kinds of alarms that are not evaluated, in words."""
 
     def on_rig_state(self, samples: Samples) -> None:
-        """Take rig data of the source in force, `wire.RIG_STATE`, as they came."""
+        """Accept rig data of the source in force, `wire.RIG_STATE`, as they came."""
 
     def is_simulated(self) -> bool:
         """Return whether a simulator makes the data."""
@@ -69,7 +69,7 @@ class WellOutlet:
         future: concurrent.futures.Future[Any] = concurrent.futures.Future()
         try:
             future.set_result(job())
-        except Exception as error:  # noqa: BLE001  (as of a thread: whoever asks for the result gets the error)
+        except Exception as error:  # noqa: BLE001  (as in a thread: the error is raised where the result is read)
             future.set_exception(error)
         done(future)
 
@@ -77,7 +77,7 @@ class WellOutlet:
 @dataclasses.dataclass(frozen=True)
 class WellContext:
     """
-    What the parts of one well share.
+    Objects that the parts of one well share.
 
     Attributes
     ----------

@@ -109,7 +109,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._outlet = outlet = NodeOutlet(self, worker, slide_file)
         self._time = SteadyTime()
         clock = WellClock(self._time.now_ns())
-        # A graph with a time of its own stamps its alarms with it.
+        # A graph with simulated time stamps its alarms with that time.
         stamp = self._graph_ns if self.get_parameter("use_sim_time").value else None
         outlet.alarm_log = AlarmLog(clock, outlet.tell, stamp)
         well_context = WellContext(clock, LiveState(live_settings(settings)), outlet.alarm_log, outlet)

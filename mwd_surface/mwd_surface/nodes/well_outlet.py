@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the surface node does with what its well tells: it publishes, saves and logs it."""
+"""Results of a well, published, saved and logged by the surface node."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ class NodeOutlet(WellOutlet):
         return {"queue.recorder": 100.0 * status.queued_bytes / status.queue_limit, **_disk(self._slide_file.parent)}
 
     def run(self, job: Callable[[], Any], done: Callable[[concurrent.futures.Future[Any]], None]) -> None:
-        """Run slow work in another thread; `done` is called in the node's."""
+        """Run slow work in another thread; `done` is called in the thread of the node."""
         self._worker.submit(job, done)
 
     def _now(self) -> Any:
@@ -177,7 +177,7 @@ class NodeOutlet(WellOutlet):
 
 
 def _disk(folder: Path) -> dict[str, float]:
-    """One over the free GB on the disk of a folder; nothing where that cannot be asked, which the recorder names."""
+    """Return one over the free GB on the disk of a folder; empty where the recorder reports that the disk fails."""
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
     try:

@@ -253,7 +253,7 @@ class BagEstimate:
                 self._summary.warnings += [words] * (words not in self._summary.warnings)
 
     def _pass_gate(self, samples: BlockSamples) -> None:
-        """Take out what no sensor can read, before calibration and smoother spread it."""
+        """Replace values that no sensor can read by NaN, before calibration and smoother spread them."""
         topics, gate = self.topics, self._pipeline.gate
         passes = {topics.imu: gate.imu, topics.mag: gate.mag, topics.precision: gate.precision}
         for topic, take in {**passes, topics.temperature: gate.temperature}.items():

@@ -52,8 +52,9 @@ FIELDS = {
 }
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
-_AVERAGED, _AVERAGED_NS = 10, 5e7  # most samples, and time, of a mean in which gravity shows
-# A smaller mean is no gravity in m/s2, g or mg; the least of `units`, which a turning tool's mean keeps.
+_AVERAGED, _AVERAGED_NS = 10, 5e7  # most samples, and longest time, ns, of a mean that shows gravity
+# A smaller mean specific force is not gravity in any of the units m/s2, g and mg; the mean of a turning tool is larger.
+# The same limit as the lowest of `units`.
 _LEAST_GRAVITY = 0.3
 _SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as none
 
@@ -243,7 +244,7 @@ def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[s
 
 
 def refuse_wrong_unit(topics: Topics, faults: Sequence[SensorFault]) -> None:
-    """Raise OptionNeededError where the motion showed another unit to the end, with the option that says so."""
+    """Raise OptionNeededError where the motion still showed another unit at the end; the error names the option."""
     last = {fault.check: fault for fault in faults if fault.unit == Unit.CONVENTIONAL}
     for fault in last.values():
         if fault.code == FaultCode.UNIT and not fault.cleared_ns:
@@ -372,7 +373,7 @@ def _imu_of(bag: Bag) -> str:
 
 
 def _likely(bag: Bag, candidates: list[str]) -> list[str]:
-    """Return the topics that may be the IMU by their readings: not a half beside its other, none without gravity."""
+    """Return the topics whose readings may be an IMU, without accelerometer halves and topics without gravity."""
     first = {name: first_samples(bag, name) for name in candidates}
     whole = [name for name in candidates if kind_of(first[name]) != Kind.GYRO and not is_accelerometer(first[name])]
     if whole:

@@ -20,9 +20,9 @@ from mwd_sensors.core.arrays import Samples, Stamps
 _GYRO, _ACCEL = "angular_velocity", "linear_acceleration"
 # Share of the messages without a vector from which a topic is a half, and from which messages come in turns.
 _HALF, _IN_TURNS = 0.98, 0.05
-# Messages in turns change from one kind to the other at least so many times; a sensor that fails does so once.
+# Least number of changes between the two kinds of messages that come in turns; a sensor that fails changes once.
 _CHANGES = 8
-# No interpolation over a longer gap of the accelerometer than so many of its intervals, or than so long, ns.
+# Longest gap of the accelerometer that is interpolated: the larger of a number of its intervals and a time, ns.
 _INTERVALS, _SHORTEST_NS = 5, 100_000_000
 _RATED = 16  # intervals that its rate is told from
 
@@ -45,7 +45,7 @@ def kind_of(samples: Samples) -> Kind:
         return Kind.WHOLE
     if no_accel.mean() >= _HALF and no_gyro.mean() < _HALF:
         return Kind.GYRO
-    # A gyro that reads zero at rest is no half: the driver says so, or sends no single other number.
+    # Zero rates may be a gyro at rest: a half needs rates that the driver marks as not provided, or NaN throughout.
     if no_gyro.all() and not no_accel.any() and _stated_absent(samples, _GYRO):
         return Kind.ACCELEROMETER
     if among_readings(no_accel):
@@ -92,7 +92,7 @@ class Joiner:
     def push(
         self, gyro: tuple[Stamps, Samples] | None, accel: tuple[Stamps, Samples] | None = None
     ) -> tuple[Stamps, Samples] | None:
-        """Take (log_ns, samples) of a block and return those of whole samples; None where there is none."""
+        """Accept (log_ns, samples) of a block and return the complete samples; None if there are none."""
         if self._kind in (Kind.IN_TURNS, Kind.SOME_EMPTY) and gyro is not None:
             log_ns, samples = gyro
             no_accel = _without(samples, _ACCEL)
@@ -107,7 +107,7 @@ class Joiner:
         return self._joined(int(self._accel_ns[-1]) if len(self._accel_ns) else None)
 
     def finish(self) -> tuple[Stamps, Samples] | None:
-        """Return the samples that wait still, as far as their other half is known."""
+        """Return the remaining samples whose other half is known."""
         return self._joined(2**62)
 
     def _take_accel(self, samples: Samples) -> None:
@@ -142,7 +142,7 @@ class Joiner:
         outside = (stamps < known[before] - limit) | (stamps > known[after] + limit)
         samples[_ACCEL][outside | (known[after] - known[before] > limit)] = np.nan
         samples[f"{_ACCEL}_covariance"] = self._covariance
-        # A stated absence of the other half is no longer true.
+        # Clear the mark "not measured" of the covariance: the joined sample has both vectors.
         for vector in (_GYRO, _ACCEL):
             column = samples[f"{vector}_covariance"]
             column[column[:, 0] == -1.0] = 0.0

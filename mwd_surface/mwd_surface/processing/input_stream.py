@@ -256,7 +256,7 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Proble
         starts = np.flatnonzero(np.diff(numbers, prepend=numbers[0] - 1))
         counts = np.diff(starts, append=len(numbers))
         found = zip(numbers[starts].tolist(), np.minimum.reduceat(offset, starts).tolist(), counts, strict=True)
-        # The least late of a bin shows its clock; a few messages may all be late, or logged at no time.
+        # The message with the shortest delay in a bin shows the clock; a bin of a few messages may hold only late ones.
         offsets[name] = {number: value for number, value, count in found if count >= min(_FEW, len(numbers))}
     imu = offsets.pop(topics.imu, {})
     for name, found_offsets in offsets.items():
@@ -266,7 +266,7 @@ def _apart(topics: Topics, block: Block, without: frozenset[str]) -> list[Proble
                 side = "behind" if seconds > 0 else "ahead of"
                 sentence = (
                     f"the clock of {name} is {_duration(abs(seconds))} {side} that of {topics.imu}: their samples "
-                    "cannot be paired; the times of the recording can"
+                    "cannot be paired by these stamps, but by the times of recording"
                 )
                 return [Problem(sentence, ("stamps", "recording"))]
     return []

@@ -9,10 +9,10 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array, Stamps
 
-# A gap is longer than so many intervals, and than so long, s.
+# A gap is longer than this number of intervals, and longer than this time, s.
 _INTERVALS, _SHORTEST_S = 5.0, 0.1
-# Samples in a row whose mean interval is that of the stream, however they come in bursts; a step that is so many times
-# the mean interval begins a burst, and one of so many bursts is a gap.
+# Number of samples in a row whose mean interval is that of the stream, also where they come in bursts. A step above
+# this multiple of the usual interval begins a burst; a step above this multiple of the one between bursts is a gap.
 _RATED, _BURSTS = 64, 3.0
 # A clock off the recorder's by more is worth a word, s; a drift, as a share of time.
 _OFFSET_S, _DRIFT = 1.0, 1e-4

@@ -36,7 +36,7 @@ class AcceptedSurvey:
     azimuth: from the north of the well. azimuth_uncorrected: magnetic, before correction for interference, or None.
     source: what the azimuth is made of. overridden: in use on a person's word against the automatic verdict.
     remark: why the azimuth deserves doubt, in words; empty otherwise. assumption: what its depth and position rest on
-    beside measurements, in words; empty: nothing. assumed: names of the fields that do.
+    in addition to measurements, in words; empty: nothing. assumed: names of the fields that do.
     """
 
     sequence: int

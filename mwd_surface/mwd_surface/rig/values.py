@@ -266,7 +266,7 @@ def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigVa
             continue
         sigma = getattr(survey, f"sigma_{signal.field}") if signal.sigma else None
         condition, reason = whole, "in use on a person's word" if survey.overridden else ""
-        # Nobody's word makes a position sure that rests on an assumption.
+        # A position that rests on an assumption stays uncertain even if a person accepts the survey.
         if signal.field in survey.assumed:
             condition, reason = Condition.DOUBTFUL, f"assumed: {survey.assumption}"
         elif name == "survey_azimuth" and survey.remark and whole == Condition.GOOD:

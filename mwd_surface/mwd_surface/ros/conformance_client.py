@@ -24,7 +24,7 @@ _SEEN_S = 1.0  # a set-point that is taken or refused is seen in the state after
 
 class RosConformance:
     """
-    An authority on the graph under test, and the person beside it.
+    An authority on the graph under test, and the person at the rig.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class RosConformance:
         return self._states[-1][1]
 
     def view(self) -> View:
-        """Return what all can see, of a state that was sent after now."""
+        """Return the public state, from a message that was received after this call."""
         asked = time.monotonic()
         while self._states[-1][0] < asked and time.monotonic() < asked + _SEEN_S:
             time.sleep(0.01)

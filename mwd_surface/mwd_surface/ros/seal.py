@@ -25,7 +25,7 @@ _REMEDY = "see 'Who commands' in docs/rig/control.md"
 
 
 class SealError(ValueError):
-    """A message whose sender is not known; says why."""
+    """Message whose sender is not known; the text gives the reason."""
 
 
 def signed_bytes(name: str, count: int, sealed: Any) -> bytes:
@@ -106,7 +106,7 @@ class SealChecker:
         seal = message.seal
         key, signature = bytes(seal.key), bytes(seal.signature)
         if not any(signature):
-            raise SealError(f"seal: the message is not signed, so that nobody knows who sends; {_REMEDY}")
+            raise SealError(f"seal: the message is not signed, so its sender is unknown; {_REMEDY}")
         try:
             Ed25519PublicKey.from_public_bytes(key).verify(signature, signed_bytes(name, seal.count, message))
         except (InvalidSignature, ValueError) as error:

@@ -71,7 +71,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 }
 
 
-# What comes from the tool or tells of it; a surface that hears the tool through a link does not subscribe to it.
+# Topics of the tool; a surface that hears the tool through a telemetry link does not subscribe to them.
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
     *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "innovations", "survey"),

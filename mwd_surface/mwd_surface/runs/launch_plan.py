@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mwd_sensors.simulator.scenario import Scenario
 
 FIRST_PORT = 8080
-TIE_ON = "leg.tie_on_"  # how the parameters of the surface begin that tie a path on
+TIE_ON = "leg.tie_on_"  # prefix of the tie-on parameters of the surface
 WELL = ("surface", "estimator", "sonde")  # nodes that `mwd node well` runs in one process
 # How the middleware is set up for streams; a profile of the caller's own comes first.
 MIDDLEWARE = Path(__file__).with_name("fastdds.xml")
@@ -106,7 +106,7 @@ def tie_on_parameters(scenario: Scenario) -> dict[str, Any]:
     """
     Parameters of the surface that tie the path to the true hole: to its point one stand above the sensor at the start.
 
-    A run before this one would have taken its last survey about there. The azimuth is from true north.
+    The last survey of an earlier run would lie about there. The azimuth is from true north.
     """
     import numpy as np
 

@@ -40,7 +40,8 @@ from mwd_surface.trajectory.slide_sheet import SlideRules
 
 _LINK_ATTITUDE = "link/attitude"
 _STEP_S = 5.0  # of the recording that are read at a time
-# What the surface says stood on its page before it was recorded: it hears itself through the middleware.
+# The page showed a message of the surface this long before it was recorded, because the recorder gets the message
+# through the middleware.
 _SAID_BEFORE_NS = 2 * CELL_NS
 
 

@@ -67,7 +67,9 @@ def survey_list(
     remarks = list(stations.remarks)
     north = stations.north or (well or Well()).north_reference
     if not stations.north:
-        text = f"{stations.name} does not say which north its azimuths are from: taken as {north}; --north says it"
+        text = (
+            f"{stations.name} does not say from which north its azimuths are: {north} is assumed; state it with --north"
+        )
         remarks.append(Remark(RemarkKind.NORTH_ASSUMED, text))
     well = dataclasses.replace(well or Well(), north_reference=north)
     code = tool_code(stations)

@@ -308,7 +308,7 @@ class SurveyList:
         return changed._with(self.records)
 
     def along(self, plan: Plan | None) -> SurveyList:
-        """Return the same stations beside another plan, or none."""
+        """Return the same stations with another plan, or without a plan."""
         return self if plan == self.plan else dataclasses.replace(self, plan=plan)._with(self.records)
 
     def to_mapping(self) -> dict[str, Any]:

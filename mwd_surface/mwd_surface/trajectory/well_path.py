@@ -29,7 +29,7 @@ class Definitive:
     dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above. kind: `TIE_ON`, `ASSUMED` (a
     tie-on that nobody gave: the hole from it to the next station is assumed too), `SURVEY` or `PROJECTED`. sequence: of
     the survey, 0 for the other kinds. north: what azimuth and positions refer to. section_azimuth: of the vertical
-    section, rad. assumptions: what the coordinates of every station rest on beside measurements; empty: nothing.
+    section, rad. assumptions: what the coordinates of every station rest on in addition to measurements.
     """
 
     leg: str

@@ -309,7 +309,7 @@ def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> tup
         declination=math.degrees(reference.declination),
         convergence=0.0,
         azi_reference="true",
-        # No station is vertical for the library: see the head of this file.
+        # Pass no vertical station to the library: see the docstring of this file.
         vertical_inc_limit=0.0,
     )
     try:

@@ -118,7 +118,7 @@ def test_a_file_that_cannot_be_used_is_told_in_a_sentence(tmp_path, text, words)
 
 
 def test_a_list_that_begins_at_depth_is_compared_with_the_hole_above_as_mwd_path_adds_it(tmp_path):
-    """300 m of hole without stations beside the well: the same factor as with the vertical rows written out."""
+    """300 m of hole without stations next to the well: the same factor as with the vertical rows written out."""
     listed(tmp_path)
     rows = [f"{30 * k},0.0,79" for k in range(11)] + [f"{300 + 30 * k},{3.0 * k},259" for k in range(1, 12)]
     for name, kept in (("whole", rows), ("cut", rows[10:])):
@@ -129,7 +129,7 @@ def test_a_list_that_begins_at_depth_is_compared_with_the_hole_above_as_mwd_path
     path = written(tmp_path, text)
     found, remarks = clearances(drilled(), read_offset_wells(path))
     whole, cut = (next(one for one in found if one.name == name) for name in ("whole", "cut"))
-    # An assumed hole is known no better than a surveyed one.
+    # The position of an assumed hole is not more certain than that of a surveyed one.
     assert cut.factor[cut.least] <= whole.factor[whole.least] + 0.01
     assert [one.kind for one in remarks if "cut" in one.text] == [RemarkKind.HOLE_ABOVE_ASSUMED]
     read = survey_list(read_list(tmp_path / "cut.csv")).definitive()

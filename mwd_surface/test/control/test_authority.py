@@ -59,7 +59,7 @@ def test_nobody_but_the_sender_of_its_request_uses_a_lease_or_the_name(other):
     turn = SetPoint(Mode.ROTATE, lease, 1, rotary_speed=5.0)
     for point in (turn, SetPoint(Mode.HOLD, lease, 0), SetPoint(Mode.RELEASE, lease, 9)):
         taken, why = command(authority, point, 0.1, **other)
-        assert (taken, why) == (False, f"lease {lease} is controller's, who alone commands under it")
+        assert (taken, why) == (False, f"lease {lease} belongs to controller; only controller can command under it")
     thief = Sender(other.get("interface", "graph"), other.get("name", "controller"))
     assert not authority.release(lease, 0.1, thief)[0]
     for priority in (0, 255):
@@ -731,7 +731,7 @@ class AnyController(RuleBasedStateMachine):
         expected = {Reaction.HOLD: Mode.HOLD, Reaction.RELEASE: Mode.RELEASE}.get(reaction, before.mode)
         assert after.mode in (Mode.RELEASE, expected)
         assert after.flow_rate is None
-        # Nothing of a lease that is over, unless a person has declared that it goes on.
+        # No set-point of an ended lease is in force, unless a person has declared that it goes on.
         assert kept or {point.mode for point in sent} <= {Mode.HOLD, Mode.RELEASE}
 
     def check_sent(self, point):

@@ -180,7 +180,7 @@ def test_a_path_without_a_tie_on_raises_an_alarm_until_one_is_given_and_the_plan
     assert (path.first_is_assumed, path.assumptions) == (False, [])
     assert list_of(sent, well).plan == plan
     assert listed.definitive().section_azimuth == plan.section_azimuth
-    # Of a section azimuth that is set the plan says nothing.
+    # The plan does not change a section azimuth that is set.
     listed.change_settings(dataclasses.replace(well, section_azimuth_deg=75.0), ListRules(), LegSettings(), plan)
     assert math.degrees(listed.definitive().section_azimuth) == pytest.approx(75.0)
     assert listed.surveys.plan == plan

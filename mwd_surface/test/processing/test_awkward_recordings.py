@@ -298,7 +298,7 @@ def test_what_inspect_promises_is_what_process_does(name, sent, tmp_path):
         # Without the options that inspect found, process refuses and names them.
         with pytest.raises(ValueError, match=" ".join(options)):
             run("process", str(path), "-o", str(tmp_path / "without"), *awkward.PLACE)
-        # The viewer has no such options, and says what has.
+        # The viewer does not have these options; its message names `mwd process`, which does.
         with pytest.raises(ValueError, match=f"{' '.join(options)} to `mwd process"):
             run("view", str(path))
     run(*words[1:])

@@ -162,7 +162,10 @@ def test_an_opcua_lease_is_of_its_session_and_its_certificate(tmp_path):
                 assert (await ask(thief, "autodriller", 255))[1] == 0
                 for sequence in (0, 2):
                     done, why = await point(thief, lease, sequence)
-                    assert (done, why) == (False, f"lease {lease} is autodriller's, who alone commands under it")
+                    assert (done, why) == (
+                        False,
+                        f"lease {lease} belongs to autodriller; only autodriller can command under it",
+                    )
                 assert not (await thief("release_control", ua.Variant(lease, kinds.UInt32), ""))[0]
             assert not (await point(owner, lease, 1))[0]
             assert (await point(owner, lease, 2))[0]

@@ -41,7 +41,7 @@ def shot(sequence, inc_deg=10.0, azi_deg=40.0, **changes):
     return Survey(**{**values, **changes})
 
 
-VERTICAL = (Leg(tie_on=TieOn.given(0.0, 0.0, 0.0)),)  # somebody says that the hole above is vertical
+VERTICAL = (Leg(tie_on=TieOn.given(0.0, 0.0, 0.0)),)  # a person confirms that the hole above is vertical
 
 
 def filled(*stations, **kwargs):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a list prints as azimuth at inclination 0 changes no projection, rate, section, offset, advice or comparison."""
+"""The azimuth of a list at inclination 0 changes no projection, rate, section, offset, advice or comparison."""
 
 import math
 

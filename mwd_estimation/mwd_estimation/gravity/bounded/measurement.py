@@ -85,7 +85,7 @@ def tilt_sensitivity(s: Record, axis: int) -> tuple[float, float]:
     Return how the displacement along a tool axis depends on the two tilts, m.
 
     A tilt moves the sensor as far as it is away from the point that stays: by the lever arm. The position as it is
-    carried would not do in its place, because its noise would count as knowledge of the tilt.
+    carried would not do in its place, because its noise would be counted as information about the tilt.
     """
     C, lx, ly, lz = s.C, 0.0, 0.0, 0.0
     if axis == 0:

@@ -27,7 +27,7 @@ export function showWell(well) {
   const total = {
     grid: declination === null || convergence === null ? null : declination - convergence, true: declination, magnetic: 0,
   }[well.north_reference];
-  // What nobody has given is assumed, and says so.
+  // A value that was not given is assumed, and marked as assumed.
   const assumed = well.given ? "" : " (assumed)";
   setText(byId("datum"), [
     well.depth_datum ? `Depth from ${well.depth_datum}${assumed}` : "Depth from a datum not given",
@@ -133,7 +133,7 @@ export function notEvaluated(alarms) {
 export function showAlarmStrip({ alarms }, now) {
   if (!alarms) return;
   const rows = alarms.rows.filter((a) => a.active || !a.acknowledged);
-  // Nobody looked for the cause of an alarm that is not evaluated: its absence says nothing.
+  // The cause of an alarm that is not evaluated was not looked for, so its absence means nothing.
   const unknown = notEvaluated(alarms);
   const [worst] = [...rows].sort((a, b) => a.acknowledged - b.acknowledged || b.severity - a.severity || b.raised_ns - a.raised_ns);
   const strip = byId("alarm");

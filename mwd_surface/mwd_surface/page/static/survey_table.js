@@ -18,7 +18,7 @@ const each = (row) => row.verdicts.every((word) => word === "accept") ? null : e
 // What the estimator says of it now that it knows later surveys; the first value stays.
 const revised = (row) => !row.revised ? null : pill(REVISED[row.revised] || "info", `later: ${row.revised}`);
 
-// What depths and positions rest on beside measurements; null: nothing.
+// Assumptions behind depths and positions; null: none.
 export const assumedNote = (path) => !path?.assumptions.length ? null : el("p", { class: "assumed-note" },
   pill("doubtful", "coordinates assumed"), ` ${path.assumptions.join("; ")}`);
 

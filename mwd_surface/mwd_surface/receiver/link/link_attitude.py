@@ -126,7 +126,8 @@ class LinkAttitude:
     in_slips : bool
         Whether it hangs in the slips.
     speed : float or None
-        Of the string along the hole, m/s; None: not known, the tool is taken to turn with the top drive at once.
+        Speed of the string along the hole, m/s; None where unknown: the tool is then assumed to follow the top drive
+        without delay.
     """
 
     def __init__(self, rules: AgeRules) -> None:
@@ -226,7 +227,7 @@ class LinkAttitude:
         return max(found, key=lambda one: one.start_s) if found else None
 
     def _motion(self) -> Status:
-        """What the rig says of the string: no word says it. Without progress along the hole nothing slides."""
+        """Return the motion of the string from rig data: no word carries it. Without progress it does not slide."""
         if self.rotating:
             return Status.ROTATING
         if self.in_slips:

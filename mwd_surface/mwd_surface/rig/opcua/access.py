@@ -120,7 +120,7 @@ class Access:
         """
         Return the user of a session, by the certificate of its channel; None refuses it.
 
-        Its name is the identity of session and certificate: asyncua asks once for each activation.
+        Its name identifies session and certificate, because asyncua calls this once for each activation.
         """
         rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
         if not certificate:

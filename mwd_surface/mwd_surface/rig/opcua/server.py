@@ -247,7 +247,7 @@ class OpcuaServer(LoopInterface):
             arguments = {key: argument.Value for key, argument in zip(names, given, strict=True)}
             if any(value is None for value in arguments.values()):
                 return ua.StatusCode(ua.StatusCodes.BadInvalidArgument)
-            # In a thread: the node may take its time.
+            # Call the node in a thread, because its answer may take long.
             results = await asyncio.to_thread(method.call, arguments, self._access.identity)
             return [ua.Variant(value, kind) for value, kind in zip(results, kinds, strict=True)]
 

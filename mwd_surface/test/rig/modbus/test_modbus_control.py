@@ -172,7 +172,7 @@ def test_a_lease_is_of_its_connection_and_its_number_opens_nothing_to_another():
         assert other.rotate(lease, 2) == refused
         assert other.rotate(lease, 0) == refused
         assert other.write(REQUEST, 2, 1, 0, 0) == refused
-        # The owner itself repeats no number, and is no other master.
+        # The owner repeats no number, and is not another master.
         assert owner.rotate(lease, 1) == refused
         assert owner.ask_for_control(2) is None
         assert owner.rotate(lease, 0)[0] == WRITE
