@@ -124,7 +124,9 @@ def control(now):
     lease = authority.request(Request(sender, "modbus 5", priority=9), now).lease
     authority.command(SetPoint(Mode.PUMP, lease, 1, flow_rate=0.03), now, sender)
     authority.command(SetPoint(Mode.ROTATE, lease, 2, rotary_speed=2.0), now, sender)
-    sent = authority.update(now + 1.9)
+    # The ramp makes up for no more than its longest step at a time.
+    for later in (0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 1.9):
+        sent = authority.update(now + later)
     authority.on_acknowledge(lease, sent[0].sequence, True, "")
     return authority.status(now)
 

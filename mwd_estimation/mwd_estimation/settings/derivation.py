@@ -323,8 +323,11 @@ def assembly(tool: Tool) -> Assembly | None:
         return None
     if tool.sag_correction_deg != 0.0:
         raise SettingsError("tool.sag_correction_deg: must be 0 beside tool.assembly_file, whose sag is computed")
-    with contents_hidden(tool.assembly_file, "`mwd sag`"):
-        return read_assembly(Path(tool.assembly_file))
+    try:
+        with contents_hidden(tool.assembly_file, "`mwd sag`"):
+            return read_assembly(Path(tool.assembly_file))
+    except SettingsError as error:
+        raise SettingsError(f"tool.assembly_file: {error}") from None
 
 
 def sag_correction(tool: Tool) -> SagCorrection:

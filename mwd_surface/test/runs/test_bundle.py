@@ -54,14 +54,14 @@ def test_the_bundle_has_versions_logs_settings_and_the_end_of_the_recording(run,
 
 def test_a_file_that_goes_while_it_is_packed_is_named_and_the_rest_is_there(run, tmp_path, monkeypatch):
     (run / "logs" / "going.log").write_text("soon gone\n")
-    read = bundle.Path.read_bytes
+    opened = bundle.Path.open
 
-    def reading(path):
+    def opening(path, *args, **keywords):
         if path.name == "going.log":
             path.unlink()
-        return read(path)
+        return opened(path, *args, **keywords)
 
-    monkeypatch.setattr(bundle.Path, "read_bytes", reading)
+    monkeypatch.setattr(bundle.Path, "open", opening)
     made = bundle.write(run, tmp_path / "bundle.zip", 2.0, "mwd 1", {})
     assert "run/logs/surface.log" in made.names
     assert "run/logs/going.log" not in made.names

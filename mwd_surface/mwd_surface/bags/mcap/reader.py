@@ -255,10 +255,22 @@ class McapFile:
     def _has_wrong_length(self, at: int, length: int) -> bool:
         """Whether no record begins behind one of this length, but would with one bit of the length changed."""
         after = at + PREFIX
-        if self._begins_records(after + length, first=False, cut_off=False):
+        if self.read(at, 1)[0] == Opcode.FOOTER or self._begins_records(after + length, first=False, cut_off=False):
+            return False
+        # The wrong bit may be in the length of the next record just as well: then this one is intact.
+        return not self._follows_with_wrong_bit(after + length) and self._follows_with_wrong_bit(at)
+
+    def _follows_with_wrong_bit(self, at: int) -> bool:
+        """Whether a record here is followed by others once one bit of its length is changed."""
+        if not 0 <= at <= self.size - PREFIX:
+            return False
+        prefix, after = self.read(at, PREFIX), at + PREFIX
+        opcode, length = prefix[0], int.from_bytes(prefix[1:], "little")
+        if not 0 < opcode <= Opcode.DATA_END:
             return False
         changed = (length ^ 1 << bit for bit in range(self.size.bit_length()))
-        return any(self._begins_records(after + other) for other in changed if other <= self.size - after)
+        likely = (other for other in changed if _SHORTEST.get(opcode, 0) <= other <= self.size - after)
+        return any(self._begins_records(after + other) for other in likely)
 
     def _resume(self, at: int) -> int:
         """Where reading can go on after damage at `at`: at the next record, else at the first found."""
@@ -293,11 +305,12 @@ class McapFile:
         first : whether nothing else speaks for a record here: then it must be whole, and a message, a chunk with its
         head, or followed by another record. cut_off : whether the last may reach beyond the end of a file without end.
         """
-        cut_off = cut_off and self._cut_off
+        cut_off, behind = cut_off and self._cut_off, 0
+        end = self.size if self._cut_off else self.size - len(MAGIC)
         for step in range(_FOLLOWING):
             sure = first and step == 0
-            if at == self.size or (at == self.size - len(MAGIC) and not self._cut_off):
-                return not (sure and self._cut_off)
+            if at == end:
+                return not sure if self._cut_off else behind == Opcode.FOOTER
             try:
                 prefix = self.read(at, min(PREFIX, max(self.size - at, 0)))
                 opcode, length = prefix[0], int.from_bytes(prefix[1:], "little")
@@ -317,7 +330,7 @@ class McapFile:
                 return False
             if length > self.size - at - PREFIX:
                 return cut_off and length <= MAX_CHUNK_BYTES and not sure
-            at += PREFIX + length
+            at, behind = at + PREFIX + length, opcode
         return True
 
     def _summary(self) -> Contents | None:
