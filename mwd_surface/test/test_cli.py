@@ -264,7 +264,7 @@ def test_a_gyro_list_becomes_a_path_and_every_export_of_it_gives_the_same_path(t
 @pytest.mark.slow
 def test_a_list_that_cannot_be_used_is_refused_in_one_sentence(tmp_path):
     (tmp_path / "list.csv").write_text("Depth,Inc,Azi true\n0,0,0\n100,1,2\n")
-    refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out"), "md has no unit", "--length-unit")
+    refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out"), "has no unit", "--length-unit")
     wrong = ("--set", "place.height_m=100")
     refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", *wrong, "--length-unit", "m"), "needs a place")
     refused(mwd("path", tmp_path / "list.csv", "-o", tmp_path / "out", "--length-unit", "m", "--code", "MWD"), "MWD+")
@@ -327,7 +327,8 @@ def test_an_older_recording_takes_the_older_field_model(tmp_path):
 @pytest.mark.slow
 def test_a_recording_with_former_parameters_is_processed_as_it_was_recorded(tmp_path, monkeypatch):
     sigmas = {"place.sigma_total_nt": 60.0, "place.sigma_dip_deg": 0.11, "place.sigma_declination_deg": 0.15}
-    certificate = {"place.field": "fixed", "place.total_nt": 50000.0, "place.source": "IFR1", **sigmas}
+    field = {"place.field": "fixed", "place.total_nt": 50000.0, "place.dip_deg": 72.0}
+    certificate = {**field, "place.source": "IFR1", **sigmas}
     monkeypatch.setattr(launch_plan, "reference_parameters", lambda _scenario: certificate)
     simulate.record(parse("{name: former, schedule: [{kind: still, seconds: 2.0}]}"), tmp_path / "bag")
     done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out")

@@ -24,7 +24,9 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 TOKEN = "look-twice-first"  # noqa: S105
 # The recorder measures itself a moment before it says so; a path to the bit is drawn anew for each 0.1 m of hole.
-EXCEPT = ("recorder.", "links.recorder.")
+# Means over depth and the begin of a slide depend on every message, and the node and its recorder may not get the same
+# ones while they start.
+EXCEPT = ("recorder.", "links.recorder.", "depth_log", "steering.rows")
 WITHIN_S = 0.11  # two cells: the surface gets its own messages through the middleware
 RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10")}
 SECONDS = 30.0

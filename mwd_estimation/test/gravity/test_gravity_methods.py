@@ -76,7 +76,7 @@ def test_one_sample_at_a_time_is_the_block(name):
 
 @pytest.mark.fault_case(1, 3)
 @every_method
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e30])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_a_value_that_is_no_measurement_is_rejected_and_flagged_and_changes_nothing(name, bad):
     method = gravity.method(name)
     params = method.Params()

@@ -83,7 +83,11 @@ class NodeOutlet(WellOutlet):
     def tell(self, text: str, severity: Severity) -> None:
         """Write an event or an alarm into the log of the process."""
         logger = self._node.get_logger()
-        (logger.error if severity == Severity.CRITICAL else logger.info)(text)
+        # rclpy holds each line of code to one severity.
+        if severity == Severity.CRITICAL:
+            logger.error(text)
+        else:
+            logger.info(text)
 
     def warn(self, text: str) -> None:
         """Write a warning into the log of the process, at most one in ten seconds."""
