@@ -153,7 +153,9 @@ def test_a_person_sees_who_asks_for_control_and_grants_it_and_takes_it_back(brow
         authority.judge(Judgement.GRANT, "A. Berg", 0.0, number=lease)
         authority.command(SetPoint(Mode.ROTATE, lease, 1, rotary_speed=math.pi), 0.0, sender)
         authority.on_rig(Achieved(speed=math.pi, torque=8000.0), 0.0)
-        authority.update(1.9)
+        # The ramp makes up for no more than its longest step at a time.
+        for step in range(1, 11):
+            authority.update(0.19 * step)
         rig.state.on_control(authority.status(1.9), time.monotonic())
         rig.push()
         wait(browser, lambda: "toolface hold has control" in text(browser, "#tab-steering"))

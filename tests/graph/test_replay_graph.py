@@ -34,10 +34,16 @@ SEEK = (
     + """
 import sys
 from mwd_msgs.srv import SeekReplay
-rclpy.init(); node = rclpy.create_node("talk")
+from rclpy.qos import qos_profile_sensor_data
+from sensor_msgs.msg import Imu
+rclpy.init(); node = rclpy.create_node("talk"); heard = []
+node.create_subscription(Imu, "/w1/imu/data_raw", heard.append, qos_profile_sensor_data)
 for offset in sys.argv[1:]:
     answer = call(node, SeekReplay, "/replay/seek", offset=float(offset))
     assert answer.success, answer.message
+    # Something is published from there before the next seek.
+    heard.clear()
+    while len(heard) < 20: rclpy.spin_once(node, timeout_sec=1.0)
 """
 )
 TOPICS = ("imu/mag", "gyro/data_raw", "imu/temperature", "imu/data_raw")
