@@ -14,20 +14,12 @@ import pytest
 
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.live.said import SAID
-from mwd_surface.page.state_json import StateJson
-from mwd_surface.runs.player import Player, named_plan, namespace_of
-from mwd_surface.trajectory.plan_file import read_plan
-from page_states import differences
+from mwd_surface.runs.player import Player, namespace_of
 from running_graph import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 TOKEN = "look-twice-first"  # noqa: S105
-# The recorder measures itself a moment before it says so; a path to the bit is drawn anew for each 0.1 m of hole.
-# Means over depth and the begin of a slide depend on every message, and the node and its recorder may not get the same
-# ones while they start.
-EXCEPT = ("recorder.", "links.recorder.", "depth_log", "steering.rows")
-WITHIN_S = 0.11  # two cells: the surface gets its own messages through the middleware
 RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10")}
 SECONDS = 30.0
 
@@ -84,31 +76,6 @@ def run(request, tmp_path_factory):
         graph.wait(120)
     (bag,) = (folder / "out/well_1/bags").glob("well_1_*")
     return bag, states
-
-
-def test_the_viewer_shows_what_the_page_showed(run):
-    path, states = run
-    compared, differing = 0, {}
-    with Bag(path) as bag:
-        named = named_plan(bag)
-        player = Player(bag, namespace_of(bag), plan=named and read_plan(named))
-        page = StateJson(player.well.live.settings)
-        for state in states:
-            at = told(state)
-            at_s = -1.0 if at is None else at - player.well.clock.seconds(bag.start_ns)
-            if not 2.0 <= at_s <= player.length_s:
-                continue
-            player.seek(at_s)
-            viewed = page.snapshot(player.state())
-            compared += 1
-            for one in differences(state["sections"], viewed["sections"], within_s=WITHIN_S, except_for=EXCEPT):
-                differing.setdefault(re.sub(r"\[\d+\]", "[]", one.partition(":")[0]), []).append((round(at_s, 2), one))
-        assert compared >= 15
-        # What changes within the two cells between a state and what the surface says of it differs at single moments.
-        often = {name: found for name, found in differing.items() if len(found) > 0.15 * compared}
-        assert not often, f"{compared} compared; {often}"
-        events = [row["text"] for row in viewed["sections"]["events"]["rows"]]
-        assert any(text.endswith("by Ann") and text.startswith("bit depth") for text in events)
 
 
 # Alarms of the machine that recorded, which are in a recording only as the surface said them.
