@@ -9,14 +9,11 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-import yaml
 from rich.console import Console
 
 from mwd_estimation.core.reasons import Reason, ReasonCode
-from mwd_sensors.simulator.scenario import parse
 from mwd_surface import cli
 from mwd_surface.commands.survey_table import show_surveys
-from mwd_surface.runs import launch_plan, simulate
 from project import REFERENCE_DATA
 
 VOLVE = REFERENCE_DATA / "volve" / "volve_F5_raw_sixaxis.csv"
@@ -322,24 +319,6 @@ def test_an_older_recording_takes_the_older_field_model(tmp_path):
     assert done.returncode == 0
     assert "IGRF" in done.stdout
     assert "outside wmm2025" in done.stderr
-
-
-@pytest.mark.slow
-def test_a_recording_with_former_parameters_is_processed_as_it_was_recorded(tmp_path, monkeypatch):
-    sigmas = {"place.sigma_total_nt": 60.0, "place.sigma_dip_deg": 0.11, "place.sigma_declination_deg": 0.15}
-    field = {"place.field": "fixed", "place.total_nt": 50000.0, "place.dip_deg": 72.0}
-    certificate = {**field, "place.source": "IFR1", **sigmas}
-    monkeypatch.setattr(launch_plan, "reference_parameters", lambda _scenario: certificate)
-    simulate.record(parse("{name: former, schedule: [{kind: still, seconds: 2.0}]}"), tmp_path / "bag")
-    done = mwd("process", tmp_path / "bag", "-o", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    assert "of the recording is not used" not in done.stderr
-    place = yaml.safe_load((tmp_path / "out" / "config.yaml").read_text())["place"]
-    assert (place["source"], place["source_sigmas"]) == ("IFR1", [60.0, 0.11, 0.15])
-    refused(
-        mwd("process", tmp_path / "bag", "-o", tmp_path / "other", "--set", "place.sigma_dip_deg=0.2"),
-        "place.source_sigmas",
-    )
 
 
 @pytest.mark.slow

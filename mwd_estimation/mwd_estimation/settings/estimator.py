@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from mwd_estimation.downhole.settings import Transmit
 from mwd_estimation.gravity import methods as gravity
-from mwd_estimation.settings.former import FORMER
 from mwd_estimation.settings.gravity import EXPERT, NoExpert
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool
@@ -114,8 +113,6 @@ class Dynamics:
 @dataclasses.dataclass(frozen=True)
 class EstimatorSettings:
     """Everything that can be set about the estimator."""
-
-    FORMER: ClassVar[Mapping[str, str]] = FORMER
 
     tool: Tool = setting(Tool, "The tool: sensors, calibration and alignment")
     place: Place = setting(Place, "The place of the well, its magnetic field and gravity")

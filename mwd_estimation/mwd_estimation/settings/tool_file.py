@@ -9,14 +9,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mwd_estimation.settings.former import former
-from mwd_estimation.settings.tool import PrecisionGyro, PrecisionUnit, Tool
+from mwd_estimation.settings.tool import PrecisionUnit, Tool
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
 TUMBLE_MRAD = 0.1  # what a tumble calibration leaves of the directions of the axes
-# What the blocks are called in the settings of the estimator.
-_BLOCKS = {PrecisionUnit: "tool.precision", PrecisionGyro: "tool.precision.gyro", Tool: "tool"}
 # Terms of a grade that a simulated sensor has and that some blocks here do not use.
 _SIMULATED_ONLY = {
     "": "name source temperature_c calibrated_at_c adc_hz gyro accelerometer magnetometer",
@@ -66,6 +63,5 @@ def used(table: Mapping[str, Any], unit: type[Any], where: str = "") -> dict[str
             block = dataclasses.is_dataclass(hints[name]) and isinstance(value, Mapping)
             kept[name] = used(value, hints[name], name) if block else value
         elif name not in simulated:
-            before = former(_BLOCKS.get(unit, f"tool.{where}"))
-            raise SettingsError(unknown_key(str(name), sorted(known | simulated), where, before))
+            raise SettingsError(unknown_key(str(name), sorted(known | simulated), where))
     return kept

@@ -10,16 +10,13 @@ import yaml
 
 from mwd_estimation.core.error_model import SensorErrors
 from mwd_estimation.gravity import methods
-from mwd_estimation.gyrocompass import seek_refusal
 from mwd_estimation.gyrocompass.seek_params import TACTICAL
 from mwd_estimation.settings import derivation, tool_file
 from mwd_estimation.settings.estimator import EstimatorSettings, Gravity
-from mwd_estimation.settings.former import CONSTANT, MERGED
 from mwd_estimation.settings.place import Place, reference_of
 from mwd_estimation.settings.tool import PrecisionUnit, Tool
-from mwd_estimation.survey import static_survey
-from mwd_sensors.core import earth, wire
-from mwd_sensors.core.constants import DEG_PER_HOUR, STANDARD_GRAVITY
+from mwd_sensors.core import earth
+from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import SettingsError, changed, flat, from_mapping
 
 START = 1_772_323_200 * 10**9  # 2026-03-01
@@ -162,108 +159,6 @@ def test_only_the_parameters_of_the_selected_gravity_method_are_there():
     assert not experts(EstimatorSettings())
     with pytest.raises(SettingsError, match=r"gravity\.expert\.k_p: no such setting"):
         changed(EstimatorSettings(), {"gravity.expert.k_p": 0.2})
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("reference.lat_deg", "place.lat_deg"),
-        ("method", "gravity.method"),
-        ("station.north", "survey.north"),
-        ("gyro.bias_deg_h", "tool.precision.gyro.bias_deg_h"),
-        ("health.gyro_range_deg_s", "tool.gyro.range_deg_s"),
-        ("azimuth.mag_lag_s", "tool.magnetometer.delay_s"),
-        ("bounded.gyro_range", "gravity.expert and tool"),
-        ("fusion.disagreement_sigmas", "fusion is now verdict"),
-        ("verdict.unconfirmed", "a gyro that cannot confirm is no reason to doubt"),
-        ("survey.azimuth_method", "decided by the posterior of the azimuth"),
-        ("survey.rotary_s", "a constant (30.0)"),
-        ("survey.max_rate", "survey.max_rate is now survey.motion"),
-        ("tool.sag_deg", "derived: 0.2 deg, or 0.08"),
-        ("tool.gyro.delay_ms", "a constant (0.5)"),
-        ("tool.calibrated_low_c", "tool.calibrated_c"),
-        ("tool.possible_axial_nt", "derived: nine times tool.axial_interference_nt"),
-        ("gravity.expert.max_bridged_gap_s", "a constant (10.0)"),
-        ("gravity.expert.axial_speed", "a constant (1.0)"),
-        ("place.model", "place.field"),
-        ("place.sigma_dip_deg", "place.source_sigmas"),
-        ("verdict.field_limit_nt", "verdict.custom_limits"),
-        ("tool.mount.frame", "a constant (sonde_link)"),
-        ("tool.precision.gyro.scale_ppm", "a constant (500.0)"),
-        ("transmit.rotation_switching", "transmit.rotation_switching_s"),
-        ("health.watch", "always on"),
-        ("transmit.flow_threshold_lpm", "flow_threshold_lpm of the tool configuration"),
-    ],
-)
-def test_a_former_name_is_refused_and_the_new_one_named(old, new):
-    with pytest.raises(SettingsError) as refused:
-        changed(EstimatorSettings(), {old: 1.0})
-    assert new in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("table", "now"),
-    [
-        ({"reference": {"lat_deg": 50.0}}, "reference is now place"),
-        ({"tool": {"lever_m": 0.05}}, "lever_m is now a constant"),
-        ({"tool": {"precision": {"gyro": {"ramp_per_h": 0.1}}}}, "ramp_per_h is now a constant"),
-        ({"tool": {"precision": {"accelerometer": {"bias_ug": 50.0}}}}, "accelerometer is now two constants"),
-        ({"verdict": {"magnetised_string": 0.1}}, "tool.axial_interference_nt"),
-        ({"transmit": {"continuous_s": 5.0}}, "continuous_s is now a constant"),
-        ({"attitude": {"smoothing_s": 2.0}}, "smoothing_s is now a constant"),
-        ({"gravity": {"expert": {"max_bridged_gap_s": 5.0}}}, "max_bridged_gap_s is now a constant"),
-        ({"place": {"model": "igrf"}}, "model is now place.field"),
-        ({"verdict": {"dip_limit_deg": 0.4}}, "dip_limit_deg is now verdict.custom_limits"),
-        ({"tool": {"mount": {"frame": "mwd"}}}, "frame is now a constant"),
-        ({"transmit": {"rotation_hold_s": 5.0}}, "rotation_hold_s is now transmit.rotation_switching_s"),
-        ({"health": {"watch": False}}, "health is now always on"),
-    ],
-)
-def test_a_former_name_in_a_file_is_refused_and_what_took_its_place_named(table, now):
-    with pytest.raises(SettingsError, match=now):
-        from_mapping(EstimatorSettings, table)
-
-
-def test_a_former_name_in_a_tool_file_is_refused_and_what_took_its_place_named(tmp_path):
-    file = tmp_path / "tool.yaml"
-    file.write_text("sag_deg: 0.1")
-    with pytest.raises(SettingsError, match=r"sag_deg is now derived"):
-        tool_file.from_file(file)
-
-
-def test_constants_are_what_the_filters_have_and_no_parameters():
-    assert not set(CONSTANT) & set(flat(EstimatorSettings()))
-    usual, errors = derivation.gyro_azimuth_params(EstimatorSettings()), SensorErrors()
-    seek = derivation.gyrocompass_params(EstimatorSettings())
-    station = derivation.station_params(EstimatorSettings())
-    assert {name: value for name, value in CONSTANT.items() if name.startswith(("tool", "verdict", "survey.max"))} == {
-        "tool.gyro.walk_deg_h_sqrt_h": pytest.approx(usual.units[0].walk * 60.0 / DEG_PER_HOUR),
-        "tool.gyro.scale_ppm": derivation.north_params(EstimatorSettings()).x_scale_ppm,
-        "tool.gyro.delay_ms": pytest.approx(1e3 * usual.units[0].lag),
-        "tool.precision.gyro.ramp_per_h": seek.gyro_ramp_deg_h2 / seek.gyro_bias_deg_h,
-        "tool.precision.gyro.delay_ms": pytest.approx(1e3 * usual.units[1].lag),
-        "tool.precision.accelerometer.noise_ug_sqrt_hz": seek.accel_noise_ug_rthz,
-        "tool.precision.accelerometer.bias_ug": seek.accel_bias_ug,
-        "tool.lever_m": derivation.gravity_params(EstimatorSettings(), None).lever_sigma,
-        "tool.misalignment_deg": errors.misalignment_deg,
-        "tool.course_misalignment_deg": errors.course_misalignment_deg,
-        "tool.sag_deg": errors.sag_deg,
-        "tool.possible_axial_nt": round(1e9 * derivation.interference_params(EstimatorSettings()).axial, 6),
-        "survey.max_rate": static_survey.MAX_RATE,
-        "survey.max_rate_noise": static_survey.MAX_RATE,
-        "survey.max_force_noise": static_survey.MAX_FORCE_NOISE,
-        "verdict.magnetised_string": station.priors.axial,
-        "verdict.wrong_reference": station.priors.reference,
-        "verdict.max_gyro_sigma_deg": pytest.approx(math.degrees(seek_refusal.WORST_SIGMA)),
-        "tool.precision.gyro.scale_ppm": seek.scale_x_ppm,
-        "tool.mount.frame": wire.SONDE_FRAME,
-        "tool.precision.gyro.bias_scale": "at_most",
-    }
-
-
-def test_parameters_that_are_one_list_now_had_its_defaults():
-    known = flat(EstimatorSettings())
-    assert {name: tuple(parts.values()) for name, parts in MERGED.items()} == {name: known[name][0] for name in MERGED}
 
 
 def test_a_user_has_few_parameters_to_read():

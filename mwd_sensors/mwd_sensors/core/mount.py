@@ -12,7 +12,6 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping
-from typing import ClassVar
 
 import numpy as np
 
@@ -76,8 +75,6 @@ def rotation(text: str) -> Array:
 @dataclasses.dataclass(frozen=True)
 class MountSettings:
     """How the units sit in the tool, in the words of its users."""
-
-    FORMER: ClassVar[Mapping[str, str]] = {"frame": f"a constant ({wire.SONDE_FRAME})"}
 
     imu: str = setting(
         "x-down",

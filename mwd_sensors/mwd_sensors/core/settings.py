@@ -110,7 +110,6 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
     """
     if not isinstance(given, Mapping):
         raise SettingsError(f"{path or cls.__name__}: expected a table of settings, got {given!r}")
-    _refuse_former(former_names(cls), given, path)
     hints = _types(cls)
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
     for key in given:
@@ -129,16 +128,6 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
         raise
     except ValueError as error:
         raise SettingsError(f"{path}: {error}" if path else str(error)) from error
-
-
-def _refuse_former(former: Mapping[str, str], given: Mapping[str, Any], path: str, block: str = "") -> None:
-    """Refuse a name that settings had in earlier versions, in whichever block of a table it stands."""
-    for key, value in given.items() if former else ():
-        name = f"{block}{key}"
-        if name in former:
-            raise SettingsError(unknown_key(str(key), (), f"{path}.{block}".strip("."), {str(key): former[name]}))
-        if isinstance(value, Mapping):
-            _refuse_former(former, value, path, f"{name}.")
 
 
 def to_mapping(settings: Any) -> dict[str, Any]:
@@ -181,7 +170,7 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
         return changed(first, later)
     for name, value in changes.items():
         if name not in known:
-            raise SettingsError(unknown_key(name, known, "", former_names(type(settings))))
+            raise SettingsError(unknown_key(name, known, ""))
         *parents, leaf = name.split(".")
         table = nested
         for parent in parents:
@@ -190,26 +179,14 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
     return from_mapping(type(settings), nested)
 
 
-def former_names(cls: type[Any]) -> Mapping[str, str]:
-    """Names that settings of this class had in earlier versions, and where they are now."""
-    names: Mapping[str, str] = getattr(cls, "FORMER", {})
-    return names
-
-
-def unknown_key(
-    key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str, former: Mapping[str, str] | None = None
-) -> str:
-    """Sentence for a key that does not exist: its name today, its near misses or, failing those, what there is."""
+def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str) -> str:
+    """Return a sentence for a key that does not exist: its near misses or, failing those, what there is."""
     names, where = list(known), f"{path}.{key}" if path else key
-    if former and key in former and key not in names:
-        return f"{where}: no such setting; {key} is now {former[key]}"
     near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
     # A setting that moved to another block keeps its own name more often than not.
     near += [name for name in names if "." in key and name.endswith(key[key.rindex(".") :]) and name not in near][:3]
-    old = key.partition(".")[0]
-    moved = f"{old} is now {former[old]}; " if former and old in former and key not in names else ""
     hint = f"did you mean {' or '.join(near)}?" if near else _all_of(names)
-    return f"{where}: no such setting; {moved}{hint}"
+    return f"{where}: no such setting; {hint}"
 
 
 def _all_of(names: Sequence[str]) -> str:

@@ -67,9 +67,7 @@ class SettingsParameters(Generic[T]):
     def _refuse_unknown(self, node: Node) -> None:
         for name in self._given:
             if name not in self._names and not node.has_parameter(name) and not name.startswith("qos_overrides."):
-                raise SettingsError(
-                    settings.unknown_key(name, self._names, "", settings.former_names(type(self.value)))
-                )
+                raise SettingsError(settings.unknown_key(name, self._names, ""))
 
     def _declare(self, node: Node, name: str, value: Any, rule: Rule) -> Any:
         descriptor = describe(name, value, rule)

@@ -18,6 +18,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Stamps
 from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
+from mwd_surface.bags.definitions import is_ours
 from mwd_surface.bags.mcap.decode import parse_attachment, parse_metadata
 from mwd_surface.bags.mcap.records import Attachment, FormatError, Opcode
 from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, blocks_of, part_of
@@ -72,6 +73,10 @@ class Bag:
         self._opened = opened = BagFiles(Path(path))
         self.path, self.topics, self.notes, self.custom = opened.path, opened.topics, opened.notes, opened.custom
         self.unreadable = opened.unreadable
+        for about in list(self.topics.values()):
+            if about.type_name.startswith("mwd_msgs/") and not is_ours(about.type_name, about.type_hash, about.schema):
+                problem = "it was recorded with another definition of this type"
+                self.unreadable[about.name] = dataclasses.replace(self.topics.pop(about.name), problem=problem)
         self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
         self.files, self.size_bytes, self.storage = opened.files, opened.size_bytes, opened.storage
         self.complete, self.lost_bytes = opened.complete, opened.lost_bytes

@@ -186,6 +186,23 @@ def installed() -> Definitions:
     return Definitions()
 
 
+def is_ours(type_name: str, type_hash: str, schema: str) -> bool:
+    """
+    Whether messages of a recording have the fields that this installation knows, where both are known.
+
+    type_hash, schema : as the recording has them; empty where it has none.
+    """
+    try:
+        known = installed().definition(type_name).type_hash
+        if not type_hash and schema:
+            recorded = Definitions([])
+            recorded.learn(type_name, schema)
+            type_hash = recorded.typestore.hash_rihs01(type_name)
+    except DefinitionError:
+        return True
+    return type_hash in ("", known)
+
+
 def _names(field: tuple[int, object]) -> Iterable[str]:
     kind, inner = field
     if kind == Nodetype.NAME:

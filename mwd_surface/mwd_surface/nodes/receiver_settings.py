@@ -4,10 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import ClassVar
 
-from mwd_estimation.settings import former
 from mwd_estimation.settings.place import Place
 from mwd_estimation.survey.quality_settings import QualitySettings
 from mwd_sensors.core.settings import setting
@@ -17,11 +14,6 @@ from mwd_surface.receiver.link.link_attitude import AgeRules
 @dataclasses.dataclass(frozen=True)
 class ReceiverSettings:
     """Parameters of the receiver node."""
-
-    # Parameters of before that are those of the estimator too, and what takes their place.
-    FORMER: ClassVar[Mapping[str, str]] = {
-        name: now for name, now in former.FORMER.items() if name.startswith(("place.", "verdict."))
-    }
 
     tool_file: str = setting(
         "",

@@ -27,7 +27,7 @@ from mwd_sensors.ros.run_node import run_node
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.bag_metadata import parse_qos
 from mwd_surface.bags.bag_reader import Bag, BagError, Message, TopicInfo
-from mwd_surface.bags.definitions import DefinitionError, installed
+from mwd_surface.bags.definitions import is_ours
 from mwd_surface.bags.pace import Pace
 from mwd_surface.bags.topic_info import REMEDY
 from mwd_surface.ros.topics import message_class
@@ -347,14 +347,14 @@ def published_topics(bag: Bag, settings: ReplaySettings) -> tuple[list[TopicInfo
             left_out.append("/clock of the recording is not published: the replay has its own")
         elif message_class(about.type_name) is None:
             left_out.append(f"{about.name} is not published: {about.type_name} is not installed")
-        elif _differs(about):
+        elif not is_ours(about.type_name, about.type_hash, ""):
             why = f"it was recorded with another definition of {about.type_name}"
             left_out.append(f"{about.name} is not published: {why}")
         else:
             chosen.append(about)
+    left_out += [f"{one.described()}; it is not published" for one in bag.unreadable.values() if one.count]
     if not chosen:
-        unread = [one.described() for one in bag.unreadable.values() if one.count]
-        why = "; ".join([*left_out, *unread]) or "sonde and rig publish none of its topics"
+        why = "; ".join(left_out) or "sonde and rig publish none of its topics"
         raise BagError(f"{bag.path} has no topic that can be published here: {why}")
     return chosen, left_out
 
@@ -392,14 +392,6 @@ def _duration(recorded: Mapping[str, Any]) -> Duration:
 
 def _is_sensor(topic: str) -> bool:
     return any(("/" + topic.strip("/")).endswith("/" + name) for name in wire.SONDE_TOPICS)
-
-
-def _differs(about: TopicInfo) -> bool:
-    """Whether its messages have other fields than the type that is installed: subscribers could not read them."""
-    try:
-        return about.type_hash not in ("", installed().definition(about.type_name).type_hash)
-    except DefinitionError:
-        return False
 
 
 def main(args: Sequence[str] | None = None) -> int:

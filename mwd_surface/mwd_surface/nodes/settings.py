@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import ClassVar
 
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.recorder.settings import RecorderSettings
@@ -44,11 +42,6 @@ class RecordSettings:
 @dataclasses.dataclass(frozen=True)
 class SurfaceSettings:
     """Parameters of the surface node."""
-
-    # Parameters of before, and what takes their place.
-    FORMER: ClassVar[Mapping[str, str]] = {
-        "page.token": "the first line of page.token_file, or MWD_PAGE_TOKEN in the environment",
-    }
 
     folder: str = setting(
         "~/mwd_data", "Folder of recordings, survey lists and exports; each well has its own folder in it", fixed=True

@@ -9,7 +9,6 @@ from typing import Any
 
 import yaml
 
-from mwd_estimation.settings import former
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings as settings_of
 from mwd_sensors.core.input_files import read_yaml
@@ -58,7 +57,7 @@ class ProcessedInput:
     """
     What `mwd process` read for the results in a folder, and with which settings.
 
-    remarks: what of the settings of an earlier version this one cannot use, in words.
+    remarks: sentences about settings that this version cannot use.
     """
 
     recording: Path
@@ -83,29 +82,23 @@ def processed_input(folder: Path) -> ProcessedInput | None:
         return None
     table = settings_of.from_mapping(_InputFile, read_yaml(folder / INPUT), str(folder / INPUT))
     remarks: list[str] = []
-    written = {name: value for name, value in _present(folder / CONFIG).items() if value != {}}
+    written = {name: value for name, value in _dotted(read_config(folder / CONFIG)).items() if value != {}}
     estimator = kept(EstimatorSettings(), written, remarks, "results")
     return ProcessedInput(Path(table.recording), table.calibrated, table.input, estimator, tuple(remarks))
 
 
 def estimator_config(path: Path) -> EstimatorSettings:
     """
-    Settings of the estimator in a YAML file; those of an earlier version count under their names of today.
+    Return the estimator's settings in a YAML file.
 
     Raises
     ------
     SettingsError
-        It is not YAML, or not a table of settings; a former name whose value cannot be kept is refused with what took
-        its place.
+        It is not YAML, or not a table of settings, or names a setting that does not exist.
     OSError
         It cannot be read.
     """
-    return settings_of.from_mapping(EstimatorSettings, _nested(_present(path)))
-
-
-def _present(path: Path) -> dict[str, Any]:
-    """Settings of the estimator in a file, dotted name -> value, by their names of today where they can be kept."""
-    return former.present(_dotted(read_config(path)), settings_of.values(EstimatorSettings()))
+    return settings_of.from_mapping(EstimatorSettings, read_config(path))
 
 
 def read_config(path: Path) -> dict[str, Any]:

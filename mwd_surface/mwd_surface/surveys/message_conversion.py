@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from mwd_surface.list_files.remark import Remark, RemarkKind, sentences
-from mwd_surface.surveys.leg import MAIN, Leg, Origin, TieOn
+from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Decision, Judgement, Survey, SurveyRecord
@@ -29,24 +29,6 @@ _SECOND = 10**9
 _OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
 # On no message; the file of the list keeps them.
 _OF_THE_FILE = {"decisions", "decided_revision"}
-# Messages of older recordings do not have these; the record then says "unknown".
-_QUANTITIES = {"verdict_inclination", "verdict_azimuth", "verdict_toolface"}
-_LATER = {
-    "reference_source",
-    "revision",
-    "g_deviation",
-    "b_deviation",
-    "dip_deviation",
-    "g_limit",
-    "b_limit",
-    "dip_limit",
-    *_QUANTITIES,
-    "headline",
-    "alternatives",
-    "alternative_odds",
-    "hypotheses",
-    "hypothesis_odds",
-}
 
 # Fields of Survey that are NaN on the message where they are not known.
 _NAN = {"declination", "convergence"}
@@ -78,11 +60,8 @@ def survey_of(message: Any) -> Survey:
     """The Survey of a mwd_msgs/msg/Survey; checked by the list when it is added, not here."""
     values: dict[str, Any] = {"stamp_ns": stamp_of(message.header.stamp), "frame_id": str(message.header.frame_id)}
     for field in dataclasses.fields(Survey):
-        if field.name not in _OWN_WAY and (field.name not in _LATER or hasattr(message, field.name)):
+        if field.name not in _OWN_WAY:
             values[field.name] = _known(field.name, _plain(getattr(message, field.name)))
-        elif field.name in _QUANTITIES:
-            # One verdict stood for all.
-            values[field.name] = int(message.verdict)
     values["azimuths"] = tuple(
         AzimuthEstimate(**{f.name: _plain(getattr(a, f.name)) for f in dataclasses.fields(AzimuthEstimate)})
         for a in message.azimuths
@@ -116,8 +95,7 @@ def record_of(message: Any) -> SurveyRecord:
     """The SurveyRecord of a mwd_msgs/msg/SurveyRecord."""
     values: dict[str, Any] = {
         "survey": survey_of(message.survey),
-        # Older recordings have none.
-        "revised": tuple(survey_of(one) for one in getattr(message, "revised", ())),
+        "revised": tuple(survey_of(one) for one in message.revised),
         "judged_ns": stamp_of(message.judged),
     }
     for field in dataclasses.fields(SurveyRecord):
@@ -161,17 +139,17 @@ def list_of(message: Any, well: Well, rules: ListRules | None = None) -> SurveyL
             TieOn(**{name: float(getattr(one, name)) for name in _TIE_ON}, source=Origin(one.source)),
             str(one.parent),
         )
-        for one in getattr(message, "legs", ())  # recordings of earlier versions have neither legs nor plan
+        for one in message.legs
     )
     records = tuple(record_of(record) for record in message.records)
     bare = SurveyList(
         well=well,
         rules=rules or ListRules(),
-        legs=legs or (Leg(),),
+        legs=legs,
         records=records,
-        leg=str(message.leg) if legs else MAIN,
+        leg=str(message.leg),
         changed_ns=stamp_of(message.header.stamp),
-        plan=plan_of_message(message.plan) if legs else None,
+        plan=plan_of_message(message.plan),
         remarks=_remarks_of(message),
     )
     return SurveyList.from_mapping(bare.to_mapping(), rules)
@@ -258,10 +236,10 @@ def fill_trajectory(message: Any, path: Definitive, stamp_ns: int) -> None:
 
 
 def _remarks_of(message: Any) -> tuple[Remark, ...]:
-    """Return the remarks of a message; recordings of earlier versions have none."""
+    """Return the remarks of a message."""
     return tuple(
         Remark(RemarkKind(one.kind), str(one.text), dict(zip(one.names, map(float, one.values), strict=True)))
-        for one in getattr(message, "remarks", ())
+        for one in message.remarks
     )
 
 

@@ -14,7 +14,6 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from mwd_estimation.settings import former
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.settings.place import reference_of
 from mwd_sensors.core import settings
@@ -80,8 +79,7 @@ def recorded_settings(bag: Bag) -> Recorded:
     """
     Return the settings of estimator and surface in a recording.
 
-    A parameter of an earlier version counts under its name of today; one that this version does not have or does not
-    allow is left at its default, and named.
+    A parameter that this version does not have or does not allow is left at its default, and named in the remarks.
     """
     tables = bag.metadata()
     remarks: list[str] = []
@@ -97,7 +95,7 @@ def recorded_settings(bag: Bag) -> Recorded:
         )
     estimator = surface = None
     if before:
-        estimator = kept(EstimatorSettings(), former.present(_values(before, usual), usual), remarks, "recording")
+        estimator = kept(EstimatorSettings(), _values(before, usual), remarks, "recording")
     if SURFACE in tables:
         surface = _sections(tables[SURFACE], SurfacePart(), remarks)
     source = "those of the recording" if estimator is not None else ""
@@ -176,11 +174,10 @@ def _changes(bag: Bag) -> dict[str, dict[str, str]]:
 
 def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) -> S:
     """
-    Settings with the values that an earlier version wrote; what is not allowed is left at its default, and named.
+    Return the settings with the given values; one that cannot be used is left at its default, and named.
 
-    given: dotted name -> value. remarks: gets a sentence for each left out. source: what they were found in, in words.
+    given: dotted name -> value. remarks: gets a sentence for each left out. source: where they were found, in words.
     """
-    renamed = settings.former_names(type(usual))
     try:
         return settings.changed(usual, given)
     except settings.SettingsError:
@@ -188,9 +185,8 @@ def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) ->
         for name, value in given.items():
             try:
                 made = settings.changed(made, {name: value})
-            except settings.SettingsError:
-                why = f"it is now {renamed[name]}" if name in renamed else "this version does not have it"
-                remarks.append(f"{name} = {value} of the {source} is not used: {why}")
+            except settings.SettingsError as error:
+                remarks.append(f"{name} = {value} of the {source} is not used: {error}")
         return made
 
 

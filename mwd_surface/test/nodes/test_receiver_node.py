@@ -14,7 +14,6 @@ from mwd_msgs.msg import RigState
 from rclpy.lifecycle import TransitionCallbackReturn
 from sensor_msgs.msg import JointState
 
-from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.nodes.receiver import ReceiverNode
 from mwd_surface.receiver.link.link import NO_FLOW, SEARCHING
@@ -70,11 +69,3 @@ def test_a_receiver_without_a_tool_file_shuts_down_and_ends_its_process():
     finally:
         node.destroy_node()
         rclpy.shutdown(context=context)
-
-
-def test_a_former_parameter_is_refused_with_what_took_its_place():
-    context = rclpy.Context()
-    rclpy.init(args=["--ros-args", "-p", "verdict.field_limit_nt:=400.0"], context=context)
-    with pytest.raises(SettingsError, match=r"field_limit_nt is now verdict\.custom_limits"):
-        ReceiverNode(context=context)
-    context.try_shutdown()

@@ -28,23 +28,6 @@ def test_settings_come_back_as_they_were(tmp_path):
     assert estimator_config(path) == chosen
 
 
-def test_settings_of_an_earlier_version_count_under_their_names_of_today(tmp_path):
-    path = tmp_path / "config.yaml"
-    before = settings.to_mapping(EstimatorSettings())
-    before["health"] = {"watch": True}
-    before["tool"] |= {"lever_m": 0.03, "calibrated_low_c": 10.0, "calibrated_high_c": 150.0}
-    del before["tool"]["calibrated_c"]
-    path.write_text(yaml.safe_dump(before))
-    assert estimator_config(path) == settings.changed(EstimatorSettings(), {"tool.calibrated_c": [10.0, 150.0]})
-
-
-def test_a_former_value_that_cannot_be_kept_is_refused_with_what_took_its_place(tmp_path):
-    path = tmp_path / "config.yaml"
-    path.write_text("tool: {lever_m: 0.1}")
-    with pytest.raises(SettingsError, match=r"tool\.lever_m: no such setting; lever_m is now a constant \(0\.03\)"):
-        estimator_config(path)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -52,7 +35,6 @@ def test_a_former_value_that_cannot_be_kept_is_refused_with_what_took_its_place(
         ("tool: {nonsense: {}}", r"tool\.nonsense: no such setting"),
         ("{tool: 5, tool.latency_s: 0.03}", r"tool\.latency_s: tool is no table, but 5"),
         ("{tool.latency_s: 0.03, tool: 5}", "tool: is a table of settings, and given as 5 too"),
-        ("transmit: {rotation_switching: 'False'}", r"rotation_switching is now transmit\.rotation_switching_s"),
     ],
 )
 def test_a_file_that_says_something_else_than_it_means_is_refused(tmp_path, text, message):
@@ -62,7 +44,7 @@ def test_a_file_that_says_something_else_than_it_means_is_refused(tmp_path, text
         estimator_config(path)
 
 
-def test_what_cannot_be_kept_of_results_of_an_earlier_version_is_left_out_and_named(tmp_path):
+def test_settings_of_results_that_this_version_cannot_use_are_left_out_and_named(tmp_path):
     before = settings.to_mapping(settings.changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 5.0}))
     before["tool"]["gyro"]["walk_deg_h_sqrt_h"] = 10.0
     before["tool"]["calibration_mrad"] = 0.15
@@ -70,7 +52,7 @@ def test_what_cannot_be_kept_of_results_of_an_earlier_version_is_left_out_and_na
     (tmp_path / "input.yaml").write_text(input_text(Path("bag"), InputSettings(), calibrated=False))
     found = processed_input(tmp_path)
     assert found.estimator == settings.changed(EstimatorSettings(), {"tool.gyro.bias_deg_h": 5.0})
-    assert [remark.partition(" of the results is not used: it is now ")[0] for remark in found.remarks] == [
+    assert [remark.partition(" of the results is not used: ")[0] for remark in found.remarks] == [
         "tool.gyro.walk_deg_h_sqrt_h = 10.0",
         "tool.calibration_mrad = 0.15",
     ]

@@ -2,7 +2,6 @@
 """Messages and records hold the same: every field there and back, with the real messages."""
 
 import dataclasses
-import types
 
 import example_surveys as example
 import pytest
@@ -38,17 +37,6 @@ def test_a_record_goes_there_and_back_unchanged(record):
     message = msg.SurveyRecord()
     between.fill_record(message, record, msg.AzimuthEstimate)
     assert between.record_of(message) == record
-
-
-def test_a_message_of_an_older_recording_has_no_limits_and_is_read_all_the_same():
-    message = msg.Survey()
-    between.fill_survey(message, example.survey(3, 12.0, 80.0, b_limit=5e-7), msg.AzimuthEstimate)
-    older = types.SimpleNamespace(**{name: getattr(message, name) for name in message.get_fields_and_field_types()})
-    del older.g_limit, older.b_limit, older.dip_limit
-    del older.verdict_inclination, older.verdict_azimuth, older.verdict_toolface, older.headline
-    del older.alternatives, older.alternative_odds, older.hypotheses, older.hypothesis_odds
-    assert between.survey_of(older) == example.survey(3, 12.0, 80.0)
-    assert between.survey_of(message).b_limit == 5e-7
 
 
 def test_what_comes_from_a_message_is_accepted_by_the_list():

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions as an older version had them."""
+"""Message definitions that differ from those of this installation."""
 
 import re
 
 from mwd_surface.bags.definitions import Definitions
 
 
-def older(folder):
-    """Definitions in which a Survey has no revision yet, as those of an older version."""
+def other_definitions(folder):
+    """Definitions in which a Survey has no field `revision`."""
     package = folder / "mwd_msgs" / "msg"
     package.mkdir(parents=True)
     for name in ("Survey", "AzimuthEstimate"):
