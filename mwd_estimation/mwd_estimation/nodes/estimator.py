@@ -118,6 +118,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def deactivate(self) -> None:
         """Publish a survey that waits for the gyro as it is; finish pending requests without success."""
         self._publish_pending_survey()
+        if self._revisions is not None:
+            self._revisions.finish()
         self._respond(False, "no survey taken: the estimator stops", 0)
         self._actions.abort("the estimator stops")
 
@@ -171,6 +173,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                 self.get_logger().info(fault.message)
             else:
                 self.get_logger().warning(f"{fault.message}; {fault.remedy}")
+        if output.health and self._revisions is not None:
+            self._revisions.judge_again(self._pipeline)
         for survey in output.surveys:
             verdict = self._publish_survey(survey, frame)[1]
             if survey.requested:

@@ -34,6 +34,7 @@ _QUANTITIES = {"verdict_inclination", "verdict_azimuth", "verdict_toolface"}
 _LATER = {
     "reference_source",
     "revision",
+    "withdrawn",
     "g_deviation",
     "b_deviation",
     "dip_deviation",
