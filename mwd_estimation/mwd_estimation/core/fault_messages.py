@@ -187,7 +187,10 @@ def _mount(fault: SensorFault, _: str) -> tuple[str, str]:
         )
         return f"the string turns about an axis {off:.0f} deg off the unit's x: the unit is mounted askew", remedy
     remedy = f"set tool.mount.imu to {found} (mwd process: --mount {found})"
-    return f"the string turns about the unit's {found[0]} axis: it is mounted {found}, not as tool.mount.imu says", remedy
+    return (
+        f"the string turns about the unit's {found[0]} axis: it is mounted {found}, not as tool.mount.imu says",
+        remedy,
+    )
 
 
 def _axes_words(fault: SensorFault, _: str) -> tuple[str, str]:

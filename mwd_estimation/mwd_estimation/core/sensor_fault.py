@@ -115,7 +115,7 @@ class SensorFault:
 
     @property
     def mount(self) -> str:
-        """MOUNT: how the unit lies in the tool, by the axis of the unit that the string turned about; as `mount.words`."""
+        """MOUNT: how the unit lies in the tool, by the axis of it that the string turned about, as `mount.words`."""
         return mount.words(mount.by_turning(np.array(self.which, dtype=float))) if any(self.which) else ""
 
     def in_unit_axes(self, mat_tu: Array) -> SensorFault:

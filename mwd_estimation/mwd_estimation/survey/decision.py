@@ -250,9 +250,7 @@ def _judged_again(
     newest: int,
     faults: Sequence[SensorFault],
 ) -> dict[int, Survey]:
-    """
-    Return the newest surveys by number, as published or as the run judges them now, and all that are withdrawn.
-    """
+    """Return the newest surveys by number, as published or as the run judges them now, and all that are withdrawn."""
     judged_now = _by_the_run(taken, published, settings, newest)
     every = {number: judged_now.get(number, first.survey) for number, first in published.items()}
     now = {number: withdrawn(survey, faults) for number, survey in every.items()}

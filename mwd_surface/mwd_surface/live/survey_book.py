@@ -122,7 +122,7 @@ class SurveyBook:
         self._alarm_log.log_event("survey", f"survey {record.survey.sequence}: {words}", severity)
 
     def _alarm_revisions(self) -> None:
-        """Raise an alarm for each survey that later ones contradict or that is withdrawn, until a person has decided."""
+        """Raise an alarm for each survey that is contradicted or withdrawn, until a person has decided."""
         remedy = "steer by neither value: take a check shot, then accept the first value or reject it in the list"
         doubts = {r.survey.sequence: revision_doubt(r, self.surveys.north) for r in self.surveys.records}
         causes = {f"survey.revised.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text}
