@@ -59,6 +59,8 @@ class LiveGraph:
         """Drill; actions: (seconds, callable of this graph). Returns the list at the end."""
         waiting = sorted(actions, key=lambda one: one[0])
         first = None
+        self.now_ns = self.sonde.epoch_ns
+        self._say_list()
         for block in self.sonde.blocks(step_s):
             for name in block:
                 for vector in VECTORS:
@@ -140,10 +142,13 @@ class LiveGraph:
     def replace(self, surveys):
         if surveys is not self.list:
             self.list = surveys
-            message = self.blank("SurveyList")
-            kinds = ("SurveyRecord", "AzimuthEstimate", "Leg", "Remark")
-            message_conversion.fill_list(message, surveys, *(lambda kind=kind: self.blank(kind) for kind in kinds))
-            self.write("surveys", LIST, message)
+            self._say_list()
+
+    def _say_list(self):
+        message = self.blank("SurveyList")
+        kinds = ("SurveyRecord", "AzimuthEstimate", "Leg", "Remark")
+        message_conversion.fill_list(message, self.list, *(lambda kind=kind: self.blank(kind) for kind in kinds))
+        self.write("surveys", LIST, message)
 
     def _on_survey(self, survey):
         self.published.append(survey)

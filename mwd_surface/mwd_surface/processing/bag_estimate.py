@@ -27,7 +27,6 @@ from mwd_surface.bags.bag_reader import Bag, Block, Originals
 from mwd_surface.processing.bag_input import (
     FIELDS,
     InputSettings,
-    OptionNeededError,
     Topics,
     check_units,
     find_topics,
@@ -257,15 +256,10 @@ class BagEstimate:
         """Check the units of the first samples of IMU and magnetometer; one that is none in any unit is not used."""
         new = {name: samples[name] for name in self._unchecked & samples.keys()}
         self._unchecked -= new.keys()
-        try:
-            warnings = check_units(self.topics, new)
-        except OptionNeededError as error:
-            # The live estimator went on without the sensor, and so do its surveys here.
-            if not self._list.as_live:
-                raise
-            warnings = [str(error)]
-            self._summary.warnings += warnings
+        if self._list.as_live:
+            # The live estimator judged these readings by its own checks, and so do its surveys here.
             return
+        warnings = check_units(self.topics, new)
         self._summary.warnings += warnings
         self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
 

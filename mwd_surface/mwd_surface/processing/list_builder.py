@@ -179,9 +179,12 @@ class ListBuilder:
     def _revise(self, survey: Survey) -> None:
         """Keep what the whole run says of a survey, where the recorded revisions do not say it."""
         old = next((r for r in self.surveys.records if r.survey.uuid == survey.uuid), None)
-        if old is None or (self.as_live and (old.survey.withdrawn or not survey.withdrawn)):
+        if old is None:
             return
-        newest = max(one.revision for one in (old.survey, *old.revised))
+        said = (old.survey, *old.revised)
+        if self.as_live and (not survey.withdrawn or any(one.withdrawn for one in said)):
+            return
+        newest = max(one.revision for one in said)
         self.surveys = self.surveys.revise(self._listed(dataclasses.replace(survey, revision=newest + 1)))
 
     def finish(self, revisions: Sequence[Survey] = ()) -> tuple[SurveyList, str]:
@@ -191,6 +194,8 @@ class ListBuilder:
         revisions: what the whole run says of its surveys; a live list with the same settings has its own, but for those
         that it withdraws.
         """
+        if not self._begun:
+            self.surveys = self._empty(dataclasses.replace(self._well, sensor_to_bit=self.sensor_to_bit))
         self._take_changes(math.inf)
         for survey in revisions:
             self._revise(survey)
