@@ -182,13 +182,15 @@ def _mount(fault: SensorFault, _: str) -> tuple[str, str]:
     if found not in PRESETS:
         off = math.degrees(math.acos(min(max(fault.value, -1.0), 1.0)))
         remedy = (
-            f'set tool.mount.imu (mwd process: --mount) to "{found}", on top of what it is set to now; turning does '
-            "not show the scribe line, which tool.toolface_offset_deg sets"
+            f'set tool.mount.imu (mwd process: --mount) to "{found}"; turning does not show the scribe line, which '
+            "tool.toolface_offset_deg sets"
         )
         return f"the string turns about an axis {off:.0f} deg off the unit's x: the unit is mounted askew", remedy
-    turning = "the other way round" if found == "x-up" else f"about {found[0]}, not about x"
-    remedy = f"set tool.mount to {found} (mwd process: --mount {found}), on top of what it is set to now"
-    return f"the string turns {turning}, as seen by the unit: it is mounted {found}", remedy
+    remedy = f"set tool.mount.imu to {found} (mwd process: --mount {found})"
+    return (
+        f"the string turns about the unit's {found[0]} axis: it is mounted {found}, not as tool.mount.imu says",
+        remedy,
+    )
 
 
 def _axes_words(fault: SensorFault, _: str) -> tuple[str, str]:

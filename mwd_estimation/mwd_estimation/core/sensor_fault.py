@@ -9,6 +9,7 @@ import enum
 import numpy as np
 
 from mwd_sensors.core import mount
+from mwd_sensors.core.arrays import Array
 
 # Bits of the sensors that must not be used. The last one is the whole precision unit.
 GYRO, ACCEL, MAG, PRECISION = 1, 2, 4, 8
@@ -58,6 +59,15 @@ class FaultCode(enum.IntEnum):
     MOUNT = 20
 
 
+# Faults of the installation: as a rule they were there before the first sample and stay for the whole run.
+OF_INSTALLATION = frozenset(
+    {
+        *(FaultCode.UNIT, FaultCode.AXES, FaultCode.SIGN, FaultCode.POINTS_UP, FaultCode.FRAME),
+        *(FaultCode.MISMATCH, FaultCode.MOUNT),
+    }
+)
+
+
 @dataclasses.dataclass(frozen=True)
 class SensorFault:
     """One fault, or its end."""
@@ -75,6 +85,13 @@ class SensorFault:
     cleared_ns: int = 0  #: stamp at which it was gone; 0 while it lasts
     #: INVALID, DEAD: the sensor's own messages declare it not provided (covariance -1), so that it is not broken.
     declared: bool = False
+    #: A fault of the installation of sensors that were never seen in order: it was there since the first sample.
+    from_start: bool = False
+
+    def lasted_in(self, begin_ns: int, end_ns: int) -> bool:
+        """Whether the fault was there at some time between two stamps, ns, as far as is known by now."""
+        begun = self.from_start or self.since_ns < end_ns
+        return begun and (not self.cleared_ns or self.cleared_ns > begin_ns)
 
     @property
     def check(self) -> int:
@@ -98,8 +115,19 @@ class SensorFault:
 
     @property
     def mount(self) -> str:
-        """MOUNT: how the unit lies in the tool, by the axis that the string turned about; a preset or nine numbers."""
+        """MOUNT: how the unit lies in the tool, by the axis of it that the string turned about, as `mount.words`."""
         return mount.words(mount.by_turning(np.array(self.which, dtype=float))) if any(self.which) else ""
+
+    def in_unit_axes(self, mat_tu: Array) -> SensorFault:
+        """
+        MOUNT: return the fault with the axis of the turn in axes of the unit, so that `mount` says how the unit lies.
+
+        mat_tu, shape (3, 3): rotation from unit to tool axes that the samples were turned by.
+        """
+        if self.code != FaultCode.MOUNT:
+            return self
+        x, y, z = (round(float(v)) for v in mat_tu.T @ np.array(self.which, dtype=float))
+        return dataclasses.replace(self, which=(x, y, z))
 
     @property
     def sensors(self) -> tuple[int, ...]:

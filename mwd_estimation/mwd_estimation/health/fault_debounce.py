@@ -13,7 +13,16 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, PRECISION, FaultCode, SensorFault, Unit
+from mwd_estimation.core.sensor_fault import (
+    ACCEL,
+    GYRO,
+    MAG,
+    OF_INSTALLATION,
+    PRECISION,
+    FaultCode,
+    SensorFault,
+    Unit,
+)
 from mwd_sensors.core.arrays import Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
@@ -42,12 +51,14 @@ class Check:
     #: AXES, FRAME: by sensor the mappings that explain all windows since the one that may hold the begin of the fault.
     possible: Annotated[Indices, 3]
     changed: int  #: 1: to be reported
+    sound: int  #: bits of the sensors that it has found in order at some time
     seen: int  #: what was observed since `weigh` counted: NOTHING, AGAINST, FOR or STRONGLY
     #: `seen_ns`, `seen_value`, `seen_limit`, `seen_which`: what the observation would make of the fault.
     seen_ns: int
     seen_value: float
     seen_limit: float
     seen_which: Annotated[Indices, 3]
+    seen_sound: int  #: AGAINST: bits of the sensors that the observation shows to be in order
 
 
 CHECK = dtype_of(Check)
@@ -116,6 +127,7 @@ def observe(check: Any, seen: int, since_ns: int, value: float, limit: float) ->
     """Observe a check: NOTHING, AGAINST, FOR or STRONGLY, since a stamp, ns; value and limit: see `SensorFault`."""
     check.seen, check.seen_ns, check.seen_value, check.seen_limit = seen, since_ns, value, limit
     check.seen_which[0] = check.seen_which[1] = check.seen_which[2] = 0
+    check.seen_sound = GYRO | ACCEL | MAG | PRECISION
 
 
 @compiled
@@ -129,6 +141,7 @@ def _count(rule: Indices, check: Any) -> bool:
             check.votes_for = 0
         if check.votes_for == 0:
             check.state = OK
+            check.sound |= check.seen_sound
         return bool(stood and enough)
     if check.votes_for == 0:
         check.since_ns = check.seen_ns
@@ -229,6 +242,7 @@ def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.
     bits = accused(code, place, check.which)
     if unit != Unit.CONVENTIONAL:
         bits = PRECISION * int(bool(bits) or code == FaultCode.STAMPS)
+    from_start = code in OF_INSTALLATION and bits & int(check.sound) == 0
     return SensorFault(
         FaultCode(code),
         unit,
@@ -239,6 +253,7 @@ def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.
         bits,
         int(check.since_ns),
         0 if check.state == FAULT else now_ns,
+        from_start=from_start,
     )
 
 

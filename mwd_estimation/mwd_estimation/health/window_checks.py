@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mwd_estimation.core.axis_mappings import ACCEL, MAG, MAPPINGS, MISTAKES, WEIGHTS
+from mwd_estimation.core.sensor_fault import ACCEL as ACCEL_BIT
+from mwd_estimation.core.sensor_fault import GYRO as GYRO_BIT
+from mwd_estimation.core.sensor_fault import MAG as MAG_BIT
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health.carried_vectors import Window
 from mwd_estimation.health.fault_debounce import AGAINST, FAULT, FOR, NOTHING, OK, STRONGLY, observe
@@ -294,7 +297,11 @@ class WindowJudge:
                 masks, seen = self._least_contrived(check, explaining), FOR
         elif self._force.confirms or self._field.confirms:
             seen = AGAINST
-        self._note(FaultCode.AXES, 0, seen).seen_which = masks
+        noted = self._note(FaultCode.AXES, 0, seen)
+        noted.seen_which = masks
+        # What confirms the axes of two sensors says nothing of the third.
+        by_force = GYRO_BIT | ACCEL_BIT if self._force.confirms else 0
+        noted.seen_sound = by_force | (GYRO_BIT | MAG_BIT if self._field.confirms else 0)
         return seen
 
     def _judge_mount(self) -> bool:

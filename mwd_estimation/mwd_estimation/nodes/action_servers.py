@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mwd_msgs.action import NorthSeek, RotarySurvey
+from mwd_msgs.msg import OperatorEvent
 from mwd_msgs.msg import Survey as SurveyMessage
 
 from mwd_estimation.core.reason_text import text
@@ -22,17 +23,22 @@ class EstimatorActions:
     """
     Goals of the estimator's actions, at most one of each; the pipeline does the work.
 
-    pipeline, samples_arrive: return the pipeline in force, and whether samples of the IMU arrive.
+    pipeline, samples_arrive: return the pipeline in force, and whether samples of the IMU arrive. tell: called with
+    the kind of each request and further fields of mwd_msgs/msg/OperatorEvent.
     """
 
-    def __init__(self, pipeline: Callable[[], Pipeline], samples_arrive: Callable[[], bool]) -> None:
-        self._pipeline, self._samples_arrive = pipeline, samples_arrive
+    def __init__(
+        self, pipeline: Callable[[], Pipeline], samples_arrive: Callable[[], bool], tell: Callable[..., None]
+    ) -> None:
+        self._pipeline, self._samples_arrive, self._tell = pipeline, samples_arrive, tell
         self._north: DeferredGoal | None = None
         self._rotary: DeferredGoal | None = None
 
     def start_north_seek(self, goal: DeferredGoal) -> None:
         """Start to seek north, or finish the goal with the reason why that is not possible."""
         reason = self._refused(lambda: self._pipeline().request_north(goal.request.duration, goal.request.mode))
+        asked = {"duration": goal.request.duration, "mode": goal.request.mode}
+        self._tell(OperatorEvent.NORTH_SEEK, success=not reason, message=reason, **asked)
         if reason:
             goal.finish(_no_north(reason))
         else:
@@ -40,13 +46,19 @@ class EstimatorActions:
 
     def cancel_north_seek(self, goal: DeferredGoal) -> None:
         """Stop to seek north."""
-        self._pipeline().requests.cancel_north()
+        self._cancel_north("cancelled")
         self._north = None
         goal.finish(_no_north("cancelled"))
+
+    def _cancel_north(self, why: str) -> None:
+        if self._pipeline().requests.north is not None:
+            self._tell(OperatorEvent.CANCEL_NORTH_SEEK, message=why)
+        self._pipeline().requests.cancel_north()
 
     def start_rotary_survey(self, goal: DeferredGoal) -> None:
         """Start to average, or finish the goal with the reason why that is not possible."""
         reason = self._refused(lambda: self._pipeline().requests.start_rotary(goal.request.duration))
+        self._tell(OperatorEvent.ROTARY_SURVEY, success=not reason, message=reason, duration=goal.request.duration)
         if reason:
             goal.finish(_no_survey(reason))
         else:
@@ -54,9 +66,14 @@ class EstimatorActions:
 
     def cancel_rotary_survey(self, goal: DeferredGoal) -> None:
         """Stop to average."""
-        self._pipeline().requests.cancel_rotary()
+        self._cancel_rotary("cancelled")
         self._rotary = None
         goal.finish(_no_survey("cancelled"))
+
+    def _cancel_rotary(self, why: str) -> None:
+        if self._pipeline().requests.rotary_progress is not None:
+            self._tell(OperatorEvent.CANCEL_ROTARY_SURVEY, message=why)
+        self._pipeline().requests.cancel_rotary()
 
     def _refused(self, request: Callable[[], Any]) -> str:
         if not self._samples_arrive():
@@ -94,8 +111,8 @@ class EstimatorActions:
 
     def abort(self, reason: str) -> None:
         """Finish every goal without success."""
-        self._pipeline().requests.cancel_north()
-        self._pipeline().requests.cancel_rotary()
+        self._cancel_north(reason)
+        self._cancel_rotary(reason)
         if self._north is not None:
             self._north.finish(_no_north(reason))
         if self._rotary is not None:

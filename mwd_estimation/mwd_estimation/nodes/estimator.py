@@ -8,7 +8,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from mwd_msgs.action import NorthSeek, RotarySurvey
-from mwd_msgs.msg import Attitude, Dynamics, Gravity, InnovationList, Interference, SurveyList
+from mwd_msgs.msg import (
+    Attitude,
+    Dynamics,
+    Gravity,
+    InnovationList,
+    Interference,
+    OperatorEvent,
+    SurveyList,
+    UsedSamples,
+)
 from mwd_msgs.msg import Survey as SurveyMessage
 from mwd_msgs.srv import SetReferenceField, TakeSurvey
 from sensor_msgs.msg import Imu
@@ -30,6 +39,7 @@ from mwd_estimation.nodes.messages import (
     survey_message,
     tool_transform,
 )
+from mwd_estimation.nodes.recording_gate import RecordingGate, SampleCounts
 from mwd_estimation.nodes.revisions import LiveRevisions
 from mwd_estimation.nodes.transmission import TransmissionPublisher
 from mwd_estimation.nodes.warm_up import warm_up
@@ -45,10 +55,13 @@ from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.run_node import run_node
+from mwd_sensors.ros.time_stamps import stamp
 
+_BESIDE = ("imu/mag", "gyro/data_raw", "imu/temperature")
 _BLOCK_PERIOD = 0.002  # s; longest time a sample waits for others before they are estimated together
 _INNOVATIONS_PERIOD = 1.0  # s
 _SILENCE_PERIOD = 1.0  # s
+_FIELD = ("total", "dip", "declination", "convergence", "gravity", "source")
 _TF_PERIOD_NS = 50_000_000
 _LATELY_S = 10.0  # without unused samples, after which the warning about them ends
 
@@ -61,7 +74,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._survey_response: DeferredResponse | None = None
         self._requested_s = 0.0
         self._revisions: LiveRevisions | None = None
-        self._actions = EstimatorActions(lambda: self._pipeline, lambda: not self._inputs.silent("imu/data_raw"))
+        self._actions = EstimatorActions(
+            lambda: self._pipeline, lambda: not self._inputs.silent("imu/data_raw"), self._tell
+        )
 
     def configure(self) -> None:
         """Compile the kernels and open the topics."""
@@ -85,10 +100,15 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         self._survey = self.add_publisher(SurveyMessage, "survey", qos.EVENT)
         self._revised = self.add_publisher(SurveyMessage, "survey/revised", qos.EVENT)
         revisions = self._revisions = LiveRevisions(self._publish_revision)
+        self._operator_events = self.add_publisher(OperatorEvent, "operator_events", qos.STATE)
+        self._used_samples = self.add_publisher(UsedSamples, "used_samples", qos.STATE)
+        self._used = SampleCounts()
+        self._gate = RecordingGate(self)
         self._tf = self.add_publisher(TFMessage, "/tf", qos.STATE)
         self._transmission = TransmissionPublisher(self, self.settings.transmit)
         self.add_timer(_BLOCK_PERIOD, self._estimate_block)
         self.add_timer(_INNOVATIONS_PERIOD, self._publish_innovations)
+        self.add_timer(_INNOVATIONS_PERIOD, self._publish_used_samples)
         self.add_timer(_SILENCE_PERIOD, self._end_silent_survey)
         self.add_timer(_SILENCE_PERIOD, revisions.update)
         self.add_timer(FEEDBACK_PERIOD, self._actions.publish_feedback)
@@ -118,6 +138,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def deactivate(self) -> None:
         """Publish a survey that waits for the gyro as it is; finish pending requests without success."""
         self._publish_pending_survey()
+        if self._revisions is not None:
+            self._revisions.finish()
         self._respond(False, "no survey taken: the estimator stops", 0)
         self._actions.abort("the estimator stops")
 
@@ -136,8 +158,10 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         """Estimate from all samples that wait: the same bits as one by one, with one call of each kernel."""
         # IMU samples are taken first and pushed last: the other samples of their time were sent before them.
         inputs, pipeline = self._inputs, self._pipeline
-        imu = inputs.take("imu/data_raw")
-        others = [inputs.take(topic) for topic in ("imu/mag", "gyro/data_raw", "imu/temperature")]
+        taken = {"imu/data_raw": inputs.take("imu/data_raw")}
+        taken |= {topic: inputs.take(topic) for topic in _BESIDE}
+        taken = self._gate.passed(taken)
+        imu, others = taken["imu/data_raw"], [taken[topic] for topic in _BESIDE]
         if inputs.mount_key != self._mount_key:
             # Frames and static transforms are known with the first messages.
             self._mount_key = inputs.mount_key
@@ -146,10 +170,12 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             self._noises = len(inputs.noise)
             pipeline.set_noise(inputs.noise)
         pushes = (pipeline.push_mag, pipeline.push_precision, pipeline.push_temperature)
-        for push, samples in zip(pushes, others, strict=True):
+        for push, topic, samples in zip(pushes, _BESIDE, others, strict=True):
             if len(samples):
+                self._used.take(topic, samples)
                 push(samples)
         if len(imu) and "imu" not in pipeline.mount.unusable:
+            self._used.take("imu/data_raw", imu)
             imu = pipeline.gate.imu(imu)
             self._publish(imu, pipeline.push_imu(imu))
 
@@ -171,6 +197,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
                 self.get_logger().info(fault.message)
             else:
                 self.get_logger().warning(f"{fault.message}; {fault.remedy}")
+        if output.health and self._revisions is not None:
+            self._revisions.judge_again(self._pipeline)
         for survey in output.surveys:
             verdict = self._publish_survey(survey, frame)[1]
             if survey.requested:
@@ -208,6 +236,18 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if pipeline.last_imu_ns > 0 and not self._inputs.silent("imu/data_raw"):
             self._innovations.publish(innovation_message(pipeline.innovations, pipeline.last_imu_ns, self._frame))
 
+    def _publish_used_samples(self) -> None:
+        if self._used.newest_ns:
+            message = UsedSamples(topics=self._used.messages(self.resolve_topic_name))
+            message.header.stamp, message.header.frame_id = stamp(self._used.newest_ns), self._frame
+            self._used_samples.publish(message)
+
+    def _tell(self, kind: int, *, success: bool = True, **fields: Any) -> None:
+        """Publish a request that changes surveys, for recordings: with the last sample before it took effect."""
+        event = OperatorEvent(kind=kind, success=success, **fields)
+        event.header.stamp = stamp(self._used.newest_ns)
+        self._operator_events.publish(event)
+
     def _publish_survey(self, survey: Survey, frame: str) -> tuple[SurveyMessage, str]:
         message = survey_message(survey, frame)
         self._survey.publish(message)
@@ -231,7 +271,10 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _publish_pending_survey(self) -> None:
         """No more samples come in the still interval: publish the survey that waits for the gyro as it is."""
-        for survey in self._pipeline.finish().surveys:
+        surveys = self._pipeline.finish().surveys
+        if surveys:
+            self._tell(OperatorEvent.COMPLETE_SURVEY, message="the samples stopped")
+        for survey in surveys:
             self._publish_survey(survey, self._frame)
 
     def _publish_tf(self, oriented: Any, frame: str) -> None:
@@ -244,6 +287,14 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     # Services.
 
     def _take_survey(self, request: Any, response: Any) -> Any:
+        answer = self._started_survey(request, response)
+        started = answer is not response
+        words = "" if started else response.message
+        self._tell(OperatorEvent.TAKE_SURVEY, success=started, message=words, duration=request.duration)
+        return answer
+
+    def _started_survey(self, request: Any, response: Any) -> Any:
+        """Start the survey that is asked for and answer when it is complete; or answer why it cannot be taken."""
         if self._survey_response is not None:
             response.success, response.message = False, "a survey is already being taken"
             return response
@@ -266,6 +317,12 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             pending.send(TakeSurvey.Response(success=success, message=message, sequence=sequence))
 
     def _set_reference_field(self, request: Any, response: Any) -> Any:
+        response = self._used_reference(request, response)
+        field = {name: getattr(request, name) for name in _FIELD}
+        self._tell(OperatorEvent.SET_REFERENCE_FIELD, success=response.success, message=response.message, **field)
+        return response
+
+    def _used_reference(self, request: Any, response: Any) -> Any:
         if not request.source.strip():
             response.success, response.message = False, "source: must name where the field comes from"
             return response
@@ -288,6 +345,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
 
     def _reset_estimator(self, _request: Any, response: Any) -> Any:
         self._actions.abort("the estimator was reset")
+        self._tell(OperatorEvent.RESET_ESTIMATOR)
         self._pipeline.reset()
         self._respond(False, "no survey taken: the estimator was reset", 0)
         response.success, response.message = True, "the estimate starts anew"

@@ -80,7 +80,8 @@ class Estimate:
     """
     All that changes from one start of the estimate to the next.
 
-    reference overrides the settings; mag_late_ns: by which the stamps of the magnetometer are late, ns, as known so far
+    reference overrides the settings; mat_tu: rotation from the axes of the unit to those of the tool, which its samples
+    have; mag_late_ns: by which the stamps of the magnetometer are late, ns, as known so far
     and as the turning string has shown it since.
     """
 
@@ -90,10 +91,11 @@ class Estimate:
         reference: Reference | None,
         counters: Counters,
         numbering: Numbering,
+        mat_tu: Array,
         mag_late_ns: int = 0,
     ) -> None:
         self.settings, self._counters, self._given = settings, counters, reference
-        self.watch = SensorWatch(settings)
+        self.watch = SensorWatch(settings, mat_tu)
         self.field = MagneticFeedback(derivation.station_params(settings), reference)
         self.bin_stage = BinStage(settings, self.field, self.watch.history, numbering)
         self._spikes = spike_filter.initial()

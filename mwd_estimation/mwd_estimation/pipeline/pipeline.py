@@ -87,7 +87,8 @@ class Pipeline:
         self._begin_anew()
 
     def _begin_anew(self, mag_late_ns: int = 0) -> None:
-        self._estimate = Estimate(self._with_noise, self._given, self.counters, self._numbering, mag_late_ns)
+        mat_tu = self.mount.imu
+        self._estimate = Estimate(self._with_noise, self._given, self.counters, self._numbering, mat_tu, mag_late_ns)
 
     def push_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`, in axes of the unit; left out where its mount is not known."""

@@ -47,9 +47,14 @@ class Stretch:
 
 
 class SensorWatch:
-    """The sensors' health and its history."""
+    """
+    The sensors' health and its history.
 
-    def __init__(self, settings: EstimatorSettings) -> None:
+    mat_tu, shape (3, 3): rotation from the axes of the conventional unit to those of the tool, which its samples have.
+    """
+
+    def __init__(self, settings: EstimatorSettings, mat_tu: Array) -> None:
+        self._mat_tu = mat_tu
         self._params = derivation.health_params(settings)
         self._mag_lag_ns = self._params.mag_lag_ns
         self._state = monitor.initial()
@@ -95,7 +100,8 @@ class SensorWatch:
                     del known[next(iter(known))]
 
     def _explained(self, fault: SensorFault, now_ns: int) -> SensorFault:
-        """The fault, with whether the sensor's own messages up to a stamp declare it not provided."""
+        """Return the fault in axes of the unit, with whether messages up to a stamp declare the sensor not provided."""
+        fault = fault.in_unit_axes(self._mat_tu)
         declared = self._declared_ns.get(fault.place // 3, {}).values()
         if fault.code in _MISSING and any(fault.since_ns <= at <= now_ns for at in declared):
             return dataclasses.replace(fault, declared=True)

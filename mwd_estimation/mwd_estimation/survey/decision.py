@@ -21,10 +21,11 @@ import numpy as np
 from mwd_estimation.attitude.block import StationAzimuth
 from mwd_estimation.attitude.gyro_azimuth_state import PropagatedAzimuth
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.fault_history import Accusation, FaultHistory
+from mwd_estimation.survey.fault_history import Accusation, FaultHistory, withdrawn
 from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.revision import findings, is_revised, with_last_readings
@@ -174,23 +175,22 @@ class SurveyDecision:
         known, finding = _known_of(provisional, propagated), provisional.finding
         survey = self._continued(provisional, propagated, known)
         had_a_say = known is not None and finding is not None and finding.continued(*known) is not finding
-        self._published[survey.sequence] = _Published(survey, known if had_a_say else None, self._above)
+        self._keep(_Published(survey, known if had_a_say else None, self._above))
         if math.isfinite(provisional.accepted_azimuth.azimuth):
             self._above = survey.sequence
-        while len(self._published) > _REVISABLE:
-            del self._published[next(iter(self._published))]
         return survey
 
     def revisions(self) -> dict[int, Survey]:
         """
         Surveys of which the whole run says something else than was published.
 
-        That is another verdict, or an azimuth more than its sigma away.
+        That is another verdict, or an azimuth more than its sigma away. A fault of a sensor that stands now and was
+        there already when a survey was taken rejects it.
 
         Returns
         -------
         dict of int to Survey
-            By number. What was published stays; a revision is a proposal.
+            By number. What was published stays; a revision is a proposal, unless it is withdrawn.
         """
         now = self.judging_again(len(self._taken))()
         return {number: survey for number, survey in now.items() if survey is not self._published[number].survey}
@@ -199,10 +199,10 @@ class SurveyDecision:
         """
         Return what judges the newest stations of the run as it is now; it may be called in a thread.
 
-        It gives each survey as it was published, or revised.
+        It gives each survey as it was published, or revised; faults of sensors count for older ones too.
         """
-        taken = tuple(self._taken.items())
-        return functools.partial(_judged_again, taken, dict(self._published), self._settings, newest)
+        taken, published = tuple(self._taken.items()), dict(self._published)
+        return functools.partial(_judged_again, taken, published, self._settings, newest, self._faults.standing)
 
     def _continued(
         self, provisional: Provisional, propagated: PropagatedAzimuth, known: tuple[float, float, float] | None
@@ -226,7 +226,15 @@ class SurveyDecision:
         finding = RunModel(self._settings).take(Taken(one))
         station = without_toolface(self._decided(one, finding, None), rotary_speed)
         taken = _survey(average, sequence, station, _weights(finding, None))
-        return self._faults.judge(dataclasses.replace(taken, kind=ROTARY))
+        survey = self._faults.judge(dataclasses.replace(taken, kind=ROTARY))
+        self._keep(_Published(survey))
+        return survey
+
+    def _keep(self, published: _Published) -> None:
+        """Keep what left the estimator, of so many surveys as may be revised."""
+        self._published[published.survey.sequence] = published
+        while len(self._published) > _REVISABLE:
+            del self._published[next(iter(self._published))]
 
     def _decided(self, one: Measured, finding: Finding | None, gyro: Solution | None) -> Station:
         station = judged(one, finding, self._settings)
@@ -240,8 +248,22 @@ def _judged_again(
     published: Mapping[int, _Published],
     settings: StationSettings,
     newest: int,
+    faults: Sequence[SensorFault],
 ) -> dict[int, Survey]:
-    """Return the newest surveys by number: as published, or what the run says now where that is something else."""
+    """Return the newest surveys by number, as published or as the run judges them now, and all that are withdrawn."""
+    judged_now = _by_the_run(taken, published, settings, newest)
+    every = {number: judged_now.get(number, first.survey) for number, first in published.items()}
+    now = {number: withdrawn(survey, faults) for number, survey in every.items()}
+    return {number: survey for number, survey in now.items() if survey.withdrawn or number in judged_now}
+
+
+def _by_the_run(
+    taken: Sequence[tuple[int, tuple[Taken, Finding | None]]],
+    published: Mapping[int, _Published],
+    settings: StationSettings,
+    newest: int,
+) -> dict[int, Survey]:
+    """Return the newest surveys by number: as published, or what the other stations of the run say of them now."""
     stations, before = with_last_readings([one for _, (one, _) in taken]), [found for _, (_, found) in taken]
     again = zip((number for number, _ in taken), stations, findings(stations, before, settings, newest), strict=True)
     now, revised = dict[int, Survey](), set[int]()

@@ -9,7 +9,7 @@ gyro gives does not rest on it.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -120,11 +120,8 @@ class FaultHistory:
 
         evidence_ns: time after its end in which a doubt that begins has a say.
         """
-        magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != AzimuthMethod.GYRO)
-        by_gyro = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0 and not magnetic
-        rests_on = AZIMUTH & ~MAG if by_gyro else AZIMUTH
-        half = round(0.5e9 * survey.duration)
-        begin, end = survey.stamp_ns - half, survey.stamp_ns + half
+        rests_on, (begin, end) = _rests_on(survey), _times(survey)
+        by_gyro = rests_on == ACCEL
         faults = [(one.unusable, _reason(one, begin)) for one in self._lately(begin) if one.unusable & rests_on]
         # A doubt begins some seconds after what raised it.
         doubts = [
@@ -134,8 +131,51 @@ class FaultHistory:
             and not (by_gyro and 1 << s == MAG)
         ]
         verdict, found = (REJECT, faults) if faults else (DOUBTFUL, doubts)
-        level = any(bits & ~MAG for bits, _ in found)
-        return Accusation(verdict, tuple(reason for _, reason in found), level) if found else None
+        return _accusation(verdict, found)
+
+    @property
+    def standing(self) -> tuple[SensorFault, ...]:
+        """Faults that stand now."""
+        return tuple(one for one in self._known.values() if not one.cleared_ns)
+
+
+def withdrawn(survey: Survey, standing: Iterable[SensorFault]) -> Survey:
+    """
+    Return a survey that was judged, rejected where a fault that stands now was there already when it was taken.
+
+    A survey that was rejected for that fault when it was taken stays as it is.
+    """
+    rests_on, (begin, end) = _rests_on(survey), _times(survey)
+    found = [
+        (one.unusable, Reason(Code.SENSOR_FAULT, fault=one))
+        for one in standing
+        if one.unusable & rests_on and one.lasted_in(begin, end)
+    ]
+    known = {one.fault.check for one in survey.station.reasons if one.fault is not None}
+    new = [(bits, reason) for bits, reason in found if reason.fault is not None and reason.fault.check not in known]
+    against = _accusation(REJECT, new)
+    if against is None:
+        return survey
+    return dataclasses.replace(against.judge(survey), withdrawn=True)
+
+
+def _accusation(verdict: str, found: Sequence[tuple[int, Reason]]) -> Accusation | None:
+    """Return what speaks against sensors, given by their bits with the reason; None where nothing does."""
+    level = any(bits & ~MAG for bits, _ in found)
+    return Accusation(verdict, tuple(reason for _, reason in found), level) if found else None
+
+
+def _rests_on(survey: Survey) -> int:
+    """Return the bits of the sensors that a survey rests on: an azimuth of the gyro alone needs no magnetometer."""
+    magnetic = any(share > 0.0 for name, share in survey.weights.items() if name != AzimuthMethod.GYRO)
+    by_gyro = survey.weights.get(AzimuthMethod.GYRO, 0.0) > 0.0 and not magnetic
+    return ACCEL if by_gyro else AZIMUTH
+
+
+def _times(survey: Survey) -> tuple[int, int]:
+    """Return begin and end of the averaging of a survey, ns."""
+    half = round(0.5e9 * survey.duration)
+    return survey.stamp_ns - half, survey.stamp_ns + half
 
 
 def _reason(fault: SensorFault, begin: int) -> Reason:

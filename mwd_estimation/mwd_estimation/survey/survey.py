@@ -34,6 +34,7 @@ class Survey:
     kind: str = STATIC  #: static, or rotary: taken while the string turned
     status: int = 0  #: bits of `core.status.Status` at the end of the averaging interval
     revision: int = 0  #: 0: as first published; else how often the run's later stations have changed it
+    withdrawn: bool = False  #: a sensor that it rests on turned out to have been faulty already when it was taken
 
     @property
     def end_ns(self) -> int:

@@ -70,6 +70,7 @@ def survey_fields(survey: Survey) -> dict[str, Any]:
         "uuid": survey.uuid,
         "sequence": survey.sequence,
         "revision": survey.revision,
+        "withdrawn": survey.withdrawn,
         "kind": KINDS[survey.kind],
         "requested": survey.requested,
         "duration": survey.duration,

@@ -32,8 +32,10 @@ def live():
     run = SimpleNamespace(says={}, published=published)
     run.judging_again = lambda _newest: lambda: dict(run.says)
 
-    def judge(number, **says):
-        run.says = {int(name[1:]): survey(int(name[1:]), station=one) for name, one in says.items()}
+    def judge(number, withdrawn=False, **says):
+        run.says = {
+            int(name[1:]): survey(int(name[1:]), station=one, withdrawn=withdrawn) for name, one in says.items()
+        }
         live.take(survey(number), run, "sonde_link")
         until = time.monotonic() + 60.0
         live.update()
@@ -65,5 +67,24 @@ def test_a_changed_verdict_is_published_once_and_counts_and_may_go_back_to_the_f
 
 def test_a_rotary_survey_is_no_station_of_the_run(live):
     live.live.take(survey(1, kind=ROTARY), live, "sonde_link")
-    live.judge(2, s1=dataclasses.replace(STATION, verdict="reject"))
-    assert live.published == []
+    live.live.update()
+    assert live.live._job is None
+
+
+def test_a_survey_is_withdrawn_once_and_comes_back_when_the_fault_has_gone(live):
+    rejected = dataclasses.replace(STATION, verdict="reject")
+    live.judge(1, s1=rejected, withdrawn=True)
+    live.judge(2, s1=rejected, withdrawn=True)
+    live.judge(3)
+    live.judge(4)
+    assert [(one.sequence, one.revision, one.station.verdict, one.withdrawn) for one, _ in live.published] == [
+        (1, 1, "reject", True),
+        (1, 2, "accept", False),
+    ]
+
+
+def test_what_is_still_to_be_revised_is_published_before_the_estimator_stops(live):
+    live.says = {1: survey(1, station=dataclasses.replace(STATION, verdict="reject"))}
+    live.live.take(survey(1), live, "sonde_link")
+    live.live.finish()
+    assert [(one.sequence, one.station.verdict) for one, _ in live.published] == [(1, "reject")]

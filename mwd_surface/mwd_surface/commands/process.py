@@ -201,6 +201,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         text = describe(fault)
         terminal.warn(f"{moment * 1e-9:.1f} s: {text.message}" + (f"; {text.remedy}" if text.remedy else ""))
     rate = (summary.rows - 1) / summary.seconds if summary.seconds > 0.0 else 0.0
+    other = "; not the same input as live" if summary.other_input else ""
     lines = [
         ("IMU", f"{summary.topics.imu}: {summary.rows} samples, {summary.seconds:.1f} s, {rate:.1f} Hz"),
         ("magnetometer", summary.topics.mag or "none: no azimuth"),
@@ -208,7 +209,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         ("reference", summary.reference),
         ("azimuth", f"from {summary.north} north"),
         ("inclination", _range(math.degrees(summary.lowest), math.degrees(summary.highest))),
-        ("not used", f"{summary.rejected} samples refused, {summary.gaps} gaps"),
+        ("not used", f"{summary.rejected} samples refused, {summary.gaps} gaps{other}"),
         ("unknown", f"{summary.without_gravity} rows without gravity, {summary.without_azimuth} without azimuth"),
         ("speed", f"{summary.rows / max(elapsed, 1e-9):,.0f} samples/s ({elapsed:.1f} s)"),
     ]

@@ -15,9 +15,9 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
-from mwd_surface.surveys.station_checks import revision_doubt, revision_flags
+from mwd_surface.surveys.station_checks import revision_doubt, revision_flags, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Verdict
 from mwd_surface.trajectory.well_path import Definitive
 
 _BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
@@ -114,16 +114,26 @@ class SurveyBook:
             return
         self.replace(surveys)
         record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
-        words = "; ".join(revision_flags(record, self.surveys.north))
-        severity = Severity.WARNING if record.in_use and survey.verdict != Verdict.ACCEPT else Severity.INFO
+        if record.survey.withdrawn:
+            words, severity = f"withdrawn: {record.survey.action}", Severity.WARNING
+        else:
+            words = "; ".join(revision_flags(record, self.surveys.north)) or Verdict(survey.verdict).word
+            severity = Severity.WARNING if record.in_use and survey.verdict != Verdict.ACCEPT else Severity.INFO
         self._alarm_log.log_event("survey", f"survey {record.survey.sequence}: {words}", severity)
 
     def _alarm_revisions(self) -> None:
-        """Raise an alarm for each survey in use that later ones contradict, until a person has decided about it."""
+        """Raise an alarm for each survey that is contradicted or withdrawn, until a person has decided."""
         remedy = "steer by neither value: take a check shot, then accept the first value or reject it in the list"
         doubts = {r.survey.sequence: revision_doubt(r, self.surveys.north) for r in self.surveys.records}
         causes = {f"survey.revised.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text}
         self._alarm_log.set_alarms("survey.revised.", causes)
+        remedy = "steer by none of its values; act on the reason, take the survey again, then reject it in the list"
+        causes = {
+            f"survey.withdrawn.{r.survey.sequence}": (int(Severity.CRITICAL), withdrawal(r), remedy)
+            for r in self.surveys.records
+            if r.survey.withdrawn and r.judgement == Judgement.NOT_JUDGED
+        }
+        self._alarm_log.set_alarms("survey.withdrawn.", causes)
 
     def _alarm_verdict(self, record: SurveyRecord) -> None:
         """Raise an alarm while the newest azimuth is not to be relied on: magnetic and gyro readings need a look."""

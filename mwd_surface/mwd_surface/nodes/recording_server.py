@@ -11,6 +11,7 @@ from typing import Any
 from mwd_msgs import msg, srv
 from std_srvs.srv import Trigger
 
+from mwd_sensors.core import burst, wire
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.time_stamps import stamp
@@ -27,6 +28,9 @@ _RETRY_S = 5.0  # between attempts to start a recording
 _RESUMES = "free the disk, or make its folder writable; recording resumes by itself"
 _FASTER = "use a faster disk, or record fewer topics"
 _SEVERITIES = {Level.INFO: Severity.INFO, Level.WARNING: Severity.WARNING, Level.ERROR: Severity.CRITICAL}
+
+# Topics of samples that the estimator uses.
+SAMPLES = ("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature")
 
 Attachment = tuple[str, str, bytes]
 """Name, media type and content of a file inside a recording."""
@@ -74,7 +78,46 @@ class RecordingServer:
             tables=tables,
             event_topic=self._node.resolve_topic_name("recorder/events"),
         )
-        self.put = self._recorder.put
+        # Topics of samples that are recorded: where the first stamp of each in this recording is kept, ns, 0 before the
+        # first sample. Bursts count as the single samples they stand for.
+        self._first_ns: dict[str, int] = {}
+        self._unheard: dict[str, tuple[str, str]] = {}
+        self._heard = False
+
+    def _begin(self, name: str) -> Path:
+        """Begin a recording."""
+        path = self._recorder.start(name)
+        over_link = self._live.over_link
+        resolve = self._node.resolve_topic_name
+        recorded = {resolve(topic) for topic in self._settings.topics}
+        every = {**{name: name for name in SAMPLES}, **burst.TOPICS}
+        self._unheard = {
+            resolve(topic): (topic, resolve(single))
+            for topic, single in every.items()
+            if resolve(topic) in recorded and not over_link
+        }
+        self._first_ns = {single: 0 for _, single in self._unheard.values()}
+        return path
+
+    def put(self, topic: str, type_name: str, data: bytes, log_ns: int, qos: str = "") -> bool:
+        """Record a message, as `Recorder.put`."""
+        taken = self._recorder.put(topic, type_name, data, log_ns, qos=qos)
+        if taken and topic in self._unheard:
+            name, single = self._unheard.pop(topic)
+            first_ns = _first_stamp(name, data)
+            if not self._first_ns[single] and first_ns is not None:
+                self._first_ns[single], self._heard = first_ns, True
+        return taken
+
+    def tell_streams(self) -> None:
+        """Publish the status at once where a topic of samples has begun to arrive: the estimator waits for it."""
+        if self._heard:
+            self._heard = False
+            self._publish_status(self._recorder.status())
+
+    def _publish_status(self, status: RecorderStatus) -> None:
+        streams = self._first_ns if status.state == RecorderState.RECORDING else {}
+        self._status.publish(messages.recorder_message(status, stamp(self._alarm_log.now_ns()), streams))
 
     def open(self) -> None:
         """Open topic and services."""
@@ -96,7 +139,7 @@ class RecordingServer:
             return
         self._tried_at = time.monotonic()
         try:
-            self._recorder.start(self._settings.name)
+            self._begin(self._settings.name)
         except RecorderError as error:
             self._refusal = str(error), f"{error.remedy}; it is tried every {_RETRY_S:g} s"
             self._alarm_log.raise_alarm("recording.start", Severity.CRITICAL, *self._refusal)
@@ -142,7 +185,7 @@ class RecordingServer:
 
     def start(self, request: Any, response: Any) -> Any:
         """Start a recording (service)."""
-        return self._respond(response, lambda: self._recorder.start(request.name), "recording into")
+        return self._respond(response, lambda: self._begin(request.name), "recording into")
 
     def stop(self, _request: Any, response: Any) -> Any:
         """Stop the recording (service)."""
@@ -176,7 +219,7 @@ class RecordingServer:
         """Publish the recorder's status, raise its alarms, start what could not start."""
         self._start_wanted()
         status = self._recorder.status()
-        self._status.publish(messages.recorder_message(status, stamp(self._alarm_log.now_ns())))
+        self._publish_status(status)
         self._live.on_recorder(status, self._context.well_now)
         causes: dict[str, tuple[int, str, str]] = {}
         if status.state in (RecorderState.PAUSED_DISK_FULL, RecorderState.FAILED):
@@ -204,3 +247,15 @@ class RecordingServer:
         elif status.dropped:
             text, remedy = f"{status.dropped} messages were not recorded", _FASTER
         return [Diagnostic("recorder", ERROR if remedy else OK, text, remedy, values)]
+
+
+def _first_stamp(topic: str, data: bytes) -> int | None:
+    """Return the stamp of the first sample of a message, ns; None where it cannot be read."""
+    try:
+        if topic in burst.TOPICS:
+            samples = burst.decode(data)
+        else:
+            samples, _ = wire.decode_messages(wire.SONDE_TOPICS[topic], [data])
+    except wire.WireError:
+        return None
+    return int(samples["stamp_ns"][0]) if len(samples) else None

@@ -277,6 +277,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._shared.requests.run_requests()
         self._shared.worker.run_callbacks()
         self._router.take_streams()
+        self._recording.tell_streams()
         now = time.monotonic()
         self._rig.update(now)
         self._well.advance(until_ns)

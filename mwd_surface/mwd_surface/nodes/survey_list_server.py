@@ -14,7 +14,8 @@ from nav_msgs.msg import Path as PathMessage
 from mwd_sensors.core import wire
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
-from mwd_sensors.ros.qos import EVENT, LATCHED
+from mwd_sensors.ros.qos import EVENT, LATCHED, STATE
+from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.exports.export import FORMATS, ExportError, export
 from mwd_surface.exports.report_clearance import clearance_sections
 from mwd_surface.exports.survey_table import SurveyTable, survey_table
@@ -70,6 +71,7 @@ class SurveyListServer(SurveyBook):
         super().__init__(context.well, plan, loaded.surveys, settings.depth)
         self._node, self._folder, self._worker = context.node, context.folder, context.worker
         self._save_error = ""
+        self._decided_ns = 0
         self._reporting, self._reported = False, SurveyList()
         self._files: list[tuple[str, str, bytes]] = []
         self._store = store
@@ -81,6 +83,7 @@ class SurveyListServer(SurveyBook):
         """Open topics and services."""
         node = self._node
         self._accepted_publisher = node.add_publisher(msg.SurveyRecord, "survey/accepted", EVENT)
+        self._event_publisher = node.add_publisher(msg.OperatorEvent, "operator_events", STATE)
         self._list_publisher = node.add_publisher(msg.SurveyList, "surveys", LATCHED)
         self._trajectory_publisher = node.add_publisher(msg.Trajectory, "trajectory", LATCHED)
         self._path_publisher = node.add_publisher(PathMessage, "path", LATCHED)
@@ -125,8 +128,32 @@ class SurveyListServer(SurveyBook):
         return self._judge(request, response, "rejected")
 
     def _judge(self, request: Any, response: Any, word: str) -> Any:
+        found = next((r.survey.uuid for r in self.surveys.records if r.survey.sequence == request.sequence), "")
+        response = self._judged(request, response, word)
+        accepted = word == "accepted"
+        self._tell(
+            msg.OperatorEvent.ACCEPT_SURVEY if accepted else msg.OperatorEvent.REJECT_SURVEY,
+            request,
+            response,
+            uuid=found,
+            sequence=request.sequence,
+            reason=request.reason,
+            depth=request.measured_depth if accepted else -1.0,
+            replace=request.replace and accepted,
+        )
+        return response
+
+    def _tell(self, kind: int, request: Any, response: Any, **fields: Any) -> None:
+        """Publish a request of a person with its outcome, for recordings."""
+        event = msg.OperatorEvent(kind=kind, success=response.success, message=response.message, **fields)
+        event.operator_name = request.operator_name
+        event.header.stamp = stamp(self._decided_ns)
+        self._event_publisher.publish(event)
+
+    def _judged(self, request: Any, response: Any, word: str) -> Any:
         used = {r.survey.uuid for r in self.surveys.records if r.in_use}
-        judge = (request.sequence, request.operator_name, request.reason, self._alarm_log.now_ns())
+        self._decided_ns = self._alarm_log.now_ns()
+        judge = (request.sequence, request.operator_name, request.reason, self._decided_ns)
         try:
             if word == "accepted":
                 depth, replace = request.measured_depth, request.replace
@@ -147,11 +174,17 @@ class SurveyListServer(SurveyBook):
 
     def set_depth(self, request: Any, response: Any) -> Any:
         """Set the bit depth by hand (service)."""
+        response = self._set_depth(request, response)
+        self._tell(msg.OperatorEvent.SET_DEPTH, request, response, depth=request.bit_depth)
+        return response
+
+    def _set_depth(self, request: Any, response: Any) -> Any:
+        self._decided_ns = self._alarm_log.now_ns()
         if not request.operator_name.strip():
             response.success, response.message = False, "operator_name: must not be empty: it goes into the log"
             return response
         try:
-            self.depth.set_by_hand(self._alarm_log.now_ns(), request.bit_depth)
+            self.depth.set_by_hand(self._decided_ns, request.bit_depth)
         except ValueError as error:
             response.success, response.message = False, str(error)
             return response

@@ -14,13 +14,12 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.gravity.bounded.filter import Params
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.fault_history import FaultHistory
+from mwd_estimation.survey.survey import Survey
 from mwd_sensors.calibration.compensation import Compensation
 from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.arrays import Samples
@@ -36,12 +35,14 @@ from mwd_surface.processing.bag_input import (
     refuse_wrong_unit,
     tool_frame,
 )
-from mwd_surface.processing.imu_queue import ImuQueue
+from mwd_surface.processing.imu_queue import Imu, ImuQueue
 from mwd_surface.processing.input_stream import InputStream, left_out, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.overlap import ahead, behind
+from mwd_surface.processing.recorded_requests import RecordedRequests, Request
 from mwd_surface.processing.run_summary import Summary, pipeline_warnings
+from mwd_surface.processing.used_samples import UsedSamples
 from mwd_surface.surveys.recorded_settings import Recorded
 
 BlockSamples = dict[str | None, Samples]
@@ -116,6 +117,12 @@ class BagEstimate:
         self._list = ListBuilder(bag, self.topics, estimator, given, recorded or Recorded(), frame)
         if merger is not None:
             merger.frame = frame
+        begin_ns = bag.start_ns + round(given.start_s * 1e9)
+        same = estimator == (recorded or Recorded()).estimator
+        self._requests = RecordedRequests(bag, self._list.namespace, begin_ns, with_field=same)
+        self._used = UsedSamples(bag, self._list.namespace)
+        # Companions of the last two blocks, which a restart of the estimate needs again.
+        self._companions: list[tuple[BlockSamples, Block]] = []
         self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
         self._start_ns = bag.start_ns + round(given.start_s * 1e9)
         self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
@@ -146,7 +153,11 @@ class BagEstimate:
         with behind(write) as give:
             for result in self._results(progress):
                 if result.output is not None:
-                    self._summary.surveys += [(survey, self._list.add(survey)) for survey in result.output.surveys]
+                    taken = [one for one in result.output.rotary if isinstance(one, Survey)]
+                    log_ns = None if result.log_ns is None else int(result.log_ns[-1])
+                    self._summary.surveys += [
+                        (survey, self._list.add(survey, log_ns)) for survey in [*result.output.surveys, *taken]
+                    ]
                     self._summary.faults += result.output.health
                 give(result)
         progress(1.0)
@@ -183,7 +194,8 @@ class BagEstimate:
                 self._push_companions(samples, block)
                 logged = _last_log(recorded, originals)
                 for imu in self._queue.done():
-                    yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
+                    yield from self._estimated(imu)
+                self._companions = self._companions[-1:]
                 if self.topics.imu in samples:
                     self._queue.add(samples[self.topics.imu], block[self.topics.imu][0])
                 if self._merger is not None:
@@ -196,12 +208,42 @@ class BagEstimate:
         if self.topics.imu in rest:
             self._queue.add(self._checked(rest)[self.topics.imu], rest[self.topics.imu][0])
         for imu in self._queue.finish():
-            yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
+            yield from self._estimated(imu)
+        for request in self._requests.rest():
+            yield from self._asked(request)
         yield _Result(self._pipeline.finish())
+
+    def _estimated(self, imu: Imu) -> Iterator[_Result]:
+        """Estimate samples, with the requests that were made in their time."""
+        for part, requests in self._requests.cut(imu.samples["stamp_ns"], imu.log_ns):
+            if part.stop > part.start:
+                followed = None if imu.followed is None else imu.followed.part(part)
+                yield _Result(self._pipeline.push_imu(imu.samples[part], followed), imu.log_ns[part])
+            for request in requests:
+                yield from self._asked(request)
+
+    def _asked(self, request: Request) -> Iterator[_Result]:
+        """Make a request of the recording again."""
+        try:
+            output = request.apply(self._pipeline)
+        except ValueError as error:
+            self._summary.warnings.append(f"{request.kind} of the recording is not taken again: {error}")
+            return
+        if request.begins_anew:
+            for samples, block in self._companions:
+                later: BlockSamples = {
+                    name: part[part["stamp_ns"] > request.stamp_ns]
+                    for name, part in samples.items()
+                    if (part["stamp_ns"] > request.stamp_ns).any()
+                }
+                self._push_companions(later, block, again=True)
+        if output is not None:
+            yield _Result(output)
 
     def _checked(self, block: Block) -> BlockSamples:
         """Return the samples of a block, checked and calibrated."""
         samples: BlockSamples = {name: part[1] for name, part in block.items()}
+        self._used.take(samples)
         self._check_units(samples)
         self._judge_covariances(samples)
         self._leave_out_skewed(samples, block)
@@ -214,6 +256,9 @@ class BagEstimate:
         """Check the units of the first samples of IMU and magnetometer; one that is none in any unit is not used."""
         new = {name: samples[name] for name in self._unchecked & samples.keys()}
         self._unchecked -= new.keys()
+        if self._list.as_live:
+            # The live estimator judged these readings by its own checks, and so do its surveys here.
+            return
         warnings = check_units(self.topics, new)
         self._summary.warnings += warnings
         self._use_mag = self._use_mag and not any(text.startswith(f"{self.topics.mag}:") for text in warnings)
@@ -260,16 +305,22 @@ class BagEstimate:
             if topic in samples:
                 samples[topic] = take(samples[topic])
 
-    def _push_companions(self, samples: BlockSamples, block: Block) -> None:
-        """Push all samples but those of the IMU; block: the same with the times of their messages."""
+    def _push_companions(self, samples: BlockSamples, block: Block, *, again: bool = False) -> None:
+        """
+        Push all samples but those of the IMU; block: the same with the times of their messages.
+
+        again: they were pushed before, and the estimate has begun anew since.
+        """
         topics = self.topics
+        if not again:
+            self._companions.append((samples, block))
         if self._use_mag and topics.mag in samples:
             self._pipeline.push_mag(samples[topics.mag])
         if topics.precision in samples:
             self._pipeline.push_precision(samples[topics.precision])
         if topics.temperature in samples:
             self._pipeline.push_temperature(samples[topics.temperature])
-        if topics.rig is not None and topics.rig in samples:
+        if topics.rig is not None and topics.rig in samples and not again:
             imu = (block[topics.imu][0], samples[topics.imu]) if topics.imu in samples else None
             self._list.take_rig((block[topics.rig][0], samples[topics.rig]), imu)
 
@@ -285,38 +336,26 @@ class BagEstimate:
             summary.warnings.append(
                 f"{compensation.without_temperature} samples were calibrated before any temperature was known"
             )
-        refuse_wrong_unit(self.topics, summary.faults)
-        rejected = self._reject_wrong_mount()
-        revised = {number: survey for number, survey in pipeline.revisions().items() if number not in rejected}
-        summary.revisions = [
-            (dataclasses.replace(revised[survey.sequence], status=survey.status, revision=1), depth)
+        if not self._list.as_live:
+            refuse_wrong_unit(self.topics, summary.faults)
+        now = pipeline.revisions()
+        revised = [
+            (dataclasses.replace(now[survey.sequence], status=survey.status, revision=1), depth)
             for survey, depth in summary.surveys
-            if survey.sequence in revised
+            if survey.sequence in now
         ]
+        summary.listed, summary.live = self._list.finish([survey for survey, _ in revised])
+        # A survey that a sensor was faulty for all along takes the place of the first value, as in the list.
+        withdrawn = {survey.sequence: survey for survey, _ in revised if survey.withdrawn}
+        summary.surveys = [(withdrawn.get(survey.sequence, survey), depth) for survey, depth in summary.surveys]
+        summary.revisions = [(survey, depth) for survey, depth in revised if not survey.withdrawn]
+        summary.other_input = self._used.differences(self.topics)
+        summary.warnings += [*self._requests.remarks, *summary.other_input]
+        summary.as_live = self._list.as_live
         summary.mag_used = self._use_mag
-        summary.listed, summary.live = self._list.finish([survey for survey, _ in summary.revisions])
         summary.depths = self._list.depth_source
         summary.warnings += self._list.warnings
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)
-
-    def _reject_wrong_mount(self) -> set[int]:
-        """
-        Reject what was surveyed before the turning string showed the unit's mount, which does not change.
-
-        Returns the numbers of these surveys.
-        """
-        summary, history = self._summary, FaultHistory()
-        wrong = [fault for fault in summary.faults if fault.code == FaultCode.MOUNT and not fault.cleared_ns]
-        if not wrong:
-            return set()
-        history.note(wrong[0])
-        rejected = set()
-        for k, (survey, depth) in enumerate(summary.surveys):
-            if survey.stamp_ns < wrong[0].since_ns:
-                summary.surveys[k] = history.judge(survey), depth
-                self._list.replace(summary.surveys[k][0])
-                rejected.add(survey.sequence)
-        return rejected
 
 
 def _last_log(block: Block, originals: list[Originals]) -> int:

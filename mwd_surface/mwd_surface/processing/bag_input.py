@@ -50,6 +50,9 @@ FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
+# Results of the estimator that show which namespaces are wells of ours, and its IMU topic there.
+_RESULTS = {"attitude": "mwd_msgs/msg/Attitude", "gravity": "mwd_msgs/msg/Gravity", "survey": "mwd_msgs/msg/Survey"}
+_ORIENTED = "imu/data"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
 _AVERAGED, _AVERAGED_NS = 10, 5e7  # most samples, and longest time, ns, of a mean that shows gravity
@@ -143,6 +146,37 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     )
 
 
+def graph_namespaces(bag: Bag) -> list[str]:
+    """Return the namespaces, each with a slash at its end, in which a bag has results of an estimator of ours."""
+    return sorted(
+        {
+            about.name.removesuffix(name)
+            for about in bag.topics.values()
+            for name, type_name in _RESULTS.items()
+            if about.type_name == type_name and about.name.endswith(f"/{name}")
+        }
+    )
+
+
+def namespace_of(bag: Bag, imu: str) -> str | None:
+    """
+    Return the namespace of the well of an IMU, with a slash at its end; None where it is not known.
+
+    An IMU under a name of its driver belongs to the one well whose results the bag has.
+    """
+    for name in (IMU, IMU_BURST):
+        if imu.endswith(name):
+            return imu.removesuffix(name)
+    spaces = graph_namespaces(bag)
+    return spaces[0] if len(spaces) == 1 else None
+
+
+def _measured(bag: Bag, names: Sequence[str]) -> list[str]:
+    """Return the topics of IMUs without those that the estimator publishes: it turns and orients the same samples."""
+    own = {f"{space}{_ORIENTED}" for space in graph_namespaces(bag)}
+    return [name for name in names if name not in own] or list(names)
+
+
 def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
     """What of the choice of topics its user should know: taken under an unusual name, or left out for it."""
     remarks = []
@@ -163,7 +197,8 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
     if topics.precision is None:
         wells = (IMU, IMU_BURST, PRECISION, PRECISION_BURST)
         used = (topics.imu, topics.accelerometer)
-        others = [n for n in bag.topics if n not in used and _has(bag, n, wire.IMU) and not n.endswith(wells)]
+        others = [n for n in bag.topics if _has(bag, n, wire.IMU)]
+        others = [n for n in _measured(bag, others) if n not in used and not n.endswith(wells)]
         if others:
             remarks.append(f"not used: {', '.join(others)}; name the precision unit with --gyro-topic")
     if topics.kind in (Kind.IN_TURNS, Kind.SOME_EMPTY):
@@ -359,6 +394,7 @@ def _imu_of(bag: Bag) -> str:
     if not usual and any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values()):
         return bag.find_topic(burst.TYPE_NAME, IMU_BURST)
     candidates = usual or [topic.name for topic in here if topic.count and not topic.name.endswith(PRECISION)]
+    candidates = _measured(bag, candidates)
     if len(candidates) > 1 and not usual:
         candidates = _likely(bag, candidates)
     if len(candidates) == 1:
@@ -387,7 +423,8 @@ def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
     kind, alone = _kind(bag, imu), is_accelerometer(first_samples(bag, imu))
     if kind != Kind.GYRO and not alone:
         return imu, None
-    others = [name for name in bag.topics if name != imu and _has(bag, name, wire.IMU)]
+    others = [name for name in bag.topics if _has(bag, name, wire.IMU)]
+    others = [name for name in _measured(bag, others) if name != imu]
     if alone:
         gyro = _nearest(imu, [name for name in others if _kind(bag, name) == Kind.GYRO])
         return (gyro, imu) if gyro is not None else (imu, None)

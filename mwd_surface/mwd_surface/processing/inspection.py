@@ -278,7 +278,8 @@ def _read(
         *left_out(stream),
     ]
     reading.problems = stream.problems
-    reading.faults = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
+    standing = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
+    reading.faults = [fault.in_unit_axes(mount.imu) for fault in standing]
     return reading
 
 

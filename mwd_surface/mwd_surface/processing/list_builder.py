@@ -3,7 +3,8 @@
 The survey list of a recording that is processed: as the surface node kept it, where the recording is one of our own.
 
 Depths come from a table that is given, else from the live list (for the same surveys), else from the rig's data.
-Decisions of people are taken over where the settings are those of the recording.
+Decisions of people and revisions are taken over, in the order in which they were made, where the settings are those of
+the recording.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.processing.bag_input import IMU, IMU_BURST, InputSettings, Topics
+from mwd_surface.processing.bag_input import InputSettings, Topics, namespace_of
 from mwd_surface.surveys.depth import DepthReading, DepthTrack
 from mwd_surface.surveys.depth_table import read_depths
 from mwd_surface.surveys.leg_settings import arranged
 from mwd_surface.surveys.message_conversion import survey_of_fields
-from mwd_surface.surveys.recorded_list import RecordedList, recorded_list
+from mwd_surface.surveys.recorded_list import Decided, DepthByHand, RecordedList, Revised, recorded_list
 from mwd_surface.surveys.recorded_settings import Recorded, SurfacePart
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Survey as ListedSurvey
@@ -70,11 +71,10 @@ class ListBuilder:
         frame: str,
     ) -> None:
         self._bag, self._estimator, self._recorded, self._frame = bag, estimator, recorded, frame
-        namespace = topics.imu.removesuffix(IMU).removesuffix(IMU_BURST)
+        known_namespace = namespace_of(bag, topics.imu)
+        self.namespace = namespace = "/" if known_namespace is None else known_namespace
         self._surface = recorded.surface or SurfacePart()
-        # A topic of another name says nothing of the well.
-        well = namespace.strip("/") if namespace != topics.imu else ""
-        self._well = recorded.well(Well(name=well or Well().name))
+        self._well = recorded.well(Well(name=namespace.strip("/") or Well().name))
         known = self._well.sensor_to_bit
         #: m; None where neither the options nor the recording give it.
         self.sensor_to_bit = given.sensor_to_bit_m if given.sensor_to_bit_m >= 0.0 else known
@@ -86,8 +86,16 @@ class ListBuilder:
         self._given_depths = given.depths
         self._rig_topic = topics.rig
         self._live_used = 0
+        # The settings are those of the live list: it is to come out again.
+        self.as_live = self._live.last is not None and estimator == recorded.estimator
+        self._changes = list(self._live.changes)
         self.surveys = SurveyList()
         self.warnings: list[str] = list(recorded.remarks)
+        if self._live.without_events:
+            self.warnings.append(
+                f"the recording has no operator events ({namespace}operator_events): surveys that people asked for are "
+                "not taken again, and only the decisions that its survey lists show are taken over; record that topic"
+            )
         self._begun = False
 
     @property
@@ -122,10 +130,15 @@ class ListBuilder:
             known = bool(row["valid"] & RIG_VALID["bit_depth"])
             self.depth.update(int(row["stamp_ns"]), float(row["bit_depth"]), known)
 
-    def add(self, survey: Survey) -> float:
-        """Add a survey of the estimator to the list; returns the measured depth of the sensor, m, nan if unknown."""
+    def add(self, survey: Survey, log_ns: int | None = None) -> float:
+        """
+        Add a survey of the estimator to the list; returns the measured depth of the sensor, m, nan if unknown.
+
+        log_ns: when its last sample was recorded, ns; what people changed before it was listed comes first.
+        """
         if not self._begun:
             self._begin(survey)
+        self._take_changes(self._live.arrived_ns.get(survey.uuid, log_ns))
         reading = self._depth_of(survey)
         live = self._live.records.get(survey.uuid)
         listed = self._listed(survey)
@@ -143,34 +156,52 @@ class ListBuilder:
         fields = survey_fields(survey)
         return dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
 
-    def replace(self, survey: Survey) -> None:
-        """Put a survey judged again in the place of the same survey in the list."""
-        listed = self._listed(survey)
-        old = next((record for record in self.surveys.records if record.survey.uuid == listed.uuid), None)
+    def _take_changes(self, until_ns: float | None) -> None:
+        """Change the list as people and estimator changed it up to a time of recording, ns."""
+        while self._changes and until_ns is not None and self._changes[0].log_ns < until_ns:
+            change = self._changes.pop(0)
+            if isinstance(change, DepthByHand):
+                if self.uses_rig:
+                    self.depth.set_by_hand(change.stamp_ns, change.bit_depth)
+            elif not self.as_live:
+                continue
+            elif isinstance(change, Revised):
+                self.surveys = self.surveys.revise(change.survey)
+            else:
+                self._decide(change)
+
+    def _decide(self, decided: Decided) -> None:
+        try:
+            self.surveys = decided.applied(self.surveys, depths=self._live_depths)
+        except ValueError as error:
+            self.warnings.append(f"the decision of {decided.operator_name} is not taken over: {error}")
+
+    def _revise(self, survey: Survey) -> None:
+        """Keep what the whole run says of a survey, where the recorded revisions do not say it."""
+        old = next((r for r in self.surveys.records if r.survey.uuid == survey.uuid), None)
         if old is None:
             return
-        rest = tuple(record for record in self.surveys.records if record is not old)
-        table = dataclasses.replace(self.surveys, records=rest)
-        listed = dataclasses.replace(listed, sequence=old.survey.sequence)
-        self.surveys = table.add(
-            listed, old.measured_depth, old.depth_age, comment=old.comment, leg=old.leg, tool=old.tool
-        )
+        said = (old.survey, *old.revised)
+        if self.as_live and (not survey.withdrawn or any(one.withdrawn for one in said)):
+            return
+        newest = max(one.revision for one in said)
+        self.surveys = self.surveys.revise(self._listed(dataclasses.replace(survey, revision=newest + 1)))
 
     def finish(self, revisions: Sequence[Survey] = ()) -> tuple[SurveyList, str]:
         """
         Return the list with the decisions of people, and in words how it compares with the live one.
 
-        revisions: what the whole run says of its surveys; a live list with the same settings has its own.
+        revisions: what the whole run says of its surveys; a live list with the same settings has its own, but for those
+        that it withdraws.
         """
-        as_live = bool(self._live.records) and self._estimator == self._recorded.estimator
-        for survey in () if as_live else revisions:
-            self.surveys = self.surveys.revise(self._listed(survey))
+        if not self._begun:
+            self.surveys = self._empty(dataclasses.replace(self._well, sensor_to_bit=self.sensor_to_bit))
+        self._take_changes(math.inf)
+        for survey in revisions:
+            self._revise(survey)
         if not self._live.records:
             return self.surveys, ""
-        if as_live:
-            self.surveys, failed = self._live.decided(self.surveys, depths=self._live_depths)
-            self.warnings += failed
-        elif any(r.judgement for r in self._live.records.values()):
+        if not self.as_live and any(r.judgement for r in self._live.records.values()):
             self.warnings.append("decisions of people in the live list are not taken over: other settings are in force")
         # A message has the last decision about a survey only, without the revision that was known then.
         told = (dataclasses.replace(r, decisions=r.decisions[-1:], decided_revision=0) for r in self.surveys.records)

@@ -94,7 +94,8 @@ def reversed_settings(estimator: EstimatorSettings, summary: Summary) -> Estimat
     standing = [fault for fault in last.values() if not fault.cleared_ns]
     reversals = (FaultCode.SIGN, FaultCode.POINTS_UP)
     shown = any(fault.code in reversals and fault.sensors == (1,) for fault in standing)
-    if not shown or estimator.tool.mount.accelerometer != "up":
+    # Where the live estimator rejected these surveys, they are rejected again.
+    if not shown or estimator.tool.mount.accelerometer != "up" or summary.as_live:
         return None
     return settings.changed(estimator, {"tool.mount.accelerometer": "down"})
 

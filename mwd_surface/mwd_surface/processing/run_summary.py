@@ -61,6 +61,10 @@ class Summary:
         Names of what was written.
     mag_used : bool
         Whether the magnetometer was used.
+    other_input : list of str
+        How the samples of the recording differ from those that the live estimator used; empty where they do not.
+    as_live : bool
+        The settings are those of the live survey list in the recording.
     """
 
     topics: Topics
@@ -87,6 +91,8 @@ class Summary:
     warnings: list[str] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)
     mag_used: bool = True
+    other_input: list[str] = dataclasses.field(default_factory=list)
+    as_live: bool = False
 
     @property
     def seconds(self) -> float:

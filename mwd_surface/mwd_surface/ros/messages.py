@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
@@ -75,8 +77,8 @@ def alarm_message(alarm: Alarm) -> msg.Alarm:
     )
 
 
-def recorder_message(status: RecorderStatus, now: Time) -> msg.RecorderStatus:
-    """Message of the recorder's state."""
+def recorder_message(status: RecorderStatus, now: Time, streams: Mapping[str, int]) -> msg.RecorderStatus:
+    """Message of the recorder's state; streams: first stamp, ns, of each topic of samples that is recorded."""
     message = msg.RecorderStatus(
         state=int(status.state),
         path=str(status.path or ""),
@@ -86,6 +88,8 @@ def recorder_message(status: RecorderStatus, now: Time) -> msg.RecorderStatus:
         free_bytes=max(status.free_bytes, 0),
         duration=status.duration_s,
         reason=status.reason,
+        streams=list(streams),
+        first=[stamp(first_ns) for first_ns in streams.values()],
     )
     message.header.stamp = now
     return message

@@ -51,6 +51,8 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     "dynamics": (msg.Dynamics, STATE),
     "interference": (msg.Interference, STATE),
     "innovations": (msg.InnovationList, STATE),
+    "used_samples": (msg.UsedSamples, STATE),
+    "operator_events": (msg.OperatorEvent, STATE),
     "survey": (msg.Survey, EVENT),
     "survey/revised": (msg.Survey, EVENT),
     "toolface": (msg.Toolface, DEADLINE_STATE),
@@ -75,8 +77,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
     *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "innovations", "survey"),
-    "survey/revised",
-    "/tf",
+    *("survey/revised", "used_samples", "/tf"),
 )
 
 

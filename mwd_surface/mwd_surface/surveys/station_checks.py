@@ -176,6 +176,12 @@ def revision_doubt(record: SurveyRecord, north: North) -> str:
     return f"{place} is in use with {words[0]}, later surveys say {words[1]}, {Verdict(now.verdict).word}{why}"
 
 
+def withdrawal(record: SurveyRecord) -> str:
+    """Say in a sentence that a survey is withdrawn, and why."""
+    place = f" at {record.measured_depth:.1f} m" if record.measured_depth >= 0.0 else ""
+    return f"survey {record.survey.sequence}{place} is withdrawn from the path: {record.survey.action}"
+
+
 def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: float | None) -> Definitive:
     """Return the path of a leg through its parents, from the stations `used`, projected to bit_depth, m, if given."""
     t = leg.tie_on

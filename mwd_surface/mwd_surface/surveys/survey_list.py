@@ -140,9 +140,13 @@ class SurveyList:
             tool=self.tool if tool is None else tool,
             comment=comment,
         )
-        allowed = self.rules.automatic and survey.verdict == Verdict.ACCEPT and not obstacles(self, record)
-        record = dataclasses.replace(record, in_use=allowed)
+        record = dataclasses.replace(record, in_use=self._allowed(record))
         return self._with((*self.records, record), max(survey.stamp_ns, self.changed_ns))
+
+    def _allowed(self, record: SurveyRecord) -> bool:
+        """Return whether a survey that is not in the list goes into the path without a decision."""
+        accepted = record.survey.verdict == Verdict.ACCEPT
+        return self.rules.automatic and accepted and not obstacles(self, record)
 
     def accept(
         self,
@@ -223,7 +227,8 @@ class SurveyList:
         """
         Keep what the estimator says of a survey now that it knows later ones; the first value stays in the path.
 
-        Returns the list unchanged where it has no such survey (uuid) or a newer revision; a person decides about it.
+        A survey that the estimator withdraws leaves the path, unless a person has accepted it; one that it takes back
+        is treated as a new one. Returns the list unchanged where it has no such survey (uuid) or a newer revision.
 
         Raises
         ------
@@ -232,9 +237,16 @@ class SurveyList:
         """
         survey = checked_survey(survey)
         old = next((r for r in self.records if r.survey.uuid == survey.uuid), None)
-        if old is None or any(one.revision >= survey.revision for one in old.revised):
+        if old is None or any(one.revision >= survey.revision for one in (old.survey, *old.revised)):
             return self
-        record = dataclasses.replace(old, revised=(dataclasses.replace(survey, sequence=old.survey.sequence),))
+        survey = dataclasses.replace(survey, sequence=old.survey.sequence)
+        if old.judgement == Judgement.ACCEPTED or not (survey.withdrawn or old.survey.withdrawn):
+            record = dataclasses.replace(old, revised=(survey,))
+        else:
+            record = dataclasses.replace(old, survey=survey, revised=(), in_use=False)
+            if old.judgement == Judgement.NOT_JUDGED:
+                rest = dataclasses.replace(self, records=tuple(r for r in self.records if r is not old))
+                record = dataclasses.replace(record, in_use=rest._allowed(record))
         return self._with([record if r is old else r for r in self.records])
 
     def remark(self, sequence: int, comment: str) -> SurveyList:

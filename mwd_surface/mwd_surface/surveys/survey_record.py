@@ -117,6 +117,7 @@ class Survey:
     hypothesis_odds: tuple[float, ...] = ()
     status: int = 0
     revision: int = 0
+    withdrawn: bool = False
 
     @property
     def verdicts(self) -> tuple[str, str, str]:
@@ -223,7 +224,8 @@ class SurveyRecord:
 
     decisions: every one ever made, oldest first; the last one is in force. Only the file of the list has them.
     revised: the survey as the estimator judged it last with the later ones of its run, or none; the path keeps the
-    first. decided_revision: number of the revision that was there when a person decided last; only the file has it.
+    first. A survey that the estimator withdrew takes the place of the first. decided_revision: number of the revision
+    that was there when a person decided last; only the file has it.
 
     From `north` on the numbers follow from the list and are recomputed with it (m, rad/m; 0 unless `in_use`).
     """

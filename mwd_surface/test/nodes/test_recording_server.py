@@ -22,7 +22,7 @@ def server(folder, name="", **recorder):
     )
     node = SimpleNamespace(resolve_topic_name=lambda topic: f"/{topic}")
     settings = SimpleNamespace(record=RecordSettings(name=name), recorder=RecorderSettings(**recorder))
-    context = SimpleNamespace(node=node, folder=folder, live=None, alarm_log=alarm_log)
+    context = SimpleNamespace(node=node, folder=folder, live=SimpleNamespace(over_link=False), alarm_log=alarm_log)
     return RecordingServer(context, settings, tables=dict, attachments=tuple), book
 
 

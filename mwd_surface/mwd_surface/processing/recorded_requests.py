@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Requests to the estimator in a recording: they are taken again at the same samples, so that the same surveys come of it.
+
+Surveys on request, while the string turns and north seeks, a reference field that was given, a restart.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.pipeline.output import Output
+from mwd_estimation.pipeline.pipeline import Pipeline
+from mwd_sensors.core.wire import NANOSECONDS
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.surveys.message_conversion import stamp_of
+from mwd_surface.surveys.recorded_list import EVENT_TYPE, EVENTS
+
+# Longest time from a sample to the word of a request that took effect behind it, ns. It tells the passes of a recording
+# apart whose time goes back.
+_LATEST_NS = 10 * NANOSECONDS
+
+
+@dataclasses.dataclass(frozen=True)
+class Request:
+    """One request: the last sample before it and the time of its message, ns, its kind in words, and what it does."""
+
+    stamp_ns: int
+    log_ns: int
+    kind: str
+    apply: Callable[[Pipeline], Output | None]
+    begins_anew: bool = (
+        False  #: it restarts the estimate: samples of the other sensors of later times are to come again
+    )
+
+
+def _take_survey(pipeline: Pipeline, event: Any) -> None:
+    pipeline.request_survey(event.duration)
+
+
+def _seek_north(pipeline: Pipeline, event: Any) -> None:
+    pipeline.request_north(event.duration, event.mode)
+
+
+def _use_reference(pipeline: Pipeline, event: Any) -> None:
+    field = (event.total, event.dip, event.declination, event.convergence)
+    pipeline.set_reference(Reference(*field, event.gravity if event.gravity > 0.0 else None, event.source))
+
+
+# Name of the constant in OperatorEvent.msg, number and action.
+_KINDS: dict[int, tuple[str, Callable[[Pipeline, Any], Output | None]]] = {
+    0: ("survey on request", _take_survey),
+    1: ("north seek", _seek_north),
+    2: ("end of a north seek", lambda pipeline, _: pipeline.requests.cancel_north()),
+    3: ("rotary survey", lambda pipeline, event: pipeline.requests.start_rotary(event.duration)),
+    4: ("end of a rotary survey", lambda pipeline, _: pipeline.requests.cancel_rotary()),
+    5: ("reference field", _use_reference),
+    6: ("restart of the estimate", lambda pipeline, _: pipeline.reset()),
+    7: ("survey completed without the gyro", lambda pipeline, _: pipeline.finish()),
+}
+_FIELD_GIVEN, _RESET = 5, 6
+
+
+class RecordedRequests:
+    """
+    The requests of one well in a recording, in order.
+
+    Parameters
+    ----------
+    bag : Bag
+    namespace : str
+        Of the well, with a slash at its end.
+    begin_ns : int
+        Time of recording before which requests do not count, ns.
+    with_field : bool
+        Whether a reference field that was given counts: not where its user asks for another one.
+
+    Attributes
+    ----------
+    remarks : list of str
+        Requests that could not be taken again.
+    """
+
+    def __init__(self, bag: Bag, namespace: str, begin_ns: int, *, with_field: bool) -> None:
+        self.remarks: list[str] = []
+        self._waiting: list[Request] = []
+        about = bag.topics.get(f"{namespace}{EVENTS}")
+        if about is None or about.type_name != EVENT_TYPE:
+            return
+        for log_ns, _, _, data in bag.messages([about.name]):
+            event = bag.decode(about.name, data)
+            if event.kind not in _KINDS or not event.success or log_ns < begin_ns:
+                continue
+            if event.kind == _FIELD_GIVEN and not with_field:
+                self.remarks.append(f"the field given live ({event.source}) is not used: another one is asked for")
+                continue
+            self._waiting.append(_request(log_ns, event))
+
+    def cut(self, stamps: NDArray[np.int64], log_ns: NDArray[np.int64]) -> Iterator[tuple[slice, list[Request]]]:
+        """Cut samples, shapes (n,), ns, behind the sample of each request; give each part with the requests then."""
+        start = 0
+        while self._waiting:
+            first = self._waiting[0]
+            after = (stamps[start:] > first.stamp_ns) & (log_ns[start:] >= first.log_ns - _LATEST_NS)
+            if not after.any():
+                break
+            stop = start + int(np.argmax(after))
+            yield slice(start, stop), [self._waiting.pop(0)]
+            start = stop
+        yield slice(start, len(stamps)), []
+
+    def rest(self) -> list[Request]:
+        """Remove and return the requests after the last sample."""
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
+
+def _request(log_ns: int, event: Any) -> Request:
+    kind, act = _KINDS[event.kind]
+    stamp_ns = stamp_of(event.header.stamp)
+    return Request(stamp_ns, log_ns, kind, lambda pipeline: act(pipeline, event), event.kind == _RESET)

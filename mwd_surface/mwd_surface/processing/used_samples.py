@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a recording holds the samples that the live estimator used: those of its own counters, topic by topic."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+from collections.abc import Mapping
+
+from mwd_sensors.core import burst
+from mwd_sensors.core.arrays import Samples
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.processing.bag_input import Topics
+from mwd_surface.surveys.message_conversion import stamp_of
+
+TOPIC, TYPE = "used_samples", "mwd_msgs/msg/UsedSamples"
+
+
+@dataclasses.dataclass
+class _Count:
+    """Samples of one run of the estimator on a topic: as counted live, between two stamps, ns; and as recorded."""
+
+    first_ns: int
+    last_ns: int
+    used: int
+    recorded: int = 0
+    recorded_from_ns: int = 0
+
+
+class UsedSamples:
+    """
+    Counts of samples that were used live, and of those that come from the recording.
+
+    bag : Bag. namespace : of the well, with a slash at its end.
+    """
+
+    def __init__(self, bag: Bag, namespace: str) -> None:
+        self._counts: dict[str, list[_Count]] = {}
+        self._singles = {f"{namespace}{name}": f"{namespace}{single}" for name, single in burst.TOPICS.items()}
+        about = bag.topics.get(f"{namespace}{TOPIC}")
+        if about is None or about.type_name != TYPE:
+            return
+        for _, _, _, data in bag.messages([about.name]):
+            for one in bag.decode(about.name, data).topics:
+                self._take_count(str(one.topic), stamp_of(one.first), stamp_of(one.last), int(one.samples))
+
+    def _take_count(self, topic: str, first_ns: int, last_ns: int, used: int) -> None:
+        """Take a count: the same run of the estimator counts on, another one begins at another stamp or with fewer."""
+        runs = self._counts.setdefault(topic, [])
+        if runs and used >= runs[-1].used and first_ns == runs[-1].first_ns:
+            runs[-1] = _Count(first_ns, last_ns, used)
+        else:
+            runs.append(_Count(first_ns, last_ns, used))
+
+    def take(self, samples: Mapping[str | None, Samples]) -> None:
+        """Count samples of the recording, by topic."""
+        for topic, part in samples.items():
+            stamps = part["stamp_ns"]
+            for run in self._counts.get(self._singles.get(topic or "", topic or ""), ()):
+                inside = stamps[(stamps >= run.first_ns) & (stamps <= run.last_ns)]
+                if len(inside):
+                    run.recorded += len(inside)
+                    begin = int(inside.min())
+                    run.recorded_from_ns = min(run.recorded_from_ns or begin, begin)
+
+    def differences(self, topics: Topics) -> list[str]:
+        """Say of each topic in use how the recording differs from what was used live."""
+        found = []
+        for topic in topics.all:
+            single = self._singles.get(topic, topic)
+            for run in self._counts.get(single, ()):
+                if run.recorded == run.used:
+                    continue
+                more = run.recorded - run.used
+                words = (
+                    f"not the same input as live: the estimator used {run.used} samples of {single} from "
+                    f"{_time(run.first_ns)} on, the recording holds {run.recorded} of this time"
+                )
+                late_s = (run.recorded_from_ns - run.first_ns) * 1e-9
+                begins = f", the first {late_s:.3g} s later" if run.recorded and late_s > 0.0 else ""
+                found.append(f"{words} ({abs(more)} {'more' if more > 0 else 'fewer'}{begins}): surveys may differ")
+        return found
+
+
+def _time(stamp_ns: int) -> str:
+    moment = datetime.datetime.fromtimestamp(0, tz=datetime.UTC) + datetime.timedelta(seconds=stamp_ns * 1e-9)
+    return f"{moment:%H:%M:%S}.{stamp_ns // 10**6 % 1000:03d}"

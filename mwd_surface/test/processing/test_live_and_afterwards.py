@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One result, live and afterwards: the list of a graph and that of its recording, whatever failed or was asked for."""
+
+import dataclasses
+import math
+
+import pytest
+from live_graph import ACCEPT, REJECT, RESET, ROTARY, TAKE, LiveGraph
+
+from mwd_sensors.simulator.scenario import read
+from mwd_surface.bags.bag_reader import Bag
+from mwd_surface.processing import process
+from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.surveys.recorded_settings import recorded_settings
+from mwd_surface.surveys.survey_record import Verdict
+from project import SCENARIOS
+
+pytestmark = pytest.mark.slow(4)
+
+SCHEDULE = [
+    {"kind": "still", "seconds": 15.0, "pumps": False},
+    {"kind": "drill", "seconds": 22.0, "rpm": 120.0, "rop_m_h": 60.0},
+    {"kind": "still", "seconds": 15.0, "pumps": False},
+]
+# Of every sensor each failure from the first sample on; and some that begin within or after the first survey.
+WORDS = {
+    "accel": ("off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent", "flipped", "in_g", "saturated"),
+    "gyro": ("off", "stuck", "garbage", "wrong", "flipped", "in_deg_s", "nan"),
+    "mag": ("off", "stuck", "garbage", "wrong", "delayed", "flipped", "in_ut", "in_gauss", "nan"),
+    "precision_gyro": ("off", "garbage", "flipped"),
+}
+FAULTS = [
+    *((component, word, "all", 0.0) for component, words in WORDS.items() for word in words),
+    *((component, "swapped", axes, 0.0) for component in ("accel", "gyro", "mag") for axes in ("xy", "xz")),
+    *((component, "flipped", "z", 0.0) for component in ("accel", "gyro", "mag")),
+    *(
+        (component, word, "all", at)
+        for component in ("accel", "mag")
+        for word in ("stuck", "flipped")
+        for at in (9.0, 25.0)
+    ),
+]
+
+
+def story(faults=(), schedule=SCHEDULE, **changes):
+    given = {"schedule": schedule, "faults": [dict(zip(KEYS, one, strict=True)) for one in faults], **changes}
+    return read(SCENARIOS / "default.yaml", given)
+
+
+KEYS = ("component", "fault", "axis", "start_s")
+
+
+def processed(path, out, **given):
+    with Bag(path) as bag:
+        recorded = recorded_settings(bag)
+        return process.process(bag, out, recorded.estimator, InputSettings(**given), recorded=recorded)
+
+
+def both(folder, made, actions=(), **options):
+    """Lists live and afterwards, and the summary of what was processed."""
+    live = LiveGraph(folder / "bag", made, **options)
+    surveys = live.run(actions)
+    return surveys, processed(folder / "bag", folder / "out"), live
+
+
+def in_force(surveys):
+    """Of each survey what a driller goes by."""
+    return [
+        (r.survey.uuid, r.survey.verdict, r.survey.withdrawn, r.survey.reasons, r.in_use, r.measured_depth)
+        for r in surveys.records
+    ]
+
+
+@pytest.mark.parametrize(("component", "word", "axis", "start_s"), FAULTS)
+def test_the_verdicts_of_a_faulty_tool_are_the_same_live_and_afterwards(component, word, axis, start_s, tmp_path):
+    live, summary, _ = both(tmp_path, story([(component, word, axis, start_s)]))
+    assert in_force(summary.listed) == in_force(live)
+    assert summary.listed == live
+    assert summary.other_input == []
+    # The table of surveys has the verdict of the list.
+    listed = {r.survey.uuid: r.survey.verdict for r in summary.listed.records}
+    words = {one.uuid: one.station.verdict for one, _ in summary.surveys}
+    assert words == {uuid: Verdict(verdict).name.lower() for uuid, verdict in listed.items()}
+
+
+@pytest.mark.parametrize("mount", ["z-down", "y-up", "x-up"])
+def test_surveys_before_a_wrong_mount_was_named_are_withdrawn_live_as_afterwards(mount, tmp_path):
+    live, summary, _ = both(tmp_path, story(), mount=mount)
+    assert summary.listed == live
+    first = live.records[0].survey
+    assert (Verdict(first.verdict), first.withdrawn) == (Verdict.REJECT, True)
+    assert not any(record.in_use for record in live.records)
+    assert f"set tool.mount.imu to {mount}" in first.reasons[0]
+
+
+@pytest.mark.parametrize("wrong", ["y-down", "z-up", "x-up"])
+def test_the_remedy_names_the_mount_of_the_unit_whatever_is_set(wrong, tmp_path):
+    graph = LiveGraph(tmp_path / "bag", story(), **{"tool.mount.imu": wrong})
+    live = graph.run()
+    assert "set tool.mount.imu to x-down" in live.records[0].survey.reasons[0]
+    healthy = LiveGraph(tmp_path / "mended", story(), **{"tool.mount.imu": "x-down"}).run()
+    assert [Verdict(r.survey.verdict) for r in healthy.records] == [Verdict.ACCEPT, Verdict.ACCEPT]
+
+
+LONG = [
+    {"kind": "still", "seconds": 30.0, "pumps": False},
+    {"kind": "drill", "seconds": 25.0, "rpm": 100.0, "rop_m_h": 60.0},
+    {"kind": "still", "seconds": 25.0, "pumps": False},
+    {"kind": "drill", "seconds": 25.0, "rpm": 100.0, "rop_m_h": 60.0},
+    {"kind": "still", "seconds": 15.0, "pumps": False},
+]
+EVENTS = {
+    "asked for before the first survey": [(0.5, lambda g: g.ask(TAKE, 4.0))],
+    "several at a station": [(t, lambda g: g.ask(TAKE, 3.0)) for t in (13.0, 18.0, 23.0)],
+    "asked for twice": [(13.0, lambda g: g.ask(TAKE, 5.0)), (13.4, lambda g: g.ask(TAKE, 3.0))],
+    "rotary": [(35.0, lambda g: g.ask(ROTARY, 8.0)), (46.0, lambda g: g.judge(ACCEPT, 1, "Ann", depth=1011.0))],
+    "rotary twice": [(35.0, lambda g: g.ask(ROTARY, 8.0)), (36.0, lambda g: g.ask(ROTARY, 5.0))],
+    "restart": [(20.0, lambda g: g.ask(RESET)), (40.0, lambda g: g.ask(RESET))],
+    "rejected, and a survey at its depth": [
+        (56.0, lambda g: g.judge(REJECT, 1, "Ann")),
+        (58.0, lambda g: g.ask(TAKE, 3.0)),
+        (66.0, lambda g: g.judge(ACCEPT, 1, "Bob", depth=1010.0)),
+    ],
+    "decided again and again": [
+        (56.0 + k, lambda g, k=k: g.judge((REJECT, ACCEPT)[k % 2], 1, "Ann")) for k in range(5)
+    ],
+    "refused": [
+        (56.0, lambda g: g.judge(ACCEPT, 1, "")),
+        (57.0, lambda g: g.judge(REJECT, 9, "Ann")),
+        (58.0, lambda g: g.ask(TAKE, -3.0)),
+        (59.0, lambda g: g.ask(ROTARY, math.nan)),
+        (60.0, lambda g: g.judge(ACCEPT, 1, "Ann", depth=-7.0)),
+    ],
+    "after the last sample": [(1e6, lambda g: g.judge(REJECT, 1, "Ann")), (1e6, lambda g: g.judge(ACCEPT, 2, "Bob"))],
+    "accepted before it is withdrawn": [(31.0, lambda g: g.judge(ACCEPT, 1, "Ann"))],
+}
+
+
+@pytest.mark.parametrize("mount", ["x-down", "z-down"])
+@pytest.mark.parametrize("name", EVENTS)
+def test_the_list_of_people_s_requests_comes_out_again(name, mount, tmp_path):
+    live, summary, graph = both(tmp_path, story(schedule=LONG), EVENTS[name], mount=mount)
+    assert summary.listed == live
+    assert summary.live == f"{len(live.records)} of {len(live.records)} surveys equal those of the live list"
+    assert not [text for text in summary.warnings if "not taken" in text]
+    assert (name == "refused") == (len(graph.answers) == 5 and all(graph.answers))
+
+
+def test_a_recorder_without_the_events_is_told_to_record_them_and_the_decisions_are_those_of_the_lists(tmp_path):
+    actions = [(13.0, lambda g: g.ask(TAKE, 4.0)), (90.0, lambda g: g.judge(REJECT, 1, "Ann"))]
+    skip = ("operator_events", "used_samples")
+    live, summary, _ = both(tmp_path, story(schedule=LONG), actions, skip=skip)
+    assert any("/w1/operator_events" in text for text in summary.warnings)
+    assert summary.live.endswith("1 of it are not found again")
+    judged = {r.survey.uuid: r.operator_name for r in live.records}
+    same = [r for r in summary.listed.records if r.survey.uuid in judged]
+    assert [r.operator_name for r in same] == [judged[r.survey.uuid] for r in same]
+    assert "Ann" in judged.values()
+
+
+@pytest.mark.parametrize("topic", ["imu/data_raw", "imu/mag"])
+def test_a_recording_that_lacks_samples_that_were_used_is_not_the_same_input(topic, tmp_path):
+    _, summary, _ = both(tmp_path, story(), lost={topic: 37})
+    (text,) = summary.other_input
+    assert f"/w1/{topic}" in text
+    assert "37 fewer" in text
+    assert "not the same input as live" in text
+
+
+def test_requests_stand_at_their_sample_also_in_a_part_of_the_recording(tmp_path):
+    live, whole, _ = both(tmp_path, story(schedule=LONG), EVENTS["several at a station"])
+    part = processed(tmp_path / "bag", tmp_path / "part", start_s=30.0)
+    asked = [one.uuid for one, _ in part.surveys if one.requested]
+    assert asked == []
+    kept = {one.uuid for one, _ in part.surveys} & {one.uuid for one, _ in whole.surveys}
+    assert kept
+    assert dataclasses.asdict(live) == dataclasses.asdict(whole.listed)
