@@ -14,7 +14,9 @@ from project import ROOT
 
 SEVERITIES = {"debug", "info", "warn", "warning", "error", "fatal"}
 FILTERS = {"throttle_duration_sec", "skip_first", "once", "throttle_time_source_type"}
-SOURCES = [path for package in ("mwd_sensors", "mwd_estimation", "mwd_surface") for path in (ROOT / package).rglob("*.py")]
+SOURCES = [
+    path for package in ("mwd_sensors", "mwd_estimation", "mwd_surface") for path in (ROOT / package).rglob("*.py")
+]
 
 
 def _is_logger(expression):
@@ -35,7 +37,9 @@ def _constant(value, module):
 def faults(text):
     """Lines of a module at which a logger may be called with another severity or filter than before."""
     tree = ast.parse(text)
-    module = {target.id for one in tree.body if isinstance(one, ast.Assign) for target in one.targets if hasattr(target, "id")}
+    module = {
+        target.id for one in tree.body if isinstance(one, ast.Assign) for target in one.targets if hasattr(target, "id")
+    }
     called = {id(call.func): call for call in ast.walk(tree) if isinstance(call, ast.Call)}
     found = []
     for node in ast.walk(tree):
