@@ -80,7 +80,8 @@ def test_other_ways_to_log_are_found(line):
 
 
 def test_severities_of_their_own_lines_are_sound():
-    text = "EVERY = 10.0\nif bad:\n    node.get_logger().error(text, throttle_duration_sec=EVERY)\nelse:\n    logger.info(text)"
+    first = "EVERY = 10.0\nif bad:\n    node.get_logger().error(text, throttle_duration_sec=EVERY)\n"
+    text = f"{first}else:\n    logger.info(text)"
     assert faults(text) == []
 
 

@@ -197,15 +197,24 @@ def _check_with_place(place: Place, first_ns: int) -> None:
         )
 
 
+def day_of(place: Place) -> datetime.date | None:
+    """
+    Return the day that is set; None where none is.
+
+    Raises
+    ------
+    SettingsError
+        The date is no date.
+    """
+    try:
+        return datetime.date.fromisoformat(place.date) if place.date else None
+    except ValueError as error:
+        raise SettingsError(f"place.date: {place.date!r} is not a day as YYYY-MM-DD") from error
+
+
 def _of_model(place: Place, first_ns: int) -> Reference:
     """Return the reference of a geomagnetic model."""
-    if place.date:
-        try:
-            day = datetime.date.fromisoformat(place.date)
-        except ValueError as error:
-            raise SettingsError(f"place.date: {place.date!r} is not a day as YYYY-MM-DD") from error
-    else:
-        day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
+    day = day_of(place) or datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
     if place.lat_deg is None or place.lon_deg is None:
         raise SettingsError("place.field: a model needs the position; give place.lat_deg and place.lon_deg")
     lat, lon = math.radians(place.lat_deg), math.radians(place.lon_deg)
