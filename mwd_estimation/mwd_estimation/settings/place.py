@@ -21,9 +21,9 @@ _IFR2 = "IFR2"
 _MODELS = {"model": "wmm2025", "igrf": "igrf"}
 # Limits of the Earth's field, nT; the same as in `Reference`.
 _WEAKEST_NT, _STRONGEST_NT = 5e3, 2e5
-# Most that a fixed field may differ by from the model, T: the ore of Kursk and Kiruna exceeds it within kilometres, and
-# the crust elsewhere makes a tenth of it. Latitude beyond which the dip has its sign, and difference of dips that are the
-# same but for the slip, deg.
+# Most that a fixed field may differ by from the model, T: the ores of Kursk and Kiruna exceed it within kilometres, and
+# the crust elsewhere makes a tenth of it. Latitude beyond which the dip has its sign, deg, and difference of dips that
+# are the same but for the slip, deg.
 _ANOMALY, _FAR_FROM_EQUATOR_DEG, _SAME_DEG = 8e-6, 25.0, 10.0
 
 
@@ -192,8 +192,8 @@ def _check_with_place(place: Place, first_ns: int) -> None:
     declination = place.declination_deg
     if declination is not None and abs(wrap_pi(math.radians(declination - expected))) > tolerance:
         raise SettingsError(
-            f"place.declination_deg: a declination of {declination:g} deg does not exist {at}; it is {expected:.1f} deg "
-            f"there: correct it, or {way_out}"
+            f"place.declination_deg: a declination of {declination:g} deg does not exist {at}; it is {expected:.1f} "
+            f"deg there: correct it, or {way_out}"
         )
 
 
