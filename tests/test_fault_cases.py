@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every fault case has a test that runs on every machine, and every mark names a case."""
 
+import re
+
 import fault_cases
 
 
@@ -13,6 +15,14 @@ def test_every_case_is_held_by_a_test_that_no_machine_skips():
     holding = {number for test in fault_cases.held() if not test.may_be_skipped for number in test.numbers}
     missing = {case.number: case.case for case in fault_cases.cases() if case.number not in holding}
     assert missing == {}
+
+
+def test_every_case_says_in_a_sentence_what_its_tests_do_not_cover():
+    said = [case.not_covered for case in fault_cases.cases()]
+    assert [words for words in said if not re.fullmatch(r"[A-Z0-9].{30,}[.]", words) or "|" in words] == []
+    assert len(set(said)) == 100
+    page = fault_cases.page()
+    assert all(words in page for words in said)
 
 
 def test_every_mark_names_a_case():

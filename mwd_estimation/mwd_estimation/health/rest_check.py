@@ -12,6 +12,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
 from mwd_estimation.health.signal_checks import BIN_NS, FEW
@@ -46,7 +48,7 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
     s.rested = min(s.rested + 1, BINS)
     if s.rested < BINS:
         return
-    w, f = _mean(s.rest, 0), _mean(s.rest, 3)
+    w, f = _lasting(s.rest), _mean(s.rest, 3)
     size = math.sqrt(f[0] ** 2 + f[1] ** 2 + f[2] ** 2)
     total = math.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
     if size == 0.0:
@@ -66,6 +68,12 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
     if total > _SLOW and across > most and even > _SCATTERS * math.sqrt(scatter):
         seen = FOR
     observe(checks[FaultCode.REST_RATE.value, 0], seen, began, across, most)
+
+
+@compiled
+def _lasting(rest: Array) -> tuple[float, float, float]:
+    """Rates that last: of a wrong sample, which spoils the mean of its half second, the median knows nothing."""
+    return np.median(rest[:, 0]), np.median(rest[:, 1]), np.median(rest[:, 2])
 
 
 @compiled

@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import collections
-import itertools
 import time
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,12 @@ from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 
 _SLOWEST_HZ = 20.0  # below, a string at 120 r/min turns more than a third of a turn from sample to sample
-_RATED = 16  # number of samples from which a rate is computed
+# Number of samples from which a rate is computed, and the share that is lost; share from which on it is reported.
+_RATED, _COUNTED, _LOST = 16, 500, 0.03
 # Difference of the stamps of topics that arrive together, s; number of blocks in a row with a larger difference after
 # which the stamps are not used.
 _SKEW_S, _SKEWED = 1.0, 5
+_UNEVEN = 0.1  # mean distance of the steps of stamps from whole periods, of random ones 0.25
 _TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
 _FOREIGN_S = 5.0  # for which a message in another frame is reported
@@ -190,6 +192,12 @@ class InputTopics:
             if 0.0 < rate_hz < _SLOWEST_HZ:
                 message = f"rate too low: {rate_hz:.1f} Hz, a turning string needs {_SLOWEST_HZ:g} Hz"
                 return Diagnostic(topic, WARN, message, "raise the rate of the unit; surveys at rest go on", values)
+            lost = self._rates[topic].lost
+            values = (*values, ("lost_percent", f"{100.0 * lost:.0f}"))
+            if lost > _LOST:
+                message = f"arriving, but {100.0 * lost:.0f} % of the last samples were lost"
+                remedy = "look at the link to the tool and at the load of this machine; the sigmas are widened"
+                return Diagnostic(topic, WARN, message, remedy, values)
             return Diagnostic(topic, OK, "arriving", values=values)
         if self.received(topic):
             age = time.monotonic() - self._received_at[topic]
@@ -256,17 +264,38 @@ class InputTopics:
 
 
 class _Rate:
-    """Rate of a stream from the stamps of its last samples, Hz; 0 while it is not known."""
+    """Rate of a stream, and the share of its samples that is lost, from the stamps of the last ones."""
 
     def __init__(self) -> None:
-        self._stamps: collections.deque[int] = collections.deque(maxlen=_RATED)
+        self._stamps: collections.deque[int] = collections.deque(maxlen=_COUNTED)
 
     def add(self, stamp_ns: NDArray[np.int64]) -> None:
         """Take the stamps of samples that arrived."""
-        self._stamps.extend(stamp_ns[-_RATED:].tolist())
+        self._stamps.extend(stamp_ns[-_COUNTED:].tolist())
 
     @property
     def hz(self) -> float:
-        """Rate of the last samples."""
-        steps = sorted(later - earlier for earlier, later in itertools.pairwise(self._stamps) if later > earlier)
-        return 1e9 / steps[len(steps) // 2] if len(steps) >= _RATED // 2 else 0.0
+        """Rate of the last samples, Hz; 0 while it is not known."""
+        steps = np.sort(_steps(list(self._stamps)[-_RATED:]))
+        return 1e9 / float(steps[len(steps) // 2]) if len(steps) >= _RATED // 2 else 0.0
+
+    @property
+    def lost(self) -> float:
+        """Share of the last samples that is missing between the others; 0 where it is not known."""
+        steps = _steps(self._stamps)
+        if len(steps) < _COUNTED // 2:
+            return 0.0
+        # Most short steps are one period, as long as fewer than nine in ten samples are lost.
+        short = float(np.quantile(steps, 0.1))
+        period = float(np.median(steps[steps < 1.5 * short]))
+        periods = steps / period
+        if np.abs(periods - np.round(periods)).mean() > _UNEVEN:
+            # Stamps this uneven do not show which are missing.
+            return 0.0
+        return 1.0 - len(steps) / float(np.round(periods).sum())
+
+
+def _steps(stamps: Iterable[int]) -> NDArray[np.int64]:
+    """Steps of stamps that advance, ns."""
+    steps = np.diff(np.fromiter(stamps, dtype=np.int64))
+    return steps[steps > 0]

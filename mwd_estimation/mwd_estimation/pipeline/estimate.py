@@ -24,6 +24,7 @@ from mwd_estimation.attitude.magnetic_delay import SPAN_NS, MagneticDelay
 from mwd_estimation.attitude.sample import samples_of
 from mwd_estimation.core import clip_flags, input_gate
 from mwd_estimation.core.innovations import Innovation
+from mwd_estimation.core.rate_jumps import RateJumps
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import GYRO, MAG
@@ -99,6 +100,7 @@ class Estimate:
         self.field = MagneticFeedback(derivation.station_params(settings), reference)
         self.bin_stage = BinStage(settings, self.field, self.watch.history, numbering)
         self._spikes = spike_filter.initial()
+        self._jumps, self._precision_jumps = RateJumps(), RateJumps()
         self._attitude = AttitudeStream(
             derivation.time_alignment_params(settings),
             derivation.interference_params(settings),
@@ -201,8 +203,9 @@ class Estimate:
         self._delay.take_mag(stamps - self.mag_late_ns, b_t)
 
     def _use_precision(self, samples: Samples) -> None:
-        values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
         stamps = np.ascontiguousarray(samples["stamp_ns"])
+        rates = self._precision_jumps.without(stamps, np.ascontiguousarray(samples["angular_velocity"]))
+        values = np.hstack([rates, samples["linear_acceleration"]])
         self.bin_stage.streams.add("precision", stamps, values)
         self.bin_stage.precision.take(stamps, values, clip_flags.of(samples))
 
@@ -271,6 +274,7 @@ class Estimate:
         output.health += stretch.changes
         if stretch.begins_contamination:
             self._attitude.set_reference(self.field.reference)
+        stretch = dataclasses.replace(stretch, gyro=self._jumps.without(stretch.stamps, stretch.gyro))
         stamps, accel, unusable = stretch.stamps, stretch.accel, stretch.unusable
         # Gravity.
         given = followed.part(stretch.part) if followed is not None else None

@@ -27,7 +27,7 @@ from mwd_estimation.gyrocompass.session import SessionParams
 from mwd_estimation.health import monitor
 from mwd_estimation.magnetic import interference_state
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.settings.place import reference_of
+from mwd_estimation.settings.place import day_of, reference_of
 from mwd_estimation.settings.tool import Accelerometer, Gyro, Tool
 from mwd_estimation.survey import tool_code
 from mwd_estimation.survey.posterior.hypotheses import Priors
@@ -255,6 +255,7 @@ def check(settings: EstimatorSettings) -> None:
     low_c, high_c = settings.tool.calibrated_c
     if low_c > high_c:
         raise SettingsError(f"tool.calibrated_c: {low_c:g} degC is above {high_c:g} degC; exchange the two")
+    day_of(settings.place)
     first_year, _ = earth.years(settings.place.model or earth.MODELS[0])
     day = datetime.datetime(math.ceil(first_year) + 1, 1, 1, tzinfo=datetime.UTC)
     reference(settings, round(day.timestamp()) * 10**9)

@@ -12,6 +12,7 @@ from typing import Any
 from mwd_estimation.core.reference_field import Reference, Slip
 from mwd_estimation.survey.posterior.field_model import DECLINATION_DEGNT, DIP_DEG, TOTAL_NT
 from mwd_sensors.core import earth
+from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import SettingsError, setting
 
 # A source with this in its name holds the field of the moment too.
@@ -20,6 +21,10 @@ _IFR2 = "IFR2"
 _MODELS = {"model": "wmm2025", "igrf": "igrf"}
 # Limits of the Earth's field, nT; the same as in `Reference`.
 _WEAKEST_NT, _STRONGEST_NT = 5e3, 2e5
+# Most that a fixed field may differ by from the model, T: the ores of Kursk and Kiruna exceed it within kilometres, and
+# the crust elsewhere makes a tenth of it. Latitude beyond which the dip has its sign, deg, and difference of dips that
+# are the same but for the slip, deg.
+_ANOMALY, _FAR_FROM_EQUATOR_DEG, _SAME_DEG = 8e-6, 25.0, 10.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -133,26 +138,83 @@ def reference_of(place: Place, first_ns: int) -> Reference | None:
     Raises
     ------
     ValueError
-        The date is no date, or outside the model's years; a fixed field without its strength, or with a source but
-        without one of its sigmas, or the other way round.
+        The date is no date, or outside the model's years; a fixed field without its strength, that no field at the
+        position is like, or with a source but without one of its sigmas, or the other way round.
     """
     if place.field == "none":
         return None
     if place.field == "fixed":
+        _check_with_place(place, first_ns)
         return _fixed(place)
     found = _of_model(place, first_ns)
     return dataclasses.replace(found, slips=_slips_of_place(place, first_ns))
 
 
+def _check_with_place(place: Place, first_ns: int) -> None:
+    """
+    Refuse a fixed field with a slip that the position shows: a wrong sign, another angle or unit.
+
+    A survey with the wrong declination is wrong by as much, and nothing measured in the hole shows it.
+
+    Raises
+    ------
+    SettingsError
+        Names the figure, what the position has and what was probably meant.
+    """
+    lat, dip = place.lat_deg, place.dip_deg
+    if lat is None or dip is None:
+        return
+    way_out = "leave out the position where the field is not the Earth's"
+    if place.lon_deg is None:
+        if abs(lat) > _FAR_FROM_EQUATOR_DEG and lat * dip < 0.0:
+            raise SettingsError(
+                f"place.dip_deg: a dip of {dip:g} deg does not exist at latitude {lat:g}: dip is positive below the "
+                f"horizontal, as it is north of the magnetic equator; give {-dip:g}, or {way_out}"
+            )
+        return
+    try:
+        model = _of_model(dataclasses.replace(place, field="igrf", grid="none", date=""), first_ns)
+    except ValueError:
+        # A clock that is wrong by decades.
+        return
+    if model.total is None or model.dip is None or model.declination is None:
+        return
+    at, tolerance = f"at latitude {lat:g}, longitude {place.lon_deg:g}", _ANOMALY / model.horizontal
+    expected_dip, expected = math.degrees(model.dip), math.degrees(model.declination)
+    if abs(dip - expected_dip) > math.degrees(_ANOMALY / model.total):
+        meant = {-dip: "its sign", math.degrees(dip): "radians", 90.0 - abs(dip): "its angle from the vertical"}
+        fits = [f" ({meant[one]})" for one in meant if abs(one - expected_dip) < _SAME_DEG]
+        raise SettingsError(
+            f"place.dip_deg: a dip of {dip:g} deg does not exist {at}; it is {expected_dip:.1f} deg there"
+            + "".join(fits[:1])
+            + f": correct it, or {way_out}"
+        )
+    declination = place.declination_deg
+    if declination is not None and abs(wrap_pi(math.radians(declination - expected))) > tolerance:
+        raise SettingsError(
+            f"place.declination_deg: a declination of {declination:g} deg does not exist {at}; it is {expected:.1f} "
+            f"deg there: correct it, or {way_out}"
+        )
+
+
+def day_of(place: Place) -> datetime.date | None:
+    """
+    Return the day that is set; None where none is.
+
+    Raises
+    ------
+    SettingsError
+        The date is no date.
+    """
+    try:
+        return datetime.date.fromisoformat(place.date) if place.date else None
+    except ValueError as error:
+        raise SettingsError(f"place.date: {place.date!r} is not a day as YYYY-MM-DD") from error
+
+
 def _of_model(place: Place, first_ns: int) -> Reference:
     """Return the reference of a geomagnetic model."""
-    if place.date:
-        try:
-            day = datetime.date.fromisoformat(place.date)
-        except ValueError as error:
-            raise SettingsError(f"place.date: {place.date!r} is not a day as YYYY-MM-DD") from error
-    else:
-        day = datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
+    day = day_of(place) or datetime.datetime.fromtimestamp(first_ns * 1e-9, tz=datetime.UTC).date()
     if place.lat_deg is None or place.lon_deg is None:
         raise SettingsError("place.field: a model needs the position; give place.lat_deg and place.lon_deg")
     lat, lon = math.radians(place.lat_deg), math.radians(place.lon_deg)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
-from mwd_estimation.core.sensor_fault import ACCEL, MAG, SENSORS, FaultCode, SensorFault
+from mwd_estimation.core.sensor_fault import ACCEL, GYRO, MAG, SENSORS, FaultCode, SensorFault
 from mwd_estimation.core.verdicts import DOUBTFUL, REJECT
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.static_survey import StillAverage
@@ -78,13 +78,13 @@ class FaultHistory:
 
     def contaminates(self, changes: Iterable[SensorFault], fed_ns: int) -> bool:
         """
-        Whether a fault was named that has fed wrong values of gravity or field to the azimuth up to now.
+        Whether a fault was named that has fed wrong values of gravity, field or rate to the azimuth up to now.
 
         fed_ns : stamp from which on the field was taken in.
         """
         return any(
             not one.cleared_ns
-            and one.unusable & AZIMUTH
+            and one.unusable & (AZIMUTH | GYRO)
             and one.code not in _HARMLESS
             and not self._left_out_in_time(one, fed_ns)
             for one in changes

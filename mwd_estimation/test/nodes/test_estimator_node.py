@@ -11,6 +11,7 @@ pytest.importorskip("rclpy")
 
 import rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.nodes import diagnostics
@@ -48,6 +49,55 @@ def test_a_node_that_was_never_configured_shuts_down_and_ends_its_process():
     try:
         assert node.trigger_shutdown() == TransitionCallbackReturn.SUCCESS
         assert node.stop_requested.done()
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+# Values that no parameter takes, whatever its type: of another type, no number, beyond any range, or no text.
+NEVER = (float("inf"), -1e300, 1e300, -(2**62), [b"a"], [float("nan")] * 9, "a\0b", "\x1b[2J", "x" * 100_000)
+
+
+@pytest.mark.fault_case(85)
+@pytest.mark.parametrize("transitions", [(), ("configure",), ("configure", "activate")])
+def test_no_parameter_takes_what_it_cannot_be_and_each_keeps_its_value(transitions):
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    node = EstimatorNode(context=context)
+    try:
+        for name in transitions:
+            assert getattr(node, f"trigger_{name}")() == TransitionCallbackReturn.SUCCESS
+        names = [name for name in node._parameters if name not in ("use_sim_time", "start_type_description_service")]
+        before = {name: repr(node.get_parameter(name).value) for name in names}
+        settings = node.settings
+        assert len(names) > 50
+        for name in names:
+            for value in NEVER:
+                # A good one beside the bad one is not taken either.
+                both = [Parameter("survey.duration_s", value=17.0), Parameter(name, value=value)]
+                result = node.set_parameters_atomically(both if name != "survey.duration_s" else both[1:])
+                assert not result.successful, (name, value)
+                assert 10 < len(result.reason) < 1500, (name, value)
+        assert {name: repr(node.get_parameter(name).value) for name in names} == before
+        assert node.settings == settings
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+@pytest.mark.fault_case(85)
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("place.date", "2026-02-30"), ("place.date", "x"), ("frame_prefix", "other/"), ("survey.duration_s", 12)],
+)
+def test_a_day_that_does_not_exist_and_what_is_fixed_at_the_start_are_refused(name, value):
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    node = EstimatorNode(context=context)
+    try:
+        before = node.get_parameter(name).value
+        assert not node.set_parameters_atomically([Parameter(name, value=value)]).successful
+        assert node.get_parameter(name).value == before
     finally:
         node.destroy_node()
         rclpy.shutdown(context=context)

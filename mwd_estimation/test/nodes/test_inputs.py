@@ -66,6 +66,27 @@ def test_a_rate_that_a_turning_string_outruns_is_named():
     assert sound.message == "arriving"
 
 
+@pytest.mark.fault_case(48, 49)
+@pytest.mark.parametrize("hz", [50.0, 100.0, 1000.0])
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.3, 0.5])
+def test_the_share_of_lost_samples_is_shown(hz, share):
+    rng = np.random.default_rng(3)
+    rows = stamped(wire.IMU, 4000, hz)
+    # A clock that is uneven by some per cent of a period loses nothing.
+    rows["stamp_ns"] += rng.normal(0.0, 0.02e9 / hz, len(rows)).astype(np.int64)
+    found = topics(imu__data_raw=rows[rng.random(len(rows)) >= share]).diagnostic("imu/data_raw", 1, b"\x02")
+    shown = float(dict(found.values)["lost_percent"])
+    assert abs(shown - 100.0 * share) < 8.0
+    assert ("samples were lost" in found.message) == (share > 0.0)
+
+
+def test_stamps_of_a_clock_that_jitters_by_periods_show_no_loss():
+    rows = stamped(wire.IMU, 1000)
+    rows["stamp_ns"] = np.sort(rows["stamp_ns"] + np.random.default_rng(1).integers(0, 200_000_000, 1000))
+    found = topics(imu__data_raw=rows).diagnostic("imu/data_raw", 1, b"\x02")
+    assert found.message == "arriving"
+
+
 @pytest.mark.fault_case(51)
 @pytest.mark.parametrize(
     ("later_s", "words"), [(12.0, "12.0 s ahead of"), (1.5, "1.5 s ahead of"), (-12.0, "12.0 s behind")]

@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from mwd_estimation.core.fault_messages import unit_words
@@ -172,6 +172,41 @@ def test_tiny_values_are_readings_that_break_nothing(channel, axis, place, value
     assert rows
 
 
+@pytest.mark.slow(20)
+@pytest.mark.fault_case(3)
+@settings(max_examples=12, phases=[Phase.explicit, Phase.generate])
+@given(
+    channel=st.sampled_from(["gyro", "precision gyro"]),
+    axis=st.integers(0, 2),
+    place=st.integers(20, round(SECONDS * 100) - 20),
+    share=st.floats(-0.99, 0.99).filter(lambda share: abs(share) > 0.3),
+)
+def test_one_wrong_rate_within_the_range_has_the_effect_of_a_missing_value(channel, axis, place, share):
+    value = share * (35.0 if channel == "gyro" else 3.4)
+    given_, missing = (_output(_with(channel, axis, [place], what))[3] for what in (value, math.nan))
+    # The health judges the sample as it came, and the usual change remembers it: the angles hardly show it.
+    for field in ("inclination", "azimuth", "gravity_toolface"):
+        sigma = missing.attitude[f"sigma_{field}"]
+        error = np.abs(wrap_pi(given_.attitude[field] - missing.attitude[field]))
+        assert (error[sigma > 0.0] <= 0.01 * sigma[sigma > 0.0]).all(), field
+    azimuths = [[one.station.azimuth for one in output.surveys] for output in (given_, missing)]
+    assert np.allclose(*azimuths, atol=1e-5)
+    assert given_.health == missing.health == []
+
+
+@pytest.mark.slow(5)
+@pytest.mark.parametrize("length", [2, 3, 4])
+@pytest.mark.parametrize("place", [500, 1500])
+def test_some_wrong_rates_in_a_row_leave_the_angles_within_their_sigma(length, place):
+    _, _, _, clean = _output(_sent())
+    for axis, value in ((1, 5.0), (2, -20.0)):
+        _, _, _, spoilt = _output(_with("gyro", axis, range(place, place + length), value))
+        for field in ("inclination", "azimuth"):
+            sigma = spoilt.attitude[f"sigma_{field}"]
+            error = np.abs(wrap_pi(spoilt.attitude[field] - clean.attitude[field]))
+            assert (error[sigma > 0.0] <= 3.0 * sigma[sigma > 0.0]).all(), (axis, value, field)
+
+
 @pytest.mark.slow(10)
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_the_sign_of_zero_says_nothing(channel):
@@ -188,7 +223,8 @@ def test_between_its_range_and_the_gate_a_gyro_is_taken_for_clipped(axis, share)
     for place in (500, 1500):
         _, _, _, spoilt = _output(_with("gyro", axis, [place], value))
         rows = spoilt.attitude
-        assert rows["status"][place] & Status.CLIPPED
+        # Alone among slow rates it is missing, as any other wrong sample.
+        assert rows["status"][place] & (Status.CLIPPED | Status.REJECTED)
         error = np.abs(wrap_pi(rows["azimuth"] - clean.attitude["azimuth"]))
         known = rows["sigma_azimuth"] >= 0.0
         assert (error[known] <= rows["sigma_azimuth"][known] + 1e-3).all(), place

@@ -45,6 +45,36 @@ def test_without_a_field_there_is_no_reference_and_a_fixed_one_is_as_it_says():
     assert fixed.gravity is None
 
 
+@pytest.mark.fault_case(35)
+@pytest.mark.parametrize(
+    ("lat", "lon", "dip", "declination", "words"),
+    [
+        (58.4, 1.88, -71.6, 0.0, "its sign"),
+        (58.4, None, -71.6, None, "give 71.6"),
+        (-33.9, 151.2, 64.4, 12.6, "its sign"),
+        (-33.9, None, 64.4, None, "give -64.4"),
+        (58.4, 1.88, 1.25, None, "radians"),
+        (58.4, 1.88, 18.4, None, "its angle from the vertical"),
+        (58.4, 1.88, 71.6, 178.0, "declination of 178 deg does not exist"),
+        (29.8, -95.4, 59.0, 32.0, "declination of 32 deg does not exist"),
+        (1.4, 103.8, -13.0, 45.0, "declination of 45 deg does not exist"),
+    ],
+)
+def test_a_field_that_its_position_rules_out_is_refused_with_what_was_meant(lat, lon, dip, declination, words):
+    place = Place("fixed", lat, lon, total_nt=48000.0, dip_deg=dip, declination_deg=declination)
+    with pytest.raises(ValueError, match=words):
+        reference_of(place, START)
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "dip", "declination"),
+    [(58.4, 1.88, 71.0, 1.0), (-33.9, 151.2, -65.0, 12.0), (1.4, 103.8, -15.0, 0.3), (12.0, None, -3.0, None)],
+)
+def test_a_field_as_a_certificate_gives_it_is_taken(lat, lon, dip, declination):
+    place = Place("fixed", lat, lon, total_nt=48000.0, dip_deg=dip, declination_deg=declination)
+    assert reference_of(place, START).dip == pytest.approx(math.radians(dip))
+
+
 def test_a_fixed_field_at_a_known_latitude_has_the_gravity_of_that_latitude():
     placed = Place(field="fixed", total_nt=50000.0, dip_deg=60.0, lat_deg=58.4)
     assert reference_of(placed, START).gravity == earth.gravity(math.radians(58.4), 0.0)

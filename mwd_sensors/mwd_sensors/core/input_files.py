@@ -113,10 +113,13 @@ def read_text(path: Path | str, budget: Budget) -> str:
 
     Raises
     ------
-    UnicodeDecodeError
-        It is not UTF-8.
+    SettingsError
+        It is not UTF-8; names the file.
     """
-    return read_file(path, budget).decode("utf-8-sig")
+    try:
+        return read_file(path, budget).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{path} is no UTF-8 text (byte {error.start}): save it as UTF-8") from error
 
 
 def check_lines(text: str, budget: Budget) -> None:
@@ -152,7 +155,7 @@ def read_yaml(path: Path) -> Any:
     """
     try:
         return load_yaml(read_text(path, budgets.YAML))
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except yaml.YAMLError as error:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
 
 
@@ -230,8 +233,8 @@ def load_yaml(text: str) -> Any:
     Raises
     ------
     yaml.YAMLError
-        It is no YAML, has tags of other types, is nested too deeply, its aliases and merged tables unfold to more than
-        the budget, or one of its numbers is too long.
+        It is no YAML, has tags of other types, is nested too deeply, gives a key twice, its aliases and merged tables
+        unfold to more than the budget, or one of its numbers is too long.
     """
     _check_yaml(text)
     try:
@@ -239,6 +242,38 @@ def load_yaml(text: str) -> Any:
     except (ValueError, OverflowError) as error:
         # Of a number that Python refuses; a tag may ask for one anywhere.
         raise yaml.YAMLError("a value is not what its form or tag says") from error
+
+
+class _Keys:
+    """Keys of the tables that are open: one that comes twice would count with its last value, and nobody be told."""
+
+    def __init__(self) -> None:
+        # Of each open collection the keys so far (None: a list), and whether a key comes next.
+        self._open: list[tuple[set[str] | None, bool]] = []
+
+    def take(self, event: Any) -> None:
+        """
+        Follow one event of the text.
+
+        Raises
+        ------
+        yaml.YAMLError
+            A key of this table has come before.
+        """
+        if isinstance(event, yaml.CollectionEndEvent):
+            self._open.pop()
+            return
+        if not isinstance(event, yaml.NodeEvent):
+            return
+        if self._open:
+            keys, is_key = self._open[-1]
+            self._open[-1] = keys, not is_key
+            if keys is not None and is_key and isinstance(event, yaml.ScalarEvent) and event.value != "<<":
+                if event.value in keys:
+                    raise yaml.YAMLError(f"line {event.start_mark.line + 1}: a key stands twice in one table")
+                keys.add(event.value)
+        if isinstance(event, yaml.CollectionStartEvent):
+            self._open.append((set() if isinstance(event, yaml.MappingStartEvent) else None, True))
 
 
 def _check_yaml(text: str) -> None:
@@ -251,8 +286,9 @@ def _check_yaml(text: str) -> None:
     budget = budgets.YAML
     sizes: dict[str, int] = {}
     open_: list[tuple[str | None, int]] = []
-    total = 0
+    total, keys = 0, _Keys()
     for event in yaml.parse(text, _Loader):
+        keys.take(event)
         if isinstance(event, yaml.CollectionEndEvent):
             anchor, before = open_.pop()
             if anchor is not None:

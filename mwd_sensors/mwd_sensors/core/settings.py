@@ -13,6 +13,7 @@ import difflib
 import enum
 import functools
 import math
+import re
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
@@ -271,6 +272,19 @@ def unprintable(text: str) -> str:
     return ""
 
 
+# No path is longer; a text with NUL ends there in everything that is written in C.
+_LONGEST_TEXT, _CONTROL = 4096, re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+
+
+def _short(value: Any) -> str:
+    """Write a value for a message, as much of it as one line holds."""
+    words = repr(value)
+    return words if len(words) <= _MOST_QUOTED else f"{words[:_MOST_QUOTED]}..."
+
+
+_MOST_QUOTED = 100
+
+
 def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if kind is Any:
         return value
@@ -282,9 +296,12 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
         value = next((word for word in words if word in (rule.choices or ())), value)
     if type(value) is not kind:
         hint = " (write it with a decimal point)" if kind is float and isinstance(value, str) else ""
-        raise SettingsError(f"{where}: expected {_SCALARS.get(kind, kind)}{hint}, got {value!r}; {rule.text()}")
+        raise SettingsError(f"{where}: expected {_SCALARS.get(kind, kind)}{hint}, got {_short(value)}; {rule.text()}")
     if isinstance(value, str) and any("\ud800" <= c <= "\udfff" for c in value):
         raise SettingsError(f"{where}: {value!r} has characters that are no text (not UTF-8); {rule.text()}")
+    if isinstance(value, str) and (len(value) > _LONGEST_TEXT or _CONTROL.search(value)):
+        why = f"has {len(value)} characters, more than {_LONGEST_TEXT}" if len(value) > _LONGEST_TEXT else ""
+        raise SettingsError(f"{where}: {_short(value)} {why or 'has control characters'}; {rule.text()}")
     if isinstance(value, float) and not math.isfinite(value):
         raise SettingsError(f"{where}: must be finite, got {value!r}; {rule.text()}")
     if isinstance(value, (int, float)) and not isinstance(value, bool):

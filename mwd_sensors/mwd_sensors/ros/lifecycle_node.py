@@ -10,6 +10,7 @@ in a callback is logged and counted instead of ending the process.
 from __future__ import annotations
 
 import contextlib
+import re
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +18,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -25,6 +27,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
+from mwd_sensors.core.settings import SettingsError, printable
 from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_deferred_responses
 from mwd_sensors.ros.diagnostics import (
     OK,
@@ -44,6 +47,7 @@ from mwd_sensors.ros.topic_publisher import TopicPublisher
 
 T = TypeVar("T")
 
+_FRAME_PREFIX = re.compile(r"[A-Za-z0-9_/.-]{0,200}")
 _NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
 _DIAGNOSTICS_PERIOD = 1.0  # s
 # From the last message to the end of a process that ends by itself, s: best-effort subscriptions acknowledge nothing.
@@ -84,7 +88,11 @@ class GraphNode(LifecycleNode, Generic[T]):
     def __init__(self, name: str, default: T, **node_options: Any) -> None:
         super().__init__(name, **node_options)
         self.declare_parameter("autostart", True)
-        self.declare_parameter("frame_prefix", _NAMESPACE)
+        words = "What the frames of this node begin with; auto: its namespace and a slash. Set at start only."
+        fixed = ParameterDescriptor(description=words, read_only=True)
+        prefix = self.declare_parameter("frame_prefix", _NAMESPACE, fixed).value
+        if not _FRAME_PREFIX.fullmatch(prefix):
+            raise SettingsError(f"frame_prefix: {printable(prefix)[:80]!r} has characters that no frame has")
         self._parameter_set = SettingsParameters(
             self, default, self._settings_changed, self.changeable_at_runtime, self.check_settings
         )

@@ -324,7 +324,7 @@ def read(path: Path) -> ToolConfiguration:
     """
     try:
         given = load_yaml(read_text(path, budgets.YAML)) or {}
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except yaml.YAMLError as error:
         raise ValueError(f"{path}: no YAML: {error}") from error
     try:
         return from_mapping(given)

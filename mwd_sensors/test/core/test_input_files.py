@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import load_yaml, read_file, read_text
+from mwd_sensors.core.input_files import load_yaml, read_file, read_text, read_yaml
 from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator.scenario import parse
 
@@ -48,6 +48,7 @@ def test_a_byte_order_mark_is_no_text(tmp_path):
         ("[" * 20_000, "levels deep"),
         ("{a: " * 20_000, "levels deep"),
         ("!!python/object/apply:os.system [id]", "constructor"),
+        ("a: 1\nb: {c: 1, d: [2], 'c': 3}", "line 2: a key stands twice"),
     ],
 )
 def test_yaml_that_attacks_its_reader_is_refused_in_a_sentence(text, why):
@@ -55,6 +56,18 @@ def test_yaml_that_attacks_its_reader_is_refused_in_a_sentence(text, why):
         load_yaml(text)
     with pytest.raises(SettingsError, match="not readable as YAML"):
         parse(text)
+
+
+def test_a_text_in_another_encoding_is_named_by_its_file(tmp_path):
+    file = tmp_path / "plan.yaml"
+    file.write_bytes("name: t".encode("utf-16"))
+    with pytest.raises(SettingsError, match=r"plan\.yaml is no UTF-8 text"):
+        read_yaml(file)
+
+
+def test_one_key_may_stand_in_several_tables_and_beside_one_that_is_merged():
+    text = "base: &b {x: 1, y: 1}\nother: {<<: *b, y: 2}\nlist: [{x: 1}, {x: 2}]\nx: {x: x}"
+    assert load_yaml(text)["other"] == {"x": 1, "y": 2}
 
 
 def test_anchors_and_merged_tables_are_read():
