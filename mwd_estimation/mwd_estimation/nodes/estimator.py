@@ -304,7 +304,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if inputs.received("gyro/data_raw"):
             found.append(inputs.diagnostic("gyro/data_raw", counters.precision, WARN))
         found += inputs.mount_diagnostics(pipeline.mount)
-        found += [*inputs.covariance_diagnostics(), *inputs.frame_diagnostics(), *inputs.skew_diagnostics()]
+        found += [*inputs.covariance_diagnostics(), *inputs.frame_diagnostics()]
+        found += [*inputs.repeat_diagnostics(), *inputs.skew_diagnostics()]
         found += diagnostics.input_diagnostics(pipeline)
         unused = diagnostics.unused_samples(pipeline, inputs.unreadable)
         if unused != self._unused[0]:

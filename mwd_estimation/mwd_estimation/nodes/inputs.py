@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
 
+from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
@@ -28,7 +29,7 @@ _RATED = 16  # number of samples from which a rate is computed
 _SKEW_S, _SKEWED = 1.0, 5
 _TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
-_FOREIGN_S = 5.0  # for which a message in another frame is reported
+_FOREIGN_S = 5.0  # for which a message in another frame or a second copy of a sample is reported
 
 _TYPES = {
     "imu/mag": MagneticField,
@@ -68,6 +69,9 @@ class InputTopics:
         # When the frame in force of a topic came last; and of the last message in another one: its frame, and when.
         self._frame_at: dict[str, float] = {}
         self._foreign: dict[str, tuple[str, float]] = {}
+        # Copies of samples, as from a second publisher, and when the last of them came.
+        self._repeated: dict[str, RepeatedSamples] = collections.defaultdict(RepeatedSamples)
+        self._repeated_at: dict[str, float] = {}
         self._covariances: dict[str, dict[str, str]] = {}
         self._noise = input_covariance.NoiseWatch()
         # Newest stamp of each topic minus that of the IMU when it came, ns; how often in a row it was too much, and the
@@ -100,6 +104,7 @@ class InputTopics:
                 errors.append(unreadable)
         if messages or bursts:
             self._received_at[topic] = time.monotonic()
+        samples = self._fresh(topic, samples)
         if len(samples):
             if topic in _NOISY:
                 self._noise.take(samples, layout.type_name)
@@ -141,6 +146,14 @@ class InputTopics:
             else:
                 self._foreign[topic] = frame, now
         return kept
+
+    def _fresh(self, topic: str, samples: Samples) -> Samples:
+        """Leave out samples that came before, as from a second publisher, by the rule of `mwd process`."""
+        fresh = self._repeated[topic].fresh(samples)
+        if fresh.all():
+            return samples
+        self._repeated_at[topic] = time.monotonic()
+        return samples[fresh]
 
     def _follow_skew(self, topic: str, newest_ns: int, imu_ns: int) -> None:
         """Compare the stamps of a topic with those of the IMU."""
@@ -239,6 +252,19 @@ class InputTopics:
             )
             for topic, (frame, at) in self._foreign.items()
             if frame != self.frames[topic] and now - at < _FOREIGN_S
+        ]
+
+    def repeat_diagnostics(self) -> list[Diagnostic]:
+        """Name topics whose samples come twice."""
+        return [
+            Diagnostic(
+                f"publishers of {topic}",
+                WARN,
+                f"{topic}: {self._repeated[topic].count} samples came a second time, as of two publishers: not used",
+                "stop one of them",
+            )
+            for topic, at in self._repeated_at.items()
+            if time.monotonic() - at < _FOREIGN_S
         ]
 
     def skew_diagnostics(self) -> list[Diagnostic]:

@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_surface.bags.bag_reader import Bag, Block
-from mwd_surface.bags.message_parts import one_array
 from mwd_surface.processing.bag_input import (
     FIELDS,
     InputSettings,
@@ -31,14 +31,10 @@ from mwd_surface.processing.bag_input import (
 )
 from mwd_surface.processing.half_imu import Joiner, Kind, among_readings
 
-# Samples that a repeated one may come behind.
-_REMEMBERED = 4096
 # Width of the bins of time in which the clocks of a sensor and of the recorder are compared, ns.
 _BIN_NS = 10 * wire.NANOSECONDS
 # Clocks further apart cannot be paired, s; the delay of a message is less.
 _APART_S = 1.0
-# Share of the readings that come exactly twice where all do, and readings that show it.
-_TWICE, _LEAST_TWICE = 0.8, 40
 # Messages in a bin that show a clock.
 _FEW = 5
 # Least time since 1970 of a clock that was set (1989), ns.
@@ -67,8 +63,6 @@ class InputStream:
     ----------
     without_time : frozenset of str
         Topics whose messages carry no time of their own.
-    repeated : dict of str to int
-        Samples left out so far because the same one had come before, by topic.
     undated : dict of str to int
         Samples left out so far because they carry no time, although others of their topic do.
     problems : list of Problem
@@ -78,16 +72,18 @@ class InputStream:
     def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
         self._bag, self._topics, self._given = bag, topics, given
         self.without_time = unstamped(bag, topics)
-        self.repeated: dict[str, int] = {}
         self.undated: dict[str, int] = {}
         self.problems: list[Problem] = []
         self._joiner = Joiner(topics.kind) if topics.accelerometer or _in_turns(topics) else None
-        self._last: dict[str, tuple[Stamps, Samples]] = {}
-        self._newest: dict[str, int] = {}
-        self._echoed = {name for name in _units(topics) if _comes_twice(bag, name)}
+        self._repeated = {name: RepeatedSamples() for name in topics.all}
         stamped = [name for name in topics.all if name not in self.without_time and name != topics.rig]
         self._empty_mag = topics.mag is not None and _comes_empty(bag, topics.mag)
         self._clocks = _clocks(bag, stamped) if given.stamps == "recording" else {}
+
+    @property
+    def repeated(self) -> dict[str, int]:
+        """Samples left out so far because the same one had come before, by topic."""
+        return {name: one.count for name, one in self._repeated.items() if one.count}
 
     @property
     def first_log_ns(self) -> int | None:
@@ -142,32 +138,9 @@ class InputStream:
         return log_ns[dated], samples[dated]
 
     def _once(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """
-        Leave out samples that came before with the same time and numbers, as from a second publisher.
-
-        Where all samples come twice, as from one that stamps them itself, the numbers alone count.
-        """
-        stamps = samples["stamp_ns"]
-        newest = self._newest.get(name, -(2**62))
-        self._newest[name] = max(newest, int(stamps.max()))
-        before_ns, before = self._last.get(name, (log_ns[:0], samples[:0]))
-        both_ns, both = np.concatenate([before_ns, log_ns]), one_array([before, samples])
-        # A copy: the samples are changed in place later.
-        self._last[name] = both_ns[-_REMEMBERED:], both[-_REMEMBERED:].copy()
-        advance = bool((stamps[1:] > stamps[:-1]).all()) and int(stamps[0]) > newest
-        if name in self._echoed:
-            rows = _numbers(both)
-        elif advance or name in self.without_time:
-            return log_ns, samples
-        else:
-            rows = both.view(np.dtype((np.void, both.dtype.itemsize)))
-        _, first, which = np.unique(rows, return_index=True, return_inverse=True)
-        # A clock that is set back comes to the same times again, where a coarse sensor may read the same.
-        keep = (first[which] == np.arange(len(both))) | (both_ns - both_ns[first[which]] > _BIN_NS)
-        keep = keep[len(before) :]
-        if not keep.all():
-            self.repeated[name] = self.repeated.get(name, 0) + int(np.count_nonzero(~keep))
-        return log_ns[keep], samples[keep]
+        """Leave out samples that came before, as from a second publisher, by the rule of the live estimator."""
+        fresh = self._repeated[name].fresh(samples, stamped=name not in self.without_time)
+        return (log_ns, samples) if fresh.all() else (log_ns[fresh], samples[fresh])
 
     def _timed(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
         """Stamp samples without a time of their own by the recording, and bring others to its clock if asked to."""
@@ -365,31 +338,6 @@ def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
         at_ns += [course.first_ns, *middles, course.last_ns]
         offsets += [course.bins[numbers[0]], *(course.bins[n] for n in numbers), course.bins[numbers[-1]]]
     return np.array(at_ns, dtype=np.int64), np.array(offsets, dtype=np.int64)
-
-
-def _numbers(samples: Samples) -> NDArray[np.void]:
-    """Return the readings of samples without their times, one item each."""
-    names = samples.dtype.names or ()
-    vectors = [name for name in ("angular_velocity", "linear_acceleration", "magnetic_field") if name in names]
-    table = np.ascontiguousarray(np.concatenate([samples[name] for name in vectors], axis=1))
-    rows: NDArray[np.void] = table.view(np.dtype((np.void, table.shape[1] * table.itemsize))).ravel()
-    return rows
-
-
-def _comes_twice(bag: Bag, name: str) -> bool:
-    """
-    Whether every reading of a unit comes twice, whatever its stamp.
-
-    The readings of a coarse sensor repeat now and then; that nearly all come exactly twice, and none more often, is
-    the work of a second publisher, or of an output at twice the sensor's rate.
-    """
-    block: Block = next(bag.blocks([name], block_messages=2000, fields=FIELDS), {})
-    if name not in block:
-        return False
-    rows = _numbers(block[name][1])
-    _, counts = np.unique(rows, return_counts=True)
-    twice = 2 * int(np.count_nonzero(counts == 2))
-    return len(rows) >= _LEAST_TWICE and twice >= _TWICE * len(rows)
 
 
 def _comes_empty(bag: Bag, mag: str) -> bool:
