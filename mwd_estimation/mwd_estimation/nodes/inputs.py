@@ -260,7 +260,7 @@ class InputTopics:
             Diagnostic(
                 f"publishers of {topic}",
                 WARN,
-                f"{topic}: {self._repeated[topic].count} samples came a second time, as of two publishers: not used",
+                f"{topic}: {self._repeated[topic].count} samples came a second time, as from two publishers: not used",
                 "stop one of them",
             )
             for topic, at in self._repeated_at.items()

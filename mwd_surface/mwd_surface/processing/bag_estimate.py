@@ -8,7 +8,6 @@ A thread reads blocks ahead of the estimator and another one writes behind it. T
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -37,7 +36,7 @@ from mwd_surface.processing.bag_input import (
     tool_frame,
 )
 from mwd_surface.processing.imu_queue import ImuQueue
-from mwd_surface.processing.input_stream import InputStream, left_out, problems, refuse
+from mwd_surface.processing.input_stream import InputStream, asked_span, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.overlap import ahead, behind
@@ -117,9 +116,7 @@ class BagEstimate:
         if merger is not None:
             merger.frame = frame
         self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
-        self._start_ns = bag.start_ns + round(given.start_s * 1e9)
-        self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
-        self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
+        self._span = asked_span(bag, given)
         refuse(problems(bag, self.topics, given, estimator.place))
         self._stream = InputStream(bag, self.topics, given)
         self._unchecked = {self.topics.imu, self.topics.mag}
@@ -154,9 +151,6 @@ class BagEstimate:
         return self._summary
 
     def _warn_of_input(self) -> None:
-        if self._stream.without_time:
-            names = ", ".join(sorted(self._stream.without_time))
-            self._summary.warnings.append(f"{names}: no time in the headers; the times of recording are used")
         unusable = self._pipeline.mount.unusable
         self._use_mag = self._use_mag and "mag" not in unusable
         units = {"mag": self.topics.mag, "precision": self.topics.precision}
@@ -168,12 +162,14 @@ class BagEstimate:
     def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
         """Read the bag, with its messages as they are where a merger wants them."""
         if self._merger is not None:
-            yield from self._bag.blocks_and_originals(self.topics.all, self._start_ns, self._end_ns, fields=FIELDS)
+            yield from self._bag.blocks_and_originals(self.topics.all, *self._span, fields=FIELDS)
             return
-        for block in self._bag.blocks(self.topics.all, self._start_ns, self._end_ns, fields=FIELDS):
+        for block in self._bag.blocks(self.topics.all, *self._span, fields=FIELDS):
             yield block, []
 
     def _results(self, progress: Callable[[float], None]) -> Iterator[_Result]:
+        begin, end = self._bag.start_ns, self._bag.end_ns
+        begin, end = self._span[0] or begin, min(end, self._span[1] or end)
         with ahead(self._blocks()) as ready:
             for recorded, originals in ready:
                 block = self._stream.take(recorded)
@@ -191,7 +187,7 @@ class BagEstimate:
                     waiting += [first] if (first := self._stream.first_log_ns) is not None else []
                     until_ns = min(waiting) - 1 if waiting else logged
                     yield _Result(None, None, originals, until_ns)
-                progress(min(max((logged - self._start_ns) / max(self._last_ns - self._start_ns, 1), 0.0), 1.0))
+                progress(min(max((logged - begin) / max(end - begin, 1), 0.0), 1.0))
         rest = self._stream.finish()
         if self.topics.imu in rest:
             self._queue.add(self._checked(rest)[self.topics.imu], rest[self.topics.imu][0])
@@ -278,7 +274,7 @@ class BagEstimate:
         summary, pipeline, compensation = self._summary, self._pipeline, self._compensation
         if self._merger is not None:
             summary.warnings += self._merger.remarks
-        summary.warnings += left_out(self._stream)
+        summary.warnings += self._stream.remarks
         summary.north = pipeline.north
         summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
         if compensation is not None and compensation.without_temperature:

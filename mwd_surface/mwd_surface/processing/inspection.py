@@ -40,12 +40,12 @@ from mwd_surface.processing.bag_input import (
     frame_names,
     guesses,
     mount_of,
+    option_of,
 )
 from mwd_surface.processing.input_stream import (
     CLOCK_SET_NS,
     InputStream,
     Problem,
-    left_out,
     problems,
 )
 from mwd_surface.processing.mag_mount import mag_mounts, reference_of
@@ -54,7 +54,7 @@ from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.stream_times import StreamTimes
 from mwd_surface.surveys.recorded_settings import with_a_model
 
-_UNIT_OPTIONS = {"accel_unit": "--accel-unit", "gyro_unit": "--gyro-unit", "mag_unit": "--mag-unit"}
+_UNIT_OPTIONS = ("accel_unit", "gyro_unit", "mag_unit")
 _PASSES = 6
 _ASKEW = (
     "the unit is mounted askew: its mount follows from the axis that the string turns about, which does not show the "
@@ -154,7 +154,6 @@ def inspect(
         There is no IMU, or several; as `bag_input.find_topics`.
     """
     topics, given, refusal = _readable(bag, given, estimator)
-    start = given, estimator
     given = _with_units(bag, topics, given)
     reading = _read(bag, topics, given, estimator, progress)
     changes: dict[str, Any] = {one.option[0]: one.option[1] for one in reading.problems if one.option}
@@ -187,11 +186,11 @@ def inspect(
         reading.rests.count,
         reading.rests.longest_s,
         reading.faults,
-        _remarks(bag, topics, reading, start[1]) + doubts,
+        _remarks(bag, topics, reading, estimator) + doubts,
         _missing(topics, reading, mount),
         verdicts,
         refusal,
-        "" if refusal else _command(bag, topics, reading, start, output),
+        "" if refusal else _command(bag, topics, reading, output),
     )
 
 
@@ -273,10 +272,7 @@ def _read(
         if block:
             done = max(int(log_ns[-1]) for log_ns, _ in block.values())
             progress((done - bag.start_ns) / max(bag.end_ns - bag.start_ns, 1))
-    reading.remarks = [
-        *(f"{name}: no time in the headers; the times of recording are used" for name in sorted(stream.without_time)),
-        *left_out(stream),
-    ]
+    reading.remarks = stream.remarks
     reading.problems = stream.problems
     reading.faults = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
     return reading
@@ -379,25 +375,17 @@ def _day(reading: _Reading, imu: str) -> str:
     return f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
 
 
-def _command(
-    bag: Bag, topics: Topics, reading: _Reading, start: tuple[InputSettings, EstimatorSettings], output: Path
-) -> str:
+def _command(bag: Bag, topics: Topics, reading: _Reading, output: Path) -> str:
     """The command that processes the bag as it was read."""
     words = ["mwd", "process", str(bag.path), "-o", str(output)]
-    given = reading.given
-    for name, option in (("imu", "imu_topic"), ("mag", "mag_topic"), ("precision", "gyro_topic"), ("rig", "rig_topic")):
-        if getattr(start[0], option):
-            words += [f"--{option.replace('_', '-')}", str(getattr(topics, name))]
-    if given.stamps != InputSettings().stamps:
-        words += ["--stamps", given.stamps]
-    for name, option in _UNIT_OPTIONS.items():
-        if getattr(given, name) != getattr(InputSettings(), name):
-            words += [option, getattr(given, name)]
-    mount, usual = reading.estimator.tool.mount, mounts.MountSettings()
+    for name, usual in vars(InputSettings()).items():
+        if (value := getattr(reading.given, name)) != usual and name != "partial":
+            words += [option_of(name), f"{value:g}" if isinstance(value, float) else str(value)]
+    mount, default = reading.estimator.tool.mount, mounts.MountSettings()
     for unit in ("imu", "mag", "precision"):
-        if getattr(mount, unit) != getattr(usual, unit):
+        if getattr(mount, unit) != getattr(default, unit):
             words += ["--mount", f"{unit}={getattr(mount, unit).replace(', ', ',')}"]
-    if mount.accelerometer != usual.accelerometer:
+    if mount.accelerometer != default.accelerometer:
         words += ["--accelerometer", mount.accelerometer]
     place = reading.estimator.place
     if place.model:
@@ -407,7 +395,7 @@ def _command(
     elif place.field == "fixed":
         figures = (place.total_nt, place.dip_deg, place.declination_deg)
         words += ["--field", ",".join(f"{v:g}" for v in figures if v is not None)]
-    if not bag.complete:
+    if not bag.complete or reading.given.partial:
         words.append("--partial")
     return shlex.join(words)
 
