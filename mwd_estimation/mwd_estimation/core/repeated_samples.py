@@ -5,7 +5,8 @@ Samples of a topic that came before, as from a second publisher: the rule of the
 A copy of a sample has the same numbers. With the same stamp it is a copy at once. A second publisher that stamps its
 messages itself is recognised when nearly all readings of the last messages came exactly twice; the readings of a coarse
 sensor repeat too, but not exactly twice each. The rule looks only at a sample and at the messages before it, in the
-order in which they came, so that any cut of a stream gives the same samples.
+order in which they came, so that any cut of a stream gives the same samples. From the first reading that comes again
+the samples of an IMU are held back until it is known whether all do, for copies would spoil what is learnt of its rate.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ REMEMBERED = 1024
 # own are left out. Half of them are copies where all come twice. A coarse sensor whose readings repeat by chance has a
 # share of second copies below 1/e, and then third ones too (Poisson).
 WATCHED, COPIES = 80, 36
+# Kinds of samples, and whether all readings come twice.
+_FRESH, _COPY, _SUSPECT = 0, 1, 2
+_UNKNOWN, _BY_CHANCE, _ALL_TWICE = 0, 1, 2
 _BUCKETS = 4096  # of the table of hashes, a power of two
 _MIX = -7046029254386353131  # 2^64 over the golden ratio, as a signed number
 
@@ -40,6 +44,8 @@ class State:
     before: Annotated[Hashes, REMEMBERED]  #: number of the message before in the same bucket, from 1; 0: none
     newest: Annotated[Hashes, _BUCKETS]  #: number of the newest message of a bucket
     copies: Annotated[NDArray[np.int64], WATCHED]  #: copies remembered of each of the last messages, at most 2
+    verdict: int  #: whether the readings that came again were all, or some by chance; unknown before there are any
+    suspected: int  #: messages from the first reading that came again on
     seconds: int  #: of these, messages with one copy
     thirds: int  #: of these, messages with more
 
@@ -51,27 +57,58 @@ class RepeatedSamples:
     """
     Leaves out the copies among the samples of one topic.
 
+    Parameters
+    ----------
+    hold : bool
+        Hold samples back from the first reading that comes again until it is known whether all do.
+
     Attributes
     ----------
     count : int
         Samples left out so far.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, hold: bool = False) -> None:
         self.count = 0
         self._state = np.zeros(1, dtype=STATE)
+        self._state["verdict"] = _UNKNOWN if hold else _BY_CHANCE
+        self._held: tuple[Stamps, Samples, NDArray[np.int64]] | None = None
 
-    def fresh(self, samples: Samples, *, stamped: bool = True) -> NDArray[np.bool_]:
+    @property
+    def first_log_ns(self) -> int | None:
+        """Log time of the first sample that is held back, ns; None where none is."""
+        return int(self._held[0][0]) if self._held is not None else None
+
+    def take(self, log_ns: Stamps, samples: Samples, *, stamped: bool = True) -> tuple[Stamps, Samples]:
         """
-        Return which samples did not come before, shape (n,).
+        Return the samples that did not come before, with the times at which they were logged, ns.
 
         samples : in the order in which they came, with `stamp_ns`. stamped: equal stamps mean equal times.
         """
-        kept = np.ones(len(samples), dtype=np.bool_)
-        if len(samples):
-            _leave_out(self._state[0], _numbers(samples), samples["stamp_ns"].astype(np.int64), stamped, kept)
-            self.count += int(np.count_nonzero(~kept))
-        return kept
+        if not len(samples):
+            return log_ns, samples
+        kind = np.zeros(len(samples), dtype=np.int64)
+        _judge(self._state[0], _numbers(samples), samples["stamp_ns"].astype(np.int64), stamped, kind)
+        if self._held is None and not kind.any():
+            return log_ns, samples
+        if self._held is not None:
+            log_ns, kind = np.concatenate([self._held[0], log_ns]), np.concatenate([self._held[2], kind])
+            samples = np.concatenate([self._held[1], samples])
+        suspects = np.flatnonzero(kind == _SUSPECT) if self._state["verdict"][0] == _UNKNOWN else kind[:0]
+        first = int(suspects[0]) if len(suspects) else len(kind)
+        self._held = (log_ns[first:], samples[first:], kind[first:]) if first < len(kind) else None
+        return self._kept(log_ns[:first], samples[:first], kind[:first])
+
+    def finish(self) -> tuple[Stamps, Samples] | None:
+        """Return the samples that are held back; None where none is."""
+        held, self._held = self._held, None
+        return None if held is None else self._kept(*held)
+
+    def _kept(self, log_ns: Stamps, samples: Samples, kind: NDArray[np.int64]) -> tuple[Stamps, Samples]:
+        all_twice = self._state["verdict"][0] == _ALL_TWICE
+        kept = (kind == _FRESH) | ((kind == _SUSPECT) & (not all_twice))
+        self.count += int(np.count_nonzero(~kept))
+        return log_ns[kept], samples[kept]
 
 
 def _numbers(samples: Samples) -> Array:
@@ -86,8 +123,8 @@ def _numbers(samples: Samples) -> Array:
 
 
 @compiled
-def _leave_out(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kept: NDArray[np.bool_]) -> None:
-    """Mark which samples did not come before; numbers: shape (n, k), kept: shape (n,), changed in place."""
+def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDArray[np.int64]) -> None:
+    """Mark which samples are fresh, copies or suspects; numbers: shape (n, k), kind: shape (n,), changed in place."""
     bits = numbers.view(np.int64)
     for k in range(len(bits)):
         own = 0
@@ -111,7 +148,19 @@ def _leave_out(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kept: 
         s.seconds += (same == 1) - (s.copies[watched] == 1)
         s.thirds += (same == 2) - (s.copies[watched] == 2)
         s.copies[watched] = same
-        kept[k] = not ((again and stamped) or (same > 0 and s.seconds >= COPIES and s.thirds == 0))
+        all_twice = s.seconds >= COPIES and s.thirds == 0
+        if s.verdict == _UNKNOWN:
+            s.suspected += int(same > 0 or s.suspected > 0)
+            if all_twice:
+                s.verdict = _ALL_TWICE
+            elif s.thirds > 0 or s.suspected > WATCHED:
+                s.verdict = _BY_CHANCE
+        if (again and stamped) or (same > 0 and all_twice):
+            kind[k] = _COPY
+        elif same > 0 and s.verdict == _UNKNOWN:
+            kind[k] = _SUSPECT
+        else:
+            kind[k] = _FRESH
 
 
 @compiled

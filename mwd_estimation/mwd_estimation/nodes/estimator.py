@@ -40,6 +40,7 @@ from mwd_estimation.survey.static_survey import Refusal
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
@@ -168,9 +169,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         for change in output.health:
             fault = describe(change)
             if change.cleared_ns:
-                self.get_logger().info(fault.message)
+                self.get_logger().info(printable(fault.message))
             else:
-                self.get_logger().warning(f"{fault.message}; {fault.remedy}")
+                self.get_logger().warning(printable(f"{fault.message}; {fault.remedy}"))
         for survey in output.surveys:
             verdict = self._publish_survey(survey, frame)[1]
             if survey.requested:
@@ -212,7 +213,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         message = survey_message(survey, frame)
         self._survey.publish(message)
         verdict = f"survey {survey.sequence}: {survey.station.verdict}"
-        self.get_logger().info(f"{verdict}; {joined(survey.station.reasons)}")
+        self.get_logger().info(printable(f"{verdict}; {joined(survey.station.reasons)}"))
         if self._revisions is not None:
             self._revisions.take(survey, self._pipeline, frame)
         return message, verdict
@@ -220,7 +221,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def _publish_revision(self, survey: Survey, frame: str) -> None:
         self._revised.publish(survey_message(survey, frame))
         words = f"survey {survey.sequence}, revision {survey.revision}: {survey.station.verdict}"
-        self.get_logger().info(f"{words}; {joined(survey.station.reasons)}")
+        self.get_logger().info(printable(f"{words}; {joined(survey.station.reasons)}"))
 
     def _end_silent_survey(self) -> None:
         """Where the samples stopped: answer a request, and publish the survey that waits for the gyro."""
@@ -283,7 +284,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             return response
         self._pipeline.set_reference(reference)
         response.success, response.message = True, f"reference field from {request.source}"
-        self.get_logger().info(response.message)
+        self.get_logger().info(printable(response.message))
         return response
 
     def _reset_estimator(self, _request: Any, response: Any) -> Any:

@@ -17,6 +17,7 @@ from tf2_msgs.msg import TFMessage
 from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
@@ -70,7 +71,7 @@ class InputTopics:
         self._frame_at: dict[str, float] = {}
         self._foreign: dict[str, tuple[str, float]] = {}
         # Copies of samples, as from a second publisher, and when the last of them came.
-        self._repeated: dict[str, RepeatedSamples] = collections.defaultdict(RepeatedSamples)
+        self._repeated = {topic: RepeatedSamples(hold=topic == "imu/data_raw") for topic in _TYPES}
         self._repeated_at: dict[str, float] = {}
         self._covariances: dict[str, dict[str, str]] = {}
         self._noise = input_covariance.NoiseWatch()
@@ -121,7 +122,7 @@ class InputTopics:
                 samples = samples[:0]
         for error in errors:
             self.unreadable += 1
-            self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
+            self._node.get_logger().warning(printable(f"{topic}: {error}"), throttle_duration_sec=10.0)
         return samples
 
     def _in_frame(self, topic: str, messages: list[bytes]) -> list[bytes]:
@@ -149,11 +150,12 @@ class InputTopics:
 
     def _fresh(self, topic: str, samples: Samples) -> Samples:
         """Leave out samples that came before, as from a second publisher, by the rule of `mwd process`."""
-        fresh = self._repeated[topic].fresh(samples)
-        if fresh.all():
-            return samples
-        self._repeated_at[topic] = time.monotonic()
-        return samples[fresh]
+        repeated = self._repeated[topic]
+        before = repeated.count
+        _, fresh = repeated.take(samples["stamp_ns"], samples)
+        if repeated.count > before:
+            self._repeated_at[topic] = time.monotonic()
+        return fresh
 
     def _follow_skew(self, topic: str, newest_ns: int, imu_ns: int) -> None:
         """Compare the stamps of a topic with those of the IMU."""

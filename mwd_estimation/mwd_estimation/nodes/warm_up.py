@@ -27,7 +27,7 @@ def warm_up(settings: EstimatorSettings) -> None:
     """Estimate an artificial survey: it reaches every kernel, so that the first sample is not delayed."""
     quick = changed(settings, {"survey.automatic": True, "survey.settle_s": 0.0, "survey.duration_s": SHORTEST_S})
     imu, mag, heat = _samples()
-    RepeatedSamples().fresh(imu)
+    RepeatedSamples().take(imu["stamp_ns"], imu)
     pipeline = Pipeline(quick, Reference(total=5e-5, dip=1.0, source="warm-up"))
     # In two blocks: between them the magnetometer is silent, so that an open bin is closed.
     cut_ns = imu["stamp_ns"][0] + round((_CONSTANT_S + _TURNING_S) * 1e9)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mwd_estimation.core.repeated_samples import COPIES, REMEMBERED, RepeatedSamples
+from mwd_estimation.core.repeated_samples import COPIES, WATCHED, RepeatedSamples
 from mwd_sensors.core import wire
 
 MS = 1_000_000
@@ -33,47 +33,67 @@ def sent_twice(samples, late_ns, own_stamps):
     return np.concatenate([samples, copies])[order], (np.arange(2 * len(samples)) >= len(samples))[order]
 
 
+def taken(rule, samples, cut=1 << 30):
+    """Places of the samples that come out."""
+    places = np.arange(len(samples))
+    out = [rule.take(places[k : k + cut], samples[k : k + cut])[0] for k in range(0, len(samples), cut)]
+    rest = rule.finish()
+    return np.concatenate(out + ([rest[0]] if rest is not None else []))
+
+
 @settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     late_ms=st.integers(0, 2000),
     own_stamps=st.booleans(),
+    hold=st.booleans(),
     cut=st.sampled_from([1, 2, 7, 100, 5000]),
 )
-def test_copies_are_left_out_and_no_reading_is_whatever_the_cut(seed, late_ms, own_stamps, cut):
+def test_copies_are_left_out_and_no_reading_is_whatever_the_cut(seed, late_ms, own_stamps, hold, cut):
     both, copies = sent_twice(stream(600, seed), late_ms * MS + 1, own_stamps)
-    rule = RepeatedSamples()
-    fresh = np.concatenate([rule.fresh(both[k : k + cut]) for k in range(0, len(both), cut)])
-    assert fresh[~copies].all()
-    # A copy with a stamp of its own is one only when others before it were.
-    assert np.count_nonzero(fresh[copies]) <= (COPIES if own_stamps else 0)
-    assert rule.count == np.count_nonzero(~fresh)
-    whole = RepeatedSamples().fresh(both)
-    assert np.array_equal(whole, fresh)
+    rule = RepeatedSamples(hold=hold)
+    fresh = taken(rule, both, cut)
+    # Without holding samples back, a copy with a stamp of its own is one only when others before it were.
+    passed = COPIES if own_stamps and not hold else 0
+    assert np.array_equal(fresh[np.isin(fresh, np.flatnonzero(~copies))], np.flatnonzero(~copies))
+    assert len(fresh) - 600 <= passed
+    assert rule.count == len(both) - len(fresh)
+    assert np.array_equal(taken(RepeatedSamples(hold=hold), both, len(both)), fresh)
 
 
+@pytest.mark.parametrize("hold", [False, True])
 @pytest.mark.parametrize("step", [0.0, 0.01, 0.3, 1.0, 2.0, 10.0])
-def test_a_coarse_sensor_that_repeats_itself_loses_no_reading(step):
-    assert RepeatedSamples().fresh(stream(60_000, 3, step)).all()
+def test_a_coarse_sensor_that_repeats_itself_loses_no_reading(step, hold):
+    assert np.array_equal(taken(RepeatedSamples(hold=hold), stream(60_000, 3, step), 1000), np.arange(60_000))
 
 
-def test_a_second_publisher_that_leaves_leaves_no_trace():
-    samples = stream(400, 1)
-    both, _ = sent_twice(samples, 3 * MS, own_stamps=True)
-    rule = RepeatedSamples()
-    assert not rule.fresh(both).all()
-    assert rule.fresh(stream(3 * REMEMBERED, 2)).all()
+@pytest.mark.parametrize("hold", [False, True])
+def test_a_second_publisher_that_comes_and_leaves_costs_no_reading(hold):
+    first, both, last = stream(200, 0), sent_twice(stream(400, 1), 3 * MS, own_stamps=True)[0], stream(3000, 2)
+    rule = RepeatedSamples(hold=hold)
+    assert len(taken(rule, first)) == len(first)
+    assert 400 <= len(taken(rule, both)) <= (400 if hold else 400 + COPIES)
+    assert len(taken(rule, last, 100)) == len(last)
 
 
 def test_a_sensor_that_sticks_while_two_publish_keeps_its_samples():
     samples = stream(1000, 1)
     samples["angular_velocity"][500:] = samples["linear_acceleration"][500:] = 1.5
     both, _ = sent_twice(samples, 3 * MS, own_stamps=True)
-    fresh = RepeatedSamples().fresh(both)
-    assert np.count_nonzero(fresh[1000:]) > 990
+    assert np.count_nonzero(taken(RepeatedSamples(), both) >= 1000) > 990
+
+
+def test_no_more_samples_are_held_back_than_it_takes_to_know():
+    samples = stream(400, 1, step=2.0)
+    rule, waiting = RepeatedSamples(hold=True), []
+    for k in range(400):
+        rule.take(np.array([k]), samples[k : k + 1])
+        waiting.append(k - rule.first_log_ns if rule.first_log_ns is not None else 0)
+    assert max(waiting) <= WATCHED
+    assert waiting[-1] == 0
 
 
 def test_equal_stamps_mean_nothing_where_the_messages_carry_no_time():
     samples = stream(5000, 1, step=10.0)
     samples["stamp_ns"] = 0
-    assert RepeatedSamples().fresh(samples, stamped=False).all()
+    assert len(RepeatedSamples().take(samples["stamp_ns"], samples, stamped=False)[1]) == 5000

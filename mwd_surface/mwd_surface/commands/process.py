@@ -197,7 +197,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():
             terminal.warn(sentence)
     else:
-        terminal.facts([("surveys", "none: the tool never kept still for long enough")])
+        terminal.facts([("surveys", f"none: {summary.no_survey}")])
     terminal.facts([("written", ", ".join(str(folder / name) for name in summary.files))])
 
 

@@ -40,7 +40,8 @@ from mwd_surface.processing.input_stream import InputStream, asked_span, problem
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.overlap import ahead, behind
-from mwd_surface.processing.run_summary import Summary, pipeline_warnings
+from mwd_surface.processing.rests import Rests
+from mwd_surface.processing.run_summary import Summary, hindrance, pipeline_warnings
 from mwd_surface.surveys.recorded_settings import Recorded
 
 BlockSamples = dict[str | None, Samples]
@@ -122,6 +123,7 @@ class BagEstimate:
         self._unchecked = {self.topics.imu, self.topics.mag}
         self._use_mag = self.topics.mag is not None
         self._noise = input_covariance.NoiseWatch()
+        self._rests = Rests(estimator.survey)
         self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
 
     def run(self, sink: Callable[[Output], None], progress: Callable[[float], None]) -> Summary:
@@ -188,8 +190,7 @@ class BagEstimate:
                     until_ns = min(waiting) - 1 if waiting else logged
                     yield _Result(None, None, originals, until_ns)
                 progress(min(max((logged - begin) / max(end - begin, 1), 0.0), 1.0))
-        rest = self._stream.finish()
-        if self.topics.imu in rest:
+        if rest := self._stream.finish():
             self._queue.add(self._checked(rest)[self.topics.imu], rest[self.topics.imu][0])
         for imu in self._queue.finish():
             yield _Result(self._pipeline.push_imu(imu.samples, imu.followed), imu.log_ns)
@@ -202,6 +203,8 @@ class BagEstimate:
         self._judge_covariances(samples)
         self._leave_out_skewed(samples, block)
         self._pass_gate(samples)
+        if self.topics.imu in samples:
+            self._rests.take(samples[self.topics.imu])
         if self._compensation is not None:
             _compensate(self._compensation, samples, self.topics)
         return samples
@@ -282,6 +285,7 @@ class BagEstimate:
                 f"{compensation.without_temperature} samples were calibrated before any temperature was known"
             )
         refuse_wrong_unit(self.topics, summary.faults)
+        refuse(self._rests.problems(self.topics.imu, self._given.gyro_unit))
         rejected = self._reject_wrong_mount()
         revised = {number: survey for number, survey in pipeline.revisions().items() if number not in rejected}
         summary.revisions = [
@@ -290,6 +294,8 @@ class BagEstimate:
             if survey.sequence in revised
         ]
         summary.mag_used = self._use_mag
+        if not summary.surveys:
+            summary.no_survey = hindrance(pipeline, summary)
         summary.listed, summary.live = self._list.finish([survey for survey, _ in summary.revisions])
         summary.depths = self._list.depth_source
         summary.warnings += self._list.warnings

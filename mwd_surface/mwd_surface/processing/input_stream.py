@@ -63,6 +63,8 @@ class SampleStream:
     names : sequence of str
         Topics; messages that are no samples with a stamp pass as they are. The IMU comes first where there is one.
     given : InputSettings
+    held : str
+        Topic whose samples are held back while it is not known if all come twice (`RepeatedSamples`), as live.
 
     Attributes
     ----------
@@ -73,13 +75,13 @@ class SampleStream:
         Samples left out so far because they carry no time, although others of their topic do.
     """
 
-    def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings) -> None:
+    def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings, held: str = "") -> None:
         self.names = list(dict.fromkeys(names))
         self._bag, self._given = bag, given
         stamped = [name for name in self.names if bag.topics[name].gives in wire.LAYOUTS]
         self.without_time = unstamped(bag, stamped) if stamped else frozenset()
         self.undated: dict[str, int] = {}
-        self._repeated = {name: RepeatedSamples() for name in stamped}
+        self._repeated = {name: RepeatedSamples(hold=name == held) for name in stamped}
         timed = [name for name in stamped if name not in self.without_time]
         self._clocks = _clocks(bag, timed) if given.stamps == "recording" else {}
 
@@ -91,8 +93,9 @@ class SampleStream:
     @property
     def remarks(self) -> list[str]:
         """What is unusual about the times of the topics, and what was left out so far, in words."""
+        names = ", ".join(sorted(self.without_time))
         return [
-            *(f"{name}: no time in the headers; the times of recording are used" for name in sorted(self.without_time)),
+            *([f"{names}: no time in the headers; the times of recording are used"] if names else []),
             *(
                 f"{name}: {count} samples came a second time, as from two publishers, and are left out"
                 for name, count in self.repeated.items()
@@ -130,8 +133,7 @@ class SampleStream:
 
     def _once(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
         """Leave out samples that came before, as from a second publisher, by the rule of the live estimator."""
-        fresh = self._repeated[name].fresh(samples, stamped=name not in self.without_time)
-        return (log_ns, samples) if fresh.all() else (log_ns[fresh], samples[fresh])
+        return self._repeated[name].take(log_ns, samples, stamped=name not in self.without_time)
 
     def _timed(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
         """Stamp samples without a time of their own by the recording, and bring others to its clock if asked to."""
@@ -163,7 +165,7 @@ class InputStream(SampleStream):
     """
 
     def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
-        super().__init__(bag, topics.all, given)
+        super().__init__(bag, topics.all, given, topics.imu)
         self.topics = topics
         self.problems: list[Problem] = []
         self._joiner = Joiner(topics.kind) if topics.accelerometer or _in_turns(topics) else None
@@ -171,8 +173,10 @@ class InputStream(SampleStream):
 
     @property
     def first_log_ns(self) -> int | None:
-        """Log time of the first message of the IMU that waits for its other half, ns; None where none does."""
-        return self._joiner.first_log_ns if self._joiner is not None else None
+        """Log time of the first message of the IMU that waits, for its other half or as a copy, ns; None: none does."""
+        waiting = [self._repeated[self.topics.imu], self._joiner]
+        found = [one.first_log_ns for one in waiting if one is not None]
+        return min((at for at in found if at is not None), default=None)
 
     def blocks(self) -> Iterator[Block]:
         """Yield the blocks of the recording, or of the part of it that is asked for."""
@@ -191,19 +195,23 @@ class InputStream(SampleStream):
             filled = (samples["magnetic_field"] != 0.0).any(axis=1)
             out[topics.mag] = log_ns[filled], samples[filled]
         if self._joiner is not None:
-            self._put(out, self._joiner.push(out.pop(topics.imu, None), out.pop(topics.accelerometer or "", None)))
+            joined = self._joiner.push(out.pop(topics.imu, None), out.pop(topics.accelerometer or "", None))
+            out |= {topics.imu: joined} if joined is not None else {}
         return in_si({name: part for name, part in out.items() if len(part[0])}, topics, self._given)
 
     def finish(self) -> Block:
-        """Return the samples that wait still."""
+        """Return the samples of the IMU that wait still."""
+        name = self.topics.imu
         out: Block = {}
+        held = self._repeated[name].finish()
+        if held is not None:
+            out[name] = self._timed(name, *held)
         if self._joiner is not None:
-            self._put(out, self._joiner.finish())
+            parts = [self._joiner.push(out.pop(name, None)), self._joiner.finish()]
+            joined = [part for part in parts if part is not None]
+            if joined:
+                out[name] = np.concatenate([p[0] for p in joined]), np.concatenate([p[1] for p in joined])
         return in_si(out, self.topics, self._given)
-
-    def _put(self, out: Block, joined: tuple[Stamps, Samples] | None) -> None:
-        if joined is not None:
-            out[self.topics.imu] = joined
 
 
 class RecordingStream:

@@ -27,8 +27,8 @@ from mwd_estimation.health import monitor
 from mwd_estimation.health.motion_window import TURNING
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import input_covariance, settings, units, wire
 from mwd_sensors.core import mount as mounts
-from mwd_sensors.core import settings, units, wire
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.mount import Mount
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
@@ -51,6 +51,7 @@ from mwd_surface.processing.input_stream import (
 from mwd_surface.processing.mag_mount import mag_mounts, reference_of
 from mwd_surface.processing.process import estimate
 from mwd_surface.processing.rests import Rests
+from mwd_surface.processing.run_summary import Summary
 from mwd_surface.processing.stream_times import StreamTimes
 from mwd_surface.surveys.recorded_settings import with_a_model
 
@@ -172,10 +173,13 @@ def inspect(
             named = settings.changed(reading.estimator, {"tool.mount.mag": turned[0]})
             reading = _read(bag, topics, reading.given, named, progress)
     mount = mount_of(bag, topics, reading.estimator.tool.mount)
-    verdicts: list[str] = []
-    doubts: list[str] = []
+    summary: Summary | None = None
     if not refusal:
-        verdicts, doubts, refusal = _processed(bag, reading)
+        summary, refusal = _processed(bag, reading)
+    stations = [survey.station for survey, _ in summary.surveys] if summary is not None else []
+    unsure = [one for one in stations if one.verdict != ACCEPT and one.reasons]
+    doubts = list(dict.fromkeys(f"surveys: {one.verdict}: {text(one.reasons[0])}" for one in unsure))
+    reason = summary.no_survey if summary is not None else ""
     return Inspection(
         topics,
         reading.times,
@@ -187,8 +191,8 @@ def inspect(
         reading.rests.longest_s,
         reading.faults,
         _remarks(bag, topics, reading, estimator) + doubts,
-        _missing(topics, reading, mount),
-        verdicts,
+        _missing(topics, reading, mount, reason),
+        [one.verdict for one in stations],
         refusal,
         "" if refusal else _command(bag, topics, reading, output),
     )
@@ -207,20 +211,16 @@ def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> t
     return topics, given, "; ".join(one.sentence for one in problems(bag, topics, given, estimator.place))
 
 
-def _processed(bag: Bag, reading: _Reading) -> tuple[list[str], list[str], str]:
-    """Return verdicts and doubts of the surveys by the code of `mwd process`, and why it refuses the recording."""
+def _processed(bag: Bag, reading: _Reading) -> tuple[Summary | None, str]:
+    """Return what `mwd process` makes of the recording; None, and why, where it refuses it."""
     given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
     day = _day(reading, find_topics(bag, given).imu)
     settled = settings.changed(reading.estimator, {"place.date": day}) if day else reading.estimator
     try:
         settled, _ = with_a_model(settled, bag.start_ns)
-        summary = estimate(bag, settled, given, lambda _output: None)
+        return estimate(bag, settled, given, lambda _output: None), ""
     except (BagError, ValueError) as error:
-        return [], [], str(error)
-    stations = [survey.station for survey, _ in summary.surveys]
-    doubted = [one for one in stations if one.verdict != ACCEPT and one.reasons]
-    doubts = dict.fromkeys(f"surveys: {one.verdict}: {text(one.reasons[0])}" for one in doubted)
-    return [one.verdict for one in stations], list(doubts), ""
+        return None, str(error)
 
 
 def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:
@@ -256,6 +256,10 @@ def _read(
         samples = {name: part[1] for name, part in block.items()}
         for name, (log_ns, _) in block.items():
             reading.times[name].take(samples[name]["stamp_ns"], log_ns)
+        for unit, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG)):
+            if unit is not None and unit in samples:
+                # Take out what covariances declare absent, as `mwd process` does.
+                samples[unit] = input_covariance.judge(samples[unit], layout.type_name).samples
         if topics.mag in samples and "mag" not in mount.unusable:
             mag = mount.mag_in_tool(gate.mag(samples[topics.mag]))
             monitor.push_mag(state, mag["stamp_ns"], mag["magnetic_field"])
@@ -266,14 +270,14 @@ def _read(
                 first = False
             _note_turns(reading, raw)
             imu = mount.imu_in_tool(raw)
-            reading.rests.take(imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+            reading.rests.take(imu)
             monitor.push_refused(state, gate.take_refused())
             monitor.run(params, state, imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
         if block:
             done = max(int(log_ns[-1]) for log_ns, _ in block.values())
             progress((done - bag.start_ns) / max(bag.end_ns - bag.start_ns, 1))
     reading.remarks = stream.remarks
-    reading.problems = stream.problems
+    reading.problems = stream.problems + reading.rests.problems(topics.imu, given.gyro_unit)
     reading.faults = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
     return reading
 
@@ -342,12 +346,11 @@ def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettin
     return remarks
 
 
-def _missing(topics: Topics, reading: _Reading, mount: Mount) -> list[tuple[str, str]]:
+def _missing(topics: Topics, reading: _Reading, mount: Mount, reason: str) -> list[tuple[str, str]]:
     """What each result needs that the recording does not have."""
     place, missing = reading.estimator.place, []
-    if reading.rests.count == 0:
-        settle, average = reading.estimator.survey.settle_s, reading.estimator.survey.duration_s
-        missing.append(("surveys", f"the tool at rest for {settle + average:.0f} s: it never was for so long"))
+    if reason:
+        missing.append(("surveys", reason))
     if topics.mag is None:
         missing.append(("magnetic azimuth", f"a magnetometer: {wire.MAG.type_name}"))
     elif "mag" in mount.unusable:
