@@ -34,8 +34,8 @@ class LiveGraph:
     """
     A well that is drilled, with its recording at `path`.
 
-    skip: topics that the recorder does not record; lost: of each topic of samples, how many it lacks at the begin; mount:
-    preset of the unit.
+    skip: topics that the recorder does not record; lost: of each topic of samples, how many it lacks at the begin;
+    mount: preset of the unit.
     """
 
     def __init__(self, path, story, *, mount="x-down", skip=(), lost=None, **changes):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What stands in a file goes to nobody else, and what a file or peer sends moves no terminal."""
 
+import ast
 import dataclasses
 import io
 from types import SimpleNamespace
@@ -14,10 +15,11 @@ from mwd_estimation.pipeline.observatory import Observatory
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.place import Place
 from mwd_estimation.settings.tool import Tool
-from mwd_sensors.core.input_files import without_contents
-from mwd_sensors.core.settings import printable
+from mwd_sensors.core.foreign_text import printable, without_contents
 from mwd_sensors.nodes.sonde import SondeNode, SondeSettings
 from mwd_sensors.telemetry import tool_configuration
+from mwd_surface.bags import bag_metadata
+from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.commands.terminal import PrintableStream
 from mwd_surface.control.lease_numbers import LeaseNumbers
 from mwd_surface.downlink.memory import Memory
@@ -31,7 +33,9 @@ from mwd_surface.live.well_clock import WellClock
 from mwd_surface.page import access
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_store import SurveyStore
+from project import ROOT
 
+LOGGERS = tuple(f"get_logger().{level}" for level in ("debug", "info", "warning", "error", "fatal"))
 SECRET = "hunter2-correct-horse"  # noqa: S105
 
 
@@ -105,6 +109,46 @@ def scenario(file):
     return error_of(SondeNode.configure, node)
 
 
+def recording(ending):
+    """What the replay node says of a file with this ending."""
+
+    def said(file):
+        named = file.rename(file.with_name(f"recording{ending}"))
+        try:
+            with Bag(named) as bag:
+                return "\n".join(bag.notes)
+        except BagError as error:
+            return str(error)
+
+    return said
+
+
+def metadata(file):
+    folder = file.parent / "bag"
+    folder.mkdir()
+    file.rename(folder / "metadata.yaml")
+    try:
+        bag_metadata.read(folder)
+    except bag_metadata.MetadataError as error:
+        return str(error)
+    return ""
+
+
+def test_every_text_that_a_node_logs_is_constant_or_made_printable():
+    raw = []
+    for package in ("sensors", "estimation", "surface"):
+        for path in (ROOT / f"mwd_{package}" / f"mwd_{package}").rglob("*.py"):
+            source = path.read_text()
+            for call in ast.walk(ast.parse(source)):
+                if not isinstance(call, ast.Call) or not ast.unparse(call.func).endswith(LOGGERS):
+                    continue
+                text = call.args[0]
+                made = isinstance(text, ast.Call) and ast.unparse(text.func) == "printable"
+                if not made and not isinstance(text, ast.Constant):
+                    raw.append(f"{path.relative_to(ROOT)}:{call.lineno}")
+    assert raw == []
+
+
 # Each reader of a file whose path is a parameter of a node, or that lies where a node keeps its own.
 READERS = {
     "plan.file": plan,
@@ -118,6 +162,10 @@ READERS = {
     "tool.assembly_file": lambda file: error_of(derivation.assembly, Tool(assembly_file=str(file))),
     "page.token_file": lambda file: error_of(access.read_token, str(file), {}),
     "downlink.json": lambda file: error_of(Memory(file).read, tool_configuration.ToolConfiguration()),
+    "metadata.yaml of replay.bag": metadata,
+    "replay.bag, MCAP": recording(".mcap"),
+    "replay.bag, db3": recording(".db3"),
+    "replay.bag, ROS 1": recording(".bag"),
     "leases": lambda file: error_of(LeaseNumbers(file).first, 1),
 }
 CONTENTS = [

@@ -39,8 +39,7 @@ from mwd_surface.bags.bag_writer import BagWriter
 from mwd_surface.bags.mcap.recovery_report import check
 from mwd_surface.bags.recorder.recorder import Recorder
 from mwd_surface.bags.recorder.settings import RecorderSettings
-from mwd_surface.exports import attitude_csv
-from mwd_surface.processing import process
+from mwd_surface.processing import attitude_csv, process
 
 DIP = 1.1
 # The field of the recording below, so that nothing is taken for a disturbance.

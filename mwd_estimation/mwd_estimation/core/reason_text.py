@@ -181,7 +181,8 @@ WORDS: dict[Code, str] = {
     Code.GYRO_BIAS_UNKNOWN: _BIAS_UNKNOWN + "turn the tool half a turn about its axis and wait again",
     Code.GYRO_BIAS_UNKNOWN_STATIC: _BIAS_UNKNOWN + "S1's filter does not take a second position",
     Code.SEEK_UNCERTAIN: "not certain enough: {value:.0f deg} after {values[0]:.0f s}; wait longer",
-    Code.TOO_FEW_SAMPLES: "too few samples to tell whether the tool keeps still",
+    Code.TOO_FEW_SAMPLES: "too few samples to tell whether the tool keeps still: {value:.0f} in half a second, "
+    "{limit:.0f} are needed",
     Code.SAMPLES_MISSING: "samples are missing",
     Code.TOOL_TURNS: "the tool turns: {value:.3f rad/s}, limit {limit:.3f}",
     Code.TOOL_MOVES: "the tool moves: angular rate varies by {value:.3f rad/s}, limit {limit:.3f}",

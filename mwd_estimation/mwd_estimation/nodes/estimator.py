@@ -50,6 +50,7 @@ from mwd_estimation.survey.static_survey import Refusal
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, WARN, Diagnostic
@@ -194,9 +195,9 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         for change in output.health:
             fault = describe(change)
             if change.cleared_ns:
-                self.get_logger().info(fault.message)
+                self.get_logger().info(printable(fault.message))
             else:
-                self.get_logger().warning(f"{fault.message}; {fault.remedy}")
+                self.get_logger().warning(printable(f"{fault.message}; {fault.remedy}"))
         if output.health and self._revisions is not None:
             self._revisions.judge_again(self._pipeline)
         for survey in output.surveys:
@@ -252,7 +253,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         message = survey_message(survey, frame)
         self._survey.publish(message)
         verdict = f"survey {survey.sequence}: {survey.station.verdict}"
-        self.get_logger().info(f"{verdict}; {joined(survey.station.reasons)}")
+        self.get_logger().info(printable(f"{verdict}; {joined(survey.station.reasons)}"))
         if self._revisions is not None:
             self._revisions.take(survey, self._pipeline, frame)
         return message, verdict
@@ -260,7 +261,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
     def _publish_revision(self, survey: Survey, frame: str) -> None:
         self._revised.publish(survey_message(survey, frame))
         words = f"survey {survey.sequence}, revision {survey.revision}: {survey.station.verdict}"
-        self.get_logger().info(f"{words}; {joined(survey.station.reasons)}")
+        self.get_logger().info(printable(f"{words}; {joined(survey.station.reasons)}"))
 
     def _end_silent_survey(self) -> None:
         """Where the samples stopped: answer a request, and publish the survey that waits for the gyro."""
@@ -340,7 +341,7 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
             return response
         self._pipeline.set_reference(reference)
         response.success, response.message = True, f"reference field from {request.source}"
-        self.get_logger().info(response.message)
+        self.get_logger().info(printable(response.message))
         return response
 
     def _reset_estimator(self, _request: Any, response: Any) -> Any:
@@ -362,7 +363,8 @@ class EstimatorNode(GraphNode[EstimatorSettings]):
         if inputs.received("gyro/data_raw"):
             found.append(inputs.diagnostic("gyro/data_raw", counters.precision, WARN))
         found += inputs.mount_diagnostics(pipeline.mount)
-        found += [*inputs.covariance_diagnostics(), *inputs.frame_diagnostics(), *inputs.skew_diagnostics()]
+        found += [*inputs.covariance_diagnostics(), *inputs.frame_diagnostics()]
+        found += [*inputs.repeat_diagnostics(), *inputs.skew_diagnostics()]
         found += diagnostics.input_diagnostics(pipeline)
         unused = diagnostics.unused_samples(pipeline, inputs.unreadable)
         if unused != self._unused[0]:

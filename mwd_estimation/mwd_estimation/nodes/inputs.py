@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, MagneticField, Temperature
 from tf2_msgs.msg import TFMessage
 
+from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.mount import Mount, MountSettings, Transforms, resolve
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
@@ -30,7 +32,7 @@ _SKEW_S, _SKEWED = 1.0, 5
 _UNEVEN = 0.1  # mean distance of the steps of stamps from whole periods, of random ones 0.25
 _TIMED = ("imu/mag", "gyro/data_raw")  # topics whose samples are paired with those of the IMU
 TIMEOUT_S = 2.0  # without a message before a topic counts as silent
-_FOREIGN_S = 5.0  # for which a message in another frame is reported
+_FOREIGN_S = 5.0  # for which a message in another frame or a second copy of a sample is reported
 
 _TYPES = {
     "imu/mag": MagneticField,
@@ -70,6 +72,9 @@ class InputTopics:
         # When the frame in force of a topic came last; and of the last message in another one: its frame, and when.
         self._frame_at: dict[str, float] = {}
         self._foreign: dict[str, tuple[str, float]] = {}
+        # Copies of samples, as from a second publisher, and when the last of them came.
+        self._repeated = {topic: RepeatedSamples(hold=topic == "imu/data_raw") for topic in _TYPES}
+        self._repeated_at: dict[str, float] = {}
         self._covariances: dict[str, dict[str, str]] = {}
         self._noise = input_covariance.NoiseWatch()
         # Newest stamp of each topic minus that of the IMU when it came, ns; how often in a row it was too much, and the
@@ -102,6 +107,7 @@ class InputTopics:
                 errors.append(unreadable)
         if messages or bursts:
             self._received_at[topic] = time.monotonic()
+        samples = self._fresh(topic, samples)
         if len(samples):
             if topic in _NOISY:
                 self._noise.take(samples, layout.type_name)
@@ -118,7 +124,7 @@ class InputTopics:
                 samples = samples[:0]
         for error in errors:
             self.unreadable += 1
-            self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=10.0)
+            self._node.get_logger().warning(printable(f"{topic}: {error}"), throttle_duration_sec=10.0)
         return samples
 
     def _in_frame(self, topic: str, messages: list[bytes]) -> list[bytes]:
@@ -143,6 +149,15 @@ class InputTopics:
             else:
                 self._foreign[topic] = frame, now
         return kept
+
+    def _fresh(self, topic: str, samples: Samples) -> Samples:
+        """Leave out samples that came before, as from a second publisher, by the rule of `mwd process`."""
+        repeated = self._repeated[topic]
+        before = repeated.count
+        _, fresh = repeated.take(samples["stamp_ns"], samples)
+        if repeated.count > before:
+            self._repeated_at[topic] = time.monotonic()
+        return fresh
 
     def _follow_skew(self, topic: str, newest_ns: int, imu_ns: int) -> None:
         """Compare the stamps of a topic with those of the IMU."""
@@ -186,7 +201,7 @@ class InputTopics:
 
     def diagnostic(self, topic: str, count: int, level: bytes) -> Diagnostic:
         """State of one topic, of which so many samples were taken; level: where it is silent."""
-        values = (("messages", str(count)), ("frame", self.frames.get(topic, "")))
+        values: tuple[tuple[str, str], ...] = (("messages", str(count)), ("frame", self.frames.get(topic, "")))
         if not self.silent(topic):
             rate_hz = self._rates[topic].hz
             if 0.0 < rate_hz < _SLOWEST_HZ:
@@ -249,6 +264,19 @@ class InputTopics:
             if frame != self.frames[topic] and now - at < _FOREIGN_S
         ]
 
+    def repeat_diagnostics(self) -> list[Diagnostic]:
+        """Name topics whose samples come twice."""
+        return [
+            Diagnostic(
+                f"publishers of {topic}",
+                WARN,
+                f"{topic}: {self._repeated[topic].count} samples came a second time, as from two publishers: not used",
+                "stop one of them",
+            )
+            for topic, at in self._repeated_at.items()
+            if time.monotonic() - at < _FOREIGN_S
+        ]
+
     def skew_diagnostics(self) -> list[Diagnostic]:
         """Name a topic whose stamps are far from those of the IMU, both arriving."""
         if self.silent("imu/data_raw"):
@@ -297,5 +325,5 @@ class _Rate:
 
 def _steps(stamps: Iterable[int]) -> NDArray[np.int64]:
     """Steps of stamps that advance, ns."""
-    steps = np.diff(np.fromiter(stamps, dtype=np.int64))
+    steps: NDArray[np.int64] = np.diff(np.fromiter(stamps, dtype=np.int64)).astype(np.int64)
     return steps[steps > 0]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_estimation.gyrocompass import north_seek, seek_measurement
 from mwd_estimation.gyrocompass.seek_params import SeekParams
 from mwd_estimation.pipeline.pipeline import Pipeline
@@ -26,6 +27,7 @@ def warm_up(settings: EstimatorSettings) -> None:
     """Estimate an artificial survey: it reaches every kernel, so that the first sample is not delayed."""
     quick = changed(settings, {"survey.automatic": True, "survey.settle_s": 0.0, "survey.duration_s": SHORTEST_S})
     imu, mag, heat = _samples()
+    RepeatedSamples().take(imu["stamp_ns"], imu)
     pipeline = Pipeline(quick, Reference(total=5e-5, dip=1.0, source="warm-up"))
     # In two blocks: between them the magnetometer is silent, so that an open bin is closed.
     cut_ns = imu["stamp_ns"][0] + round((_CONSTANT_S + _TURNING_S) * 1e9)

@@ -10,7 +10,8 @@ from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.pipeline.external_field import ObservatoryRecord, read_iaga2002, with_external
 from mwd_estimation.settings.place import Place
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import contents_hidden, read_file
+from mwd_sensors.core.foreign_text import contents_hidden
+from mwd_sensors.core.input_files import read_file
 from mwd_sensors.core.settings import SettingsError
 
 

@@ -35,7 +35,7 @@ from mwd_estimation.survey.static_survey import BIN_NS
 from mwd_estimation.survey.station import StationSettings
 from mwd_sensors.core import earth
 from mwd_sensors.core.constants import STANDARD_GRAVITY
-from mwd_sensors.core.input_files import contents_hidden
+from mwd_sensors.core.foreign_text import contents_hidden
 from mwd_sensors.core.settings import SettingsError
 
 # Least ratio of a gyro's noise or bias to the default tool's: the bounded filter does not take a gyro for perfect.

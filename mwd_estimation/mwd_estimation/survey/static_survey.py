@@ -22,7 +22,7 @@ BIN_NS = 500_000_000
 _BIN_S = BIN_NS * 1e-9
 # Mean and standard deviation of the angular rate, rad/s, and standard deviation of the specific force, m/s^2, above
 # which the tool moves, times `SurveySettings.motion`; and change of that force between bins, m/s^2.
-MAX_RATE, MAX_FORCE_NOISE, _MAX_FORCE_STEP = 0.03, 0.25, 0.1
+MAX_RATE, MAX_FORCE_NOISE, MAX_FORCE_STEP = 0.03, 0.25, 0.1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,10 +59,18 @@ class BinSet:
 
 
 class StillSurvey:
-    """State machine over bins; one average per still interval, more on request."""
+    """
+    State machine over bins; one average per still interval, more on request.
+
+    Attributes
+    ----------
+    hindrances : dict of ReasonCode to (int, Reason)
+        Why bins were not still: how many, and the reason of the last of them.
+    """
 
     def __init__(self, settings: SurveySettings) -> None:
         self.settings = settings
+        self.hindrances: dict[Code, tuple[int, Reason]] = {}
         self._settles, self._lasts = _bins(settings.settle_s, least=0), _bins(settings.duration_s)
         self.still_bins = 0
         self._run: list[BinSet] = []
@@ -118,6 +126,7 @@ class StillSurvey:
         last = self._run[-1].imu if self._run else None
         motion = self._motion(bins.imu, last)
         if motion is not None:
+            self.hindrances[motion.code] = self.hindrances.get(motion.code, (0, motion))[0] + 1, motion
             refused = Refusal((bins.imu.index + 1) * BIN_NS, motion) if self._requested_bins else None
             held, waited = self._run[self._settles :], self.waits_for
             self.still_bins, self._run, self._taken, self._requested_bins = 0, [], False, 0
@@ -173,8 +182,8 @@ class StillSurvey:
             return Reason(Code.TOOL_SHAKES, force_noise, max_force_noise)
         if last is not None:
             step = max(abs(now - before) for now, before in zip(mean[3:], last.mean.tolist()[3:], strict=True))
-            if step > _MAX_FORCE_STEP:
-                return Reason(Code.TOOL_SHIFTS, step, _MAX_FORCE_STEP, (_BIN_S,))
+            if step > MAX_FORCE_STEP:
+                return Reason(Code.TOOL_SHIFTS, step, MAX_FORCE_STEP, (_BIN_S,))
         return None
 
 

@@ -125,9 +125,10 @@ def test_a_second_unit_on_a_topic_is_named_and_left_out_and_leaves_no_trace(monk
     own = inputs.frames["imu/mag"]
 
     def send(*frames):
-        rows = [wire.MAG.encode(stamped(wire.MAG, 1), frame)[0].tobytes() for frame in frames]
-        inputs._buffers["imu/mag"] = waiting([ReceivedMessage(row, 0) for row in rows])
         now[0] += 0.1
+        sample = stamped(wire.MAG, 1, later_s=now[0])
+        rows = [wire.MAG.encode(sample, frame)[0].tobytes() for frame in frames]
+        inputs._buffers["imu/mag"] = waiting([ReceivedMessage(row, 0) for row in rows])
         return len(inputs.take("imu/mag"))
 
     key = inputs.mount_key
@@ -143,6 +144,22 @@ def test_a_second_unit_on_a_topic_is_named_and_left_out_and_leaves_no_trace(monk
         assert send(own) == 1
     assert inputs.frame_diagnostics() == []
     assert inputs.mount_key == key
+
+
+def test_copies_of_a_second_publisher_are_named_and_not_used_until_it_leaves(monkeypatch):
+    now = [1000.0]
+    monkeypatch.setattr("mwd_estimation.nodes.inputs.time.monotonic", lambda: now[0])
+    inputs, sound = topics(), stamped(wire.IMU, 300)
+    sound["angular_velocity"][:, 0] = np.arange(300.0)
+    for k in range(0, 200, 10):
+        now[0] += 0.1
+        both = np.concatenate([sound[k : k + 10], sound[k : k + 10]])
+        assert np.array_equal(arrive(inputs, "imu/data_raw", both), sound[k : k + 10])
+    (found,) = inputs.repeat_diagnostics()
+    assert "200 samples came a second time" in found.message
+    now[0] += 6.0
+    assert np.array_equal(arrive(inputs, "imu/data_raw", sound[200:]), sound[200:])
+    assert inputs.repeat_diagnostics() == []
 
 
 def test_the_frame_of_an_exchanged_unit_is_followed_once_the_old_one_is_silent(monkeypatch):

@@ -8,13 +8,12 @@ unfold to more than a memory holds, and deep nesting exhausts the stack of every
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import json
 import os
 import re
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -157,37 +156,6 @@ def read_yaml(path: Path) -> Any:
         return load_yaml(read_text(path, budgets.YAML))
     except yaml.YAMLError as error:
         raise SettingsError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
-
-
-def without_contents(path: Path | str, error: BaseException, advice: str = "") -> str:
-    """
-    Say that a file cannot be used, without a word that stands in it.
-
-    The text goes to alarms, logs, recordings and a page that needs no login: the file may be a secret that somebody
-    named as a plan. advice: command that says more.
-    """
-    if isinstance(error, OSError) or isinstance(error.__cause__, OSError):
-        cause = error if isinstance(error, OSError) else error.__cause__
-        return f"{path}: {getattr(cause, 'strerror', '') or 'cannot be read'}"
-    line = re.search(r"\bline (\d{1,9})\b", str(error))
-    more = f"; {advice} says why" if advice else ""
-    return f"{path}{f', line {line[1]}' if line else ''}: is not what it should be{more}"
-
-
-@contextlib.contextmanager
-def contents_hidden(path: Path | str, advice: str = "") -> Iterator[None]:
-    """
-    Read a file whose path is a parameter of a node; errors name the file and quote nothing of it (`without_contents`).
-
-    Raises
-    ------
-    SettingsError
-        The file cannot be used.
-    """
-    try:
-        yield
-    except (OSError, ValueError, RuntimeError, TypeError, KeyError) as error:
-        raise SettingsError(without_contents(path, error, advice)) from None
 
 
 def load_json(

@@ -255,23 +255,6 @@ def _checked_word(value: Any, kind: type[enum.Enum], rule: Rule, where: str) -> 
         raise SettingsError(f"{where}: {value!r} is not one of {known}; {rule.text()}") from None
 
 
-def printable(text: str) -> str:
-    """Return a text whose control characters, other than tab and line end, are written out: a terminal obeys them."""
-    return text.translate(_WRITTEN_OUT)
-
-
-_WRITTEN_OUT = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
-
-
-def unprintable(text: str) -> str:
-    """Why a text can be neither printed on one line nor written to a file; empty where it can."""
-    if any(ord(c) < 32 or ord(c) == 127 for c in text):
-        return "has control characters; write one line"
-    if any("\ud800" <= c <= "\udfff" for c in text):
-        return "has characters that are no text (not UTF-8); write it again"
-    return ""
-
-
 # No path is longer; a text with NUL ends there in everything that is written in C.
 _LONGEST_TEXT, _CONTROL = 4096, re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 

@@ -11,6 +11,7 @@ from sensor_msgs.msg import Imu, MagneticField, Temperature
 from std_srvs.srv import SetBool
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.drivers.readings import LAYOUTS, Reading, samples_of
 from mwd_sensors.drivers.serial_probe import LineSettings, SerialProbe
 from mwd_sensors.ros import qos
@@ -66,9 +67,9 @@ class ProbeNode(GraphNode[LineSettings]):
         if probe.failure != self._said:
             self._said = probe.failure
             if probe.failure:
-                self.get_logger().warning(f"{probe.failure}; trying again every second")
+                self.get_logger().warning(printable(f"{probe.failure}; trying again every second"))
             else:
-                self.get_logger().info(f"{self.settings.port} is open")
+                self.get_logger().info(printable(f"{self.settings.port} is open"))
         by_topic: dict[str, list[Reading]] = {topic: [] for topic in _TYPES}
         for one in readings:
             by_topic[one.topic].append(one)

@@ -9,6 +9,7 @@ from typing import Any
 from mwd_msgs.msg import ControlState, RigAcknowledge, RigCommand
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
@@ -57,7 +58,9 @@ class RigCommands:
             return
         if self._refusal:
             self._refused += 1
-            self._node.get_logger().warning(f"rig/command not obeyed: {self._refusal}", throttle_duration_sec=5.0)
+            self._node.get_logger().warning(
+                printable(f"rig/command not obeyed: {self._refusal}"), throttle_duration_sec=5.0
+            )
         else:
             self._obeyed += 1
         answer = RigAcknowledge(lease=message.lease, sequence=message.sequence, message=self._refusal)

@@ -15,7 +15,7 @@ from sensor_msgs.msg import Imu, JointState, MagneticField, Temperature
 
 from mwd_sensors.core import burst, wire
 from mwd_sensors.core.arrays import Samples
-from mwd_sensors.core.input_files import contents_hidden
+from mwd_sensors.core.foreign_text import contents_hidden, printable
 from mwd_sensors.core.settings import from_mapping, setting
 from mwd_sensors.nodes.rig_commands import RigCommands
 from mwd_sensors.nodes.telemetry import TelemetryTopics
@@ -163,7 +163,7 @@ class SondeNode(GraphNode[SondeSettings]):
         if self._telemetry is not None:
             self._telemetry.start(sonde)
         self.get_logger().info(
-            f"scenario {self._scenario.name}: {sonde.duration:.0f} s, field {sonde.reference.source}"
+            printable(f"scenario {self._scenario.name}: {sonde.duration:.0f} s, field {sonde.reference.source}")
         )
         return sonde
 
@@ -200,7 +200,9 @@ class SondeNode(GraphNode[SondeSettings]):
             self._started_at += dropped / rate
             until = self._simulated_until
             self.get_logger().warning(
-                f"this machine cannot simulate at rate {rate:g}: {self._dropped_s:.0f} s behind the clock so far",
+                printable(
+                    f"this machine cannot simulate at rate {rate:g}: {self._dropped_s:.0f} s behind the clock so far"
+                ),
                 throttle_duration_sec=10.0,
             )
         # For a bounded time, so that requests are answered however slow the simulation is.
@@ -286,7 +288,7 @@ class SondeNode(GraphNode[SondeSettings]):
         response.success = True
         until = f"for {request.duration:g} s" if request.duration > 0.0 else "from now on"
         response.message = f"{request.component} {request.fault} {until}"
-        self.get_logger().warning(f"fault injected: {response.message}")
+        self.get_logger().warning(printable(f"fault injected: {response.message}"))
         return response
 
     def diagnostics(self) -> Sequence[Diagnostic]:

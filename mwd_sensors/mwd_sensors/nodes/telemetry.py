@@ -13,6 +13,7 @@ from typing import Any
 from mwd_msgs.msg import PressureBurst, SerialBurst, StrokeBurst, ToolFlow, Transmission, VoltageBurst
 
 from mwd_sensors.core import gauge_burst, wire
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
@@ -110,8 +111,10 @@ class TelemetryTopics:
         )
         if sonde.link.late > before:
             self._node.get_logger().warning(
-                f"{sonde.link.late} signals of the tool came too late for the channel and are missing at the surface:"
-                " this machine is too slow for the rate; lower it",
+                printable(
+                    f"{sonde.link.late} signals of the tool came too late for the channel and are missing at the "
+                    "surface: this machine is too slow for the rate; lower it"
+                ),
                 throttle_duration_sec=60.0,
             )
 

@@ -27,7 +27,8 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from rclpy.timer import Timer
 
-from mwd_sensors.core.settings import SettingsError, printable
+from mwd_sensors.core.foreign_text import printable
+from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.ros.deferred import DeferredActionServer, DeferredGoal, allow_deferred_responses
 from mwd_sensors.ros.diagnostics import (
     OK,
@@ -276,12 +277,12 @@ class GraphNode(LifecycleNode, Generic[T]):
                 return callback(*arguments), ""
         except Exception:  # noqa: BLE001  (one bad message or request must not end the node)
             self._failures.count(name)
-            self.get_logger().error(f"{name}:\n{traceback.format_exc()}", throttle_duration_sec=5.0)
+            self.get_logger().error(printable(f"{name}:\n{traceback.format_exc()}"), throttle_duration_sec=5.0)
             return None, f"{name} failed inside the node; see its log"
 
     def _not_sent(self, topic: str, error: Exception) -> None:
         self._failures.count(f"publish {topic}")
-        self.get_logger().error(f"{topic}: a message was not sent: {error}", throttle_duration_sec=5.0)
+        self.get_logger().error(printable(f"{topic}: a message was not sent: {error}"), throttle_duration_sec=5.0)
 
     @property
     def finalized(self) -> bool:
@@ -303,10 +304,12 @@ class GraphNode(LifecycleNode, Generic[T]):
             if isinstance(publisher, TopicPublisher) and not publisher.wait_for_all_acked(Duration())
         ]
         if waiting and time.monotonic() - self._stop_asked_at < _ACKNOWLEDGEMENT_TIME:
-            self.get_logger().info(f"waiting for subscribers of {', '.join(waiting)}", once=True)
+            self.get_logger().info(printable(f"waiting for subscribers of {', '.join(waiting)}"), once=True)
             return
         if waiting:
-            self.get_logger().warning(f"the last messages did not reach every subscriber of {', '.join(waiting)}")
+            self.get_logger().warning(
+                printable(f"the last messages did not reach every subscriber of {', '.join(waiting)}")
+            )
         self._stop()
 
     def _stop(self) -> None:
@@ -330,7 +333,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             self.configure()
         except Exception as error:  # noqa: BLE001  (the lifecycle would swallow the reason)
             expected = isinstance(error, (OSError, ValueError, RuntimeError))
-            self.get_logger().error(f"cannot configure: {error if expected else traceback.format_exc()}")
+            self.get_logger().error(printable(f"cannot configure: {error if expected else traceback.format_exc()}"))
             self._destroy_entities()
             return TransitionCallbackReturn.FAILURE
         self._configured = True
@@ -345,7 +348,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         try:
             self.activate()
         except Exception:  # noqa: BLE001  (the lifecycle would swallow the reason)
-            self.get_logger().error(f"cannot activate:\n{traceback.format_exc()}")
+            self.get_logger().error(printable(f"cannot activate:\n{traceback.format_exc()}"))
             self.active = False
             return TransitionCallbackReturn.ERROR
         self.get_logger().info("active")
@@ -372,7 +375,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Log the failed transition and return to unconfigured, so that the transition can be tried again."""
-        self.get_logger().error(f"a transition from {state.label} failed; the node is unconfigured again")
+        self.get_logger().error(printable(f"a transition from {state.label} failed; the node is unconfigured again"))
         self._release()
         return TransitionCallbackReturn.SUCCESS
 

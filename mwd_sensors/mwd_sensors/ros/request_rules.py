@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mwd_sensors.core.settings import unprintable
+from mwd_sensors.core.foreign_text import unprintable
 
 _LONGEST = 500  # characters of one text; a reason for a decision is a sentence
 

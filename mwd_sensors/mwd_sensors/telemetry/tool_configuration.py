@@ -17,7 +17,8 @@ from typing import Any
 import yaml
 
 from mwd_sensors.core import budgets, settings
-from mwd_sensors.core.input_files import contents_hidden, load_yaml, read_text
+from mwd_sensors.core.foreign_text import contents_hidden
+from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.units import LPM
 from mwd_sensors.telemetry import checksum, combinatorial, meanings, pulse_position, sequences, serial_frames

@@ -9,6 +9,7 @@ decompressed first.
 from __future__ import annotations
 
 import dataclasses
+import filecmp
 import itertools
 import os
 import re
@@ -22,7 +23,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import check_regular, open_regular
 from mwd_surface.bags import bag_metadata
-from mwd_surface.bags.bag_metadata import MetadataError
+from mwd_surface.bags.bag_metadata import BagMetadata, MetadataError
 from mwd_surface.bags.database_files import DatabaseFiles
 from mwd_surface.bags.mcap.compression import Decompressor
 from mwd_surface.bags.mcap.contents import Contents
@@ -39,6 +40,7 @@ _BEGINNINGS = {MAGIC: "mcap", b"SQLite format 3\0": "sqlite3", b"#ROSBAG V": "ro
 _STORAGES = {".mcap": "mcap", ".db3": "sqlite3", ".bag": "ros1"}
 # Messages of a channel that must all be of another encoding than declared, and spans looked through for them.
 _PROBED, _PROBED_SPANS = 3, 8
+_SAID = 4  # contradictions of metadata.yaml that are told
 
 
 class BagError(Exception):
@@ -118,18 +120,20 @@ class BagFiles:
     def _open(self) -> None:
         if not self.path.exists():
             raise BagError(f"there is nothing at {self.path}", "check the path; a bag is a folder or an .mcap file")
-        files = self._directory()
+        files, about = self._directory()
         if not files:
-            raise BagError(f"{self.path} holds no recording", "a bag has .mcap or .db3 files and a metadata.yaml")
+            reason = f" ({'; '.join(self.notes)})" if self.notes else ""
+            raise BagError(
+                f"{self.path} holds no recording{reason}", "a bag has .mcap or .db3 files and a metadata.yaml"
+            )
+        files = self._of_one_storage(files, about.storage if about else "")
         self.files, self.size_bytes = files, sum(file.stat().st_size for file in files)
-        storages = {storage_of(file) for file in files}
-        if len(storages) != 1 or "" in storages:
-            raise BagError(f"{self.path} is not a bag", "expected a folder with metadata.yaml, an .mcap, .db3 or .bag")
-        self.storage = storages.pop()
         if self.storage == "mcap":
             self._open_mcap(files)
         else:
             self._open_other(files)
+        if about is not None:
+            self._compare_counts(about)
         unread = [topic for topic in self.unreadable.values() if topic.count]
         if any(topic.count for topic in self.topics.values()):
             self.notes += [f"not read: {listed(unread)}"] if unread else []
@@ -139,28 +143,65 @@ class BagFiles:
         reason = "; ".join(self.notes)
         raise BagError(f"{self.path} holds no message" + (f" ({reason})" if reason else ""), "record it again")
 
-    def _directory(self) -> list[Path]:
-        """Return the files to read: those that metadata.yaml names, and others that are there."""
+    def _directory(self) -> tuple[list[Path], BagMetadata | None]:
+        """Return the files to read, those that metadata.yaml names and others that are there, and what it says."""
         there = files_of(self.path)
         if self.path.is_file():
-            return there
+            return there, None
         try:
             about = bag_metadata.read(self.path)
         except MetadataError as error:
             if there:
                 self.notes.append(f"{error}; used the files that are there")
-            return there
+            return there, None
         self.custom = dict(about.custom)
         self.message_compression = about.compression_mode == "message"
-        listed = [self.path / file.path for file in about.files]
-        missing = [file.name for file in listed if not file.exists()]
+        named = [self.path / file.path for file in about.files]
+        listed = [file for file in named if file.is_file()]
+        missing = [file.name for file in named if not file.is_file()]
         if missing:
             self.notes.append(f"missing: {', '.join(missing)}, named in metadata.yaml")
-            self.complete = False
-        extra = [file for file in there if file not in listed and not about.compression_mode]
+        # A file is there packed and unpacked where a player has unpacked it.
+        plain = {_plain_name(file) for file in listed}
+        extra: list[Path] = []
+        copies: list[Path] = []
+        for file in there:
+            if file not in listed and _plain_name(file) not in plain:
+                (copies if any(_same(file, other) for other in listed) else extra).append(file)
+        if copies:
+            self.notes.append(f"{', '.join(file.name for file in copies)} left out: a copy of a file of the recording")
         if extra:
             self.notes.append(f"{', '.join(file.name for file in extra)} read too, although not in metadata.yaml")
-        return [file for file in listed if file.exists()] + extra
+        return listed + extra, about
+
+    def _of_one_storage(self, files: list[Path], stated: str) -> list[Path]:
+        """Return the files of one storage, the stated one if there are any, else that of most; note the others."""
+        found = {file: storage_of(file) for file in files}
+        storages = [storage for storage in found.values() if storage]
+        if not storages:
+            raise BagError(f"{self.path} is not a bag", "expected a folder with metadata.yaml, an .mcap, .db3 or .bag")
+        self.storage = stated if stated in storages else max(set(storages), key=storages.count)
+        if stated and stated != self.storage:
+            self.notes.append(f"metadata.yaml says that the storage is {stated}; it is {self.storage}")
+        other = [file for file in files if found[file] != self.storage]
+        for file in other:
+            what = f"a recording of another storage ({found[file]})" if found[file] else "not a recording"
+            self.notes.append(f"{file.name} is {what} and is left out")
+        return [file for file in files if file not in other]
+
+    def _compare_counts(self, about: BagMetadata) -> None:
+        """Note where metadata.yaml says something else of the topics than the files, which are believed."""
+        said = []
+        for topic in about.topics:
+            found = self.topics.get(topic.name) or self.unreadable.get(topic.name)
+            count, type_name = (found.count, found.type_name) if found is not None else (0, topic.type_name)
+            if found is not None and type_name != topic.type_name:
+                said.append(f"{topic.name} is {topic.type_name}, in the files {type_name}")
+            elif count != topic.count and self.complete:
+                said.append(f"{topic.name} has {topic.count} messages, in the files {count}")
+        if said:
+            more = " ..." if len(said) > _SAID else ""
+            self.notes.append(f"metadata.yaml is wrong and not used: {'; '.join(said[:_SAID])}{more}")
 
     def _open_mcap(self, files: list[Path]) -> None:
         problems = []
@@ -205,7 +246,7 @@ class BagFiles:
         """Add the channels of a file to the topics; return the numbers of those that cannot be read."""
         # The first file of a topic tells for all of them: a day in a hundred files opens as fast as one.
         fresh = {number for number, one in contents.channels.items() if one.topic not in self._probed}
-        problems = {} if self.message_compression else _probed(file, contents, fresh)
+        problems = _probed(file, contents, fresh)
         filled = [k for k in fresh if contents.counts.get(k, 0) and contents.channels[k].encoding.lower() == CDR]
         if self._all_packed([problems.get(number, "") for number in filled]):
             problems = {}
@@ -267,7 +308,7 @@ class BagFiles:
         self.complete = self.complete and self.other.complete
         self.lost_bytes = self.other.lost_bytes if isinstance(self.other, Ros1Bag) else 0
         problems: dict[str, str] = {}
-        for name, about in [] if self.message_compression else list(self.topics.items()):
+        for name, about in list(self.topics.items()):
             messages = self.other.messages([name], None, None) if about.count else iter(())
             first = [bytes(data) for _, _, data in itertools.islice(messages, _PROBED)]
             if first:
@@ -280,8 +321,11 @@ class BagFiles:
                 self.unreadable[name] = dataclasses.replace(self.topics.pop(name), problem=problem)
 
     def _all_packed(self, problems: list[str]) -> bool:
-        """Note it where the messages of all topics are compressed one by one, which a lost metadata.yaml had said."""
+        """Whether the messages of all topics are compressed one by one, whatever metadata.yaml says or does not say."""
         packed = bool(problems) and all(problem == PACKED for problem in problems)
+        if self.message_compression and problems and PACKED not in problems:
+            self.message_compression = False
+            self.notes.append("metadata.yaml says that messages are compressed one by one; they are not")
         self.message_compression = self.message_compression or packed
         return packed
 
@@ -309,6 +353,16 @@ class BagFiles:
 
 def _suffix(path: Path) -> str:
     return Path(path.stem).suffix if path.suffix == ".zstd" else path.suffix
+
+
+def _plain_name(path: Path) -> str:
+    """Return the name of a file without the ending of its compression."""
+    return path.name.removesuffix(".zstd")
+
+
+def _same(file: Path, other: Path) -> bool:
+    """Whether two files have the same contents."""
+    return file.stat().st_size == other.stat().st_size and filecmp.cmp(file, other, shallow=False)
 
 
 def files_of(path: Path) -> list[Path]:

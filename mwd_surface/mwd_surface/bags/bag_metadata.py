@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 
 from mwd_sensors.core import budgets
+from mwd_sensors.core.foreign_text import without_contents
 from mwd_sensors.core.input_files import load_yaml, read_text
 from mwd_sensors.core.output_files import write_whole
 
@@ -190,12 +191,9 @@ def read(folder: Path) -> BagMetadata:
             compression_format=str(info.get("compression_format") or "").lower(),
             compression_mode=str(info.get("compression_mode") or "").lower(),
         )
-    except OSError as error:
-        raise MetadataError(f"{path} cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise MetadataError(f"{path} is not YAML: {str(error).splitlines()[0]}") from error
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise MetadataError(f"{path} is not the metadata of a bag: {error!r}") from error
+    except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
+        # The folder is a parameter of the replay node, which logs what is wrong.
+        raise MetadataError(without_contents(path, error)) from error
 
 
 def _file(name: str, item: Mapping[str, Any] | None) -> File:

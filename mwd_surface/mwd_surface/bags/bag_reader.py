@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Stamps
 from mwd_surface.bags.bag_files import BagError, BagFiles, TopicInfo
 from mwd_surface.bags.definitions import is_ours
@@ -24,7 +25,7 @@ from mwd_surface.bags.mcap.records import Attachment, FormatError, Opcode
 from mwd_surface.bags.message_parts import NEVER, Block, Decoded, Originals, Part, blocks_of, part_of
 from mwd_surface.bags.part_stream import PartStream
 from mwd_surface.bags.sample_decoder import Fields, SampleDecoder
-from mwd_surface.bags.topic_info import REMEDY, listed
+from mwd_surface.bags.topic_info import REMEDY, listed, quantity_of
 
 # Types that users of a bag need, importable from here.
 __all__ = ["Bag", "BagError", "Block", "Message", "Originals", "TopicInfo"]
@@ -77,6 +78,9 @@ class Bag:
             if about.type_name.startswith("mwd_msgs/") and not is_ours(about.type_name, about.type_hash, about.schema):
                 problem = "it was recorded with another definition of this type"
                 self.unreadable[about.name] = dataclasses.replace(self.topics.pop(about.name), problem=problem)
+        for name, about in self.topics.items():
+            if about.type_name == wire.VECTOR.type_name:
+                self.topics[name] = dataclasses.replace(about, quantity=quantity_of(name))
         self.start_ns, self.end_ns = opened.start_ns, opened.end_ns
         self.files, self.size_bytes, self.storage = opened.files, opened.size_bytes, opened.storage
         self.complete, self.lost_bytes = opened.complete, opened.lost_bytes
@@ -161,7 +165,8 @@ class Bag:
         dict of str to (log_ns, samples)
             Only topics with a message in the block. log_ns, shape (n,), int64, not decreasing. Samples: a structured
             array of the type's layout in `wire.LAYOUTS`, or a list of bytes for types without one (see `decode`).
-            A topic of bursts gives the samples they carry.
+            A topic of bursts gives the samples they carry, one of vectors whose quantity is known those of an IMU or of
+            a magnetometer.
             Everything in one block was logged before, or at the same time as, everything in the next.
 
         Raises

@@ -20,6 +20,7 @@ from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_surface.bags.bag_files import BagError, TopicInfo
 from mwd_surface.bags.definitions import DefinitionError, Definitions
 from mwd_surface.bags.message_parts import Part, merged, rows_at
+from mwd_surface.bags.topic_info import FORCE, RATE
 
 Fields = Mapping[str, tuple[str, ...]]
 
@@ -80,17 +81,41 @@ class SampleDecoder:
             if self._topics[name].type_name == burst.TYPE_NAME:
                 yield name, *self._from_bursts(name, mine, fields.get(wire.IMU.type_name))
                 continue
+            if self._topics[name].quantity:
+                yield name, *self._from_vectors(name, mine, fields.get(self._topics[name].gives))
+                continue
             layout = wire.LAYOUTS.get(self._topics[name].type_name)
             some = fields.get(self._topics[name].type_name)
-            if self._message_compression or layout is None or self._topics[name].serialization != "cdr":
-                listed = [mine.data[a : a + n].tobytes() for a, n in zip(mine.offset, mine.size, strict=True)]
-                yield name, *self._from_list(name, layout, mine.log_ns, listed, some)
-                continue
-            if (mine.size == mine.size[0]).all():
-                yield name, *self._from_rows(name, layout, mine, some)
-                continue
-            kinds = [mine.at(mine.size == size) for size in np.unique(mine.size)]
-            yield name, *merged([self._from_rows(name, layout, kind, some) for kind in kinds])
+            yield name, *self._from_messages(name, layout, mine, some)
+
+    def _from_messages(
+        self, name: str, layout: wire.Layout | None, part: Part, some: tuple[str, ...] | None
+    ) -> tuple[Stamps, Any]:
+        """Samples of messages of a layout; their bytes where they have none."""
+        if self._message_compression or layout is None or self._topics[name].serialization != "cdr":
+            listed = [part.data[a : a + n].tobytes() for a, n in zip(part.offset, part.size, strict=True)]
+            return self._from_list(name, layout, part.log_ns, listed, some)
+        if (part.size == part.size[0]).all():
+            return self._from_rows(name, layout, part, some)
+        kinds = [part.at(part.size == size) for size in np.unique(part.size)]
+        return merged([self._from_rows(name, layout, kind, some) for kind in kinds])
+
+    def _from_vectors(self, name: str, part: Part, some: tuple[str, ...] | None) -> tuple[Stamps, Samples]:
+        """Samples of an IMU or a magnetometer from messages of one vector; the other vector is marked as absent."""
+        quantity = self._topics[name].quantity
+        log_ns, vectors = self._from_messages(name, wire.VECTOR, part, None)
+        layout = wire.LAYOUTS[self._topics[name].gives]
+        samples = np.zeros(len(log_ns), dtype=layout.dtype_of(some))
+        samples["stamp_ns"] = vectors["stamp_ns"]
+        for field in samples.dtype.names or ():
+            if field == quantity:
+                samples[field] = vectors["vector"]
+            elif field in (RATE, FORCE):
+                samples[field] = np.nan
+            elif field.endswith("_covariance") and field != f"{quantity}_covariance":
+                # REP-145: a covariance that begins with -1 belongs to a vector that is not measured.
+                samples[field][:, 0] = -1.0
+        return log_ns, samples
 
     def _from_rows(
         self, name: str, layout: wire.Layout, part: Part, some: tuple[str, ...] | None

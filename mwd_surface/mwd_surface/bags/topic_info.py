@@ -6,14 +6,19 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
+import re
 
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.msg import normalize_msgtype
 from rosbags.typesys.store import Typestore
 
-from mwd_sensors.core import wire
+from mwd_sensors.core import burst, wire
 
 CDR, ROS1 = "cdr", "ros1"
+RATE, FORCE, MAGNETIC = "angular_velocity", "linear_acceleration", "magnetic_field"
+# Beginnings of the words of a name that say what a vector measures, and words of vectors that are no measurement.
+_SAID = {RATE: ("gyr", "angular", "omega", "rate"), FORCE: ("acc", "specific"), MAGNETIC: ("mag", "compass")}
+_DERIVED = ("free", "bias", "offset", "delta", "euler", "std", "sigma", "variance", "covariance", "gravity", "truth")
 #: What to do about messages of another encoding.
 REMEDY = "record or convert them in ROS 2's own encoding (CDR)"
 #: Problem of messages that a recorder compressed one by one, where no metadata.yaml says so.
@@ -44,6 +49,9 @@ class TopicInfo:
         Encoding of the messages as they are handed out: ``cdr`` for ROS 2.
     problem : str
         Why its messages cannot be read, in words; empty where they can.
+    quantity : str
+        Of messages of one vector (`wire.VECTOR`), the field of `wire.IMU` or `wire.MAG` that it stands for; empty where
+        that is not known.
     """
 
     name: str
@@ -55,10 +63,35 @@ class TopicInfo:
     qos: str = ""
     serialization: str = CDR
     problem: str = ""
+    quantity: str = ""
+
+    @property
+    def gives(self) -> str:
+        """Type of the samples that its messages carry: those of an IMU for a burst or one vector of an IMU."""
+        if self.quantity:
+            return wire.MAG.type_name if self.quantity == MAGNETIC else wire.IMU.type_name
+        return wire.IMU.type_name if self.type_name == burst.TYPE_NAME else self.type_name
 
     def described(self) -> str:
         """Return its name, type and why it cannot be read, in words."""
         return f"{self.name} ({self.type_name or 'no type'}): {self.problem}"
+
+
+def quantity_of(name: str) -> str:
+    """
+    Return what the vectors of a topic measure, by its name; empty where the name does not say.
+
+    Drivers publish the vectors of an IMU alone too, as ``/imu/acceleration``, ``/imu/angular_velocity`` and
+    ``/imu/mag`` next to ``/filter/free_acceleration``. The last part of the name that says anything counts.
+    """
+    parts = [re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1_\2", part).lower()) for part in name.split("/")]
+    if any(word in _DERIVED for words in parts for word in words):
+        return ""
+    for words in reversed(parts):
+        found = {quantity for quantity, starts in _SAID.items() if any(word.startswith(starts) for word in words)}
+        if found:
+            return found.pop() if len(found) == 1 else ""
+    return ""
 
 
 def read_as(encoding: str, schema_encoding: str, declared: str) -> tuple[str, str, str]:

@@ -16,8 +16,9 @@ import numpy as np
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.foreign_text import without_contents
 from mwd_sensors.core.frames import wrap_tau
-from mwd_sensors.core.input_files import read_yaml, without_contents
+from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, clearance, nearest_first
 from mwd_surface.list_files.list_columns import DIPS, NORTHS, Given, columns_of

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.recording_options import Reading, input_settings, reads_recording
 from mwd_surface.commands.reference_options import Changes, Config, Date, Field, Lat, Lon
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ TlsKey = Annotated[
 Workers = Annotated[int, typer.Option(help="Workers; 0: as many as there are cores.", min=0, rich_help_panel=_CLUSTER)]
 
 
+@reads_recording
 def batch(
     bags: Annotated[list[str], typer.Argument(help="Recordings, folders of them, or patterns with * and **.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set; made if need be.")],
@@ -47,12 +49,13 @@ def batch(
     field: Field = None,
     config: Config = None,
     changes: Changes = None,
-    partial: Annotated[bool, typer.Option("--partial", help="Use what can be read of damaged recordings.")] = False,
     scheduler: Scheduler = "local",
     tls_ca: TlsCa = None,
     tls_cert: TlsCert = None,
     tls_key: TlsKey = None,
     workers: Workers = 0,
+    *,
+    reading: Reading,
 ) -> None:
     """
     Process many recordings into one data set of Parquet tables, with a page that lists the result of each.
@@ -60,7 +63,8 @@ def batch(
     Writes DIR/bags, DIR/surveys and DIR/attitude (one row for every ten seconds), each a folder that polars, duckdb and
     pandas read as one table, and DIR/index.html. Called again it continues: recordings already processed, by content
     and settings, are kept. A recording of the surface node brings the settings it was made with; options override them,
-    --config replaces them. A recording that fails is listed with its reason; the exit status is then 1.
+    --config replaces them. The options of the input hold for every recording. A recording that fails is listed with
+    its reason; the exit status is then 1.
 
     \b
     Examples:
@@ -69,10 +73,8 @@ def batch(
       mwd batch '/data/**/*.mcap' -o /data/fleet --scheduler tcp://10.0.0.5:8786
       duckdb -c "select bag, count(*) from 'fleet/surveys/*.parquet' where verdict = 'accept' group by bag"
     """
-    from mwd_sensors.core import settings
     from mwd_surface.commands import terminal
     from mwd_surface.commands.reference_options import assignments, placed_settings, recording_changes
-    from mwd_surface.processing.bag_input import InputSettings
 
     try:
         from mwd_surface.fleet import fleet_index, fleet_run
@@ -86,7 +88,7 @@ def batch(
     named = place if method is None else place | {"gravity.method": method}
     of_recordings = None if config else {**named, **assignments(changes)}
     found = fleet_run.find_bags(bags)
-    given = settings.from_mapping(InputSettings, {"partial": partial})
+    given = input_settings(reading)
     tls = fleet_run.Tls(*(str(path) if path is not None else "" for path in (tls_ca, tls_cert, tls_key)))
     began = time.monotonic()
     if scheduler.startswith("tcp://"):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
 from mwd_surface.commands.reference_options import FIELD_PANEL, Date, Field, Lat, Lon, field_figures
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from mwd_surface.runs.calibration_run import Run
 
 
+@reads_recording
 def calibrate(
     run: Annotated[
         str, typer.Argument(metavar="BAG|SCENARIO", help="Recording of the run, or a scenario to simulate.")
@@ -31,6 +33,8 @@ def calibrate(
     gravity: Annotated[
         float | None, typer.Option(help="Gravity where the run was made, m/s².", rich_help_panel=FIELD_PANEL)
     ] = None,
+    *,
+    reading: Reading,
 ) -> None:
     """
     Estimate bias, scale, misalignment and their change with temperature from a tumble run.
@@ -47,7 +51,7 @@ def calibrate(
     from mwd_surface.commands import terminal
     from mwd_surface.runs import calibration_run
 
-    data, scenario, day_ns = _data(run, unit, grade, seed)
+    data, scenario, day_ns = _data(run, unit, grade, seed, reading)
     strength, found_field, source = _place(lat, lon, date, field, day_ns)
     if strength is None and scenario is not None:
         strength, known = calibration_run.field_of(scenario)
@@ -67,7 +71,9 @@ def calibrate(
     terminal.output().print(f"written: {output}", markup=False)
 
 
-def _data(run: str, unit: str, grade: str | None, seed: int | None) -> tuple[Run, Scenario | None, int]:
+def _data(
+    run: str, unit: str, grade: str | None, seed: int | None, reading: Reading
+) -> tuple[Run, Scenario | None, int]:
     """Return the samples of a recording or simulation, its scenario where known, and the day, ns (0: unknown)."""
     from mwd_sensors.core.settings import SettingsError, unknown_key
     from mwd_surface.bags.bag_files import storage_of
@@ -82,7 +88,13 @@ def _data(run: str, unit: str, grade: str | None, seed: int | None) -> tuple[Run
         if grade is not None or seed is not None:
             raise ValueError("--grade, --seed: a recording has its sensors already; they are for scenarios")
         with Bag(path) as bag, terminal.waiting(f"reading {path.name}"):
-            return calibration_run.recorded(bag, unit), calibration_run.scenario_of(bag), bag.start_ns
+            data, remarks = calibration_run.recorded(bag, unit, input_settings(reading))
+            found = data, calibration_run.scenario_of(bag), bag.start_ns
+        for remark in remarks:
+            terminal.warn(remark)
+        return found
+    if names := given_names(reading):
+        raise ValueError(f"{names[0]}: says how a recording is read; {run} is none, but a scenario")
     scenario = _scenario(run, unit, grade, seed)
     with terminal.waiting(f"simulating {scenario.name}"):
         return calibration_run.simulated(scenario, unit), scenario, 0

@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
+
 if TYPE_CHECKING:
     from mwd_sensors.core.arrays import Samples
 
 
+@reads_recording
 def emulate(
     source: Annotated[str, typer.Argument(metavar="RECORDING|SCENARIO", help="What the probe measures.")],
     protocol: Annotated[str, typer.Option(help="What the line carries: binary, ascii or xsens.")] = "binary",
@@ -22,6 +25,8 @@ def emulate(
     wait: Annotated[
         bool, typer.Option("--wait", help="Send nothing before a driver has sent the command to start.")
     ] = False,
+    *,
+    reading: Reading,
 ) -> None:
     """
     Play a recording or a scenario as a probe on a serial line, for the probe node or any other driver.
@@ -42,38 +47,41 @@ def emulate(
         raise ValueError(f"--protocol {protocol}: is none; write {', '.join(PROTOCOLS)}")
     if rate < 0.0:
         raise ValueError(f"--rate {rate:g}: must be 0 or more")
-    samples = _samples(source)
+    samples = _samples(source, reading)
     with Emulator(protocol, link, wait) as emulator:
         terminal.output().print(str(link or emulator.device), markup=False)
         emulator.play(samples, rate)
         while loop and Path(source).exists():
-            emulator.play(_samples(source), rate)
+            emulator.play(_samples(source, reading), rate)
         terminal.remark(f"{emulator.sent} samples sent")
 
 
-def _samples(source: str) -> Iterator[dict[str, Samples]]:
+def _samples(source: str, reading: Reading) -> Iterator[dict[str, Samples]]:
     """Samples of a recording or of a scenario, by topic, in blocks of time."""
     if not Path(source).exists() or Path(source).suffix in (".yaml", ".yml"):
+        if names := given_names(reading):
+            raise ValueError(f"{names[0]}: says how a recording is read; {source} is none, but a scenario")
         from mwd_sensors.simulator import scenario_files
         from mwd_sensors.simulator.scenario import read
         from mwd_sensors.simulator.sonde import Sonde
 
         return iter(Sonde(read(scenario_files.find(source))).blocks(0.1))
-    return _recorded(Path(source))
+    return _recorded(Path(source), reading)
 
 
-def _recorded(path: Path) -> Iterator[dict[str, Samples]]:
+def _recorded(path: Path, reading: Reading) -> Iterator[dict[str, Samples]]:
     from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.processing.bag_input import InputSettings, find_topics
+    from mwd_surface.processing.bag_input import find_topics
     from mwd_surface.processing.input_stream import InputStream
 
+    given = input_settings(reading)
     with Bag(path) as bag:
-        topics = find_topics(bag, InputSettings())
+        topics = find_topics(bag, given)
         names = {
             topics.imu: "imu/data_raw",
             topics.mag: "imu/mag",
             topics.precision: "gyro/data_raw",
             topics.temperature: "imu/temperature",
         }
-        for block in InputStream(bag, topics, InputSettings()).blocks():
+        for block in InputStream(bag, topics, given).blocks():
             yield {names[name]: samples for name, (_, samples) in block.items() if name in names}

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
 from mwd_surface.exports.export import FORMATS
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ WellChanges = Annotated[
 ]
 
 
+@reads_recording
 def export(
     source: Source,
     kind: Annotated[
@@ -43,13 +45,16 @@ def export(
     bit_depth: Bit = None,
     changes: WellChanges = None,
     well: Annotated[str, typer.Option("--well", help="Namespace, of a recording of several (timeseries).")] = "",
+    *,
+    reading: Reading,
 ) -> None:
     """
     Write the surveys of a run or a recording for others to read.
 
     csv, las and witsml hold the definitive survey, raw_csv every survey with its six axes. The numbers in all of them
     are rounded once and agree. A file is whole or not there. timeseries is one row per second of a recording: depth,
-    rig data, attitude with sigmas; .csv or .parquet.
+    rig data, attitude with sigmas; .csv or .parquet. A recording without attitude is processed first, with the settings
+    in it. The options of the input are for timeseries; a list of surveys is read as it is.
 
     \b
     Examples:
@@ -62,8 +67,10 @@ def export(
     from mwd_surface.exports.export import export as write
 
     if kind == "timeseries" or (not kind and output.suffix == ".parquet"):
-        _time_series(source, output, well)
+        _time_series(source, output, well, reading)
         return
+    if names := given_names(reading):
+        raise ValueError(f"{names[0]}: is for -f timeseries; the surveys of a recording come with `mwd process`")
     endings = {made.ending: name for name, made in reversed(FORMATS.items())}
     ending = output.suffix.lower() if not output.is_dir() else ""
     chosen = kind or endings.get(ending, "csv")
@@ -102,16 +109,28 @@ def report(
         terminal.output().print(f"written: {write(table, kind, output)}", markup=False)
 
 
-def _time_series(source: Path, output: Path, well: str) -> None:
+def _time_series(source: Path, output: Path, well: str, reading: Reading) -> None:
+    import contextlib
+
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.estimated import estimated
     from mwd_surface.exports import time_series
     from mwd_surface.exports.export_name import safe_name
+    from mwd_surface.processing.bag_input import InputSettings, refuse_damaged, worth_saying
 
     path = output if output.suffix and not output.is_dir() else output / f"{safe_name(source.stem, 'timeseries')}.csv"
-    with Bag(source) as opened, terminal.progress(f"reading {source.name}") as progress:
-        written = time_series.write(opened, path, well, progress)
-        notes = list(dict.fromkeys(opened.notes))
+    given = input_settings(reading)
+    with contextlib.ExitStack() as held:
+        opened = held.enter_context(Bag(source))
+        notes = worth_saying(opened)
+        refuse_damaged(opened, given)
+        if not time_series.has_attitude(opened, well) and time_series.has_imu(opened, given):
+            opened = held.enter_context(estimated(opened, given))
+            given = InputSettings(rig_topic=given.rig_topic)
+        progress = held.enter_context(terminal.progress(f"reading {source.name}"))
+        written = time_series.write(opened, path, well, given, progress)
+        notes += written.remarks
     if written.late:
         notes.append(f"{written.late} samples came more than half a minute after their time and are left out")
     for note in notes:

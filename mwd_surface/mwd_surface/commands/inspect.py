@@ -8,30 +8,20 @@ from typing import Annotated
 
 import typer
 
-from mwd_surface.commands.process_options import (
-    AccelUnit,
-    GyroTopic,
-    GyroUnit,
-    ImuTopic,
-    MagTopic,
-    MagUnit,
-    MountOption,
-    Recording,
-    RigTopic,
-    Stamps,
-)
+from mwd_surface.commands.process_options import MountOption
+from mwd_surface.commands.recording_options import Reading, Recording, input_settings, reads_recording
 from mwd_surface.commands.reference_options import (
     Date,
     Field,
     Lat,
     Lon,
-    given_settings,
     mount_changes,
     placed_settings,
     recording_changes,
 )
 
 
+@reads_recording
 def inspect(
     bag: Recording,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder that the command names.")] = Path("out"),
@@ -39,15 +29,9 @@ def inspect(
     lon: Lon = None,
     date: Date = None,
     field: Field = None,
-    imu_topic: ImuTopic = None,
-    mag_topic: MagTopic = None,
-    gyro_topic: GyroTopic = None,
-    rig_topic: RigTopic = None,
-    accel_unit: AccelUnit = None,
-    gyro_unit: GyroUnit = None,
-    mag_unit: MagUnit = None,
-    stamps: Stamps = None,
     mount: MountOption = None,
+    *,
+    reading: Reading,
 ) -> None:
     """
     Look through a recording: topics, rates, units, signs, mount, gaps, clocks, and what is missing for which result.
@@ -60,10 +44,8 @@ def inspect(
       mwd inspect bags/run_7
       mwd inspect other.bag --lat 58.44 --lon 1.88
     """
-    options = locals()
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
-    from mwd_surface.processing.bag_input import InputSettings
     from mwd_surface.processing.inspection import figures
     from mwd_surface.processing.inspection import inspect as look_through
     from mwd_surface.surveys.recorded_settings import recorded_settings
@@ -72,7 +54,7 @@ def inspect(
     with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
         recorded = recorded_settings(opened)
         estimator = placed_settings(None, None, place, tool=mount_changes(mount), start=recorded.estimator)
-        found = look_through(opened, given_settings(InputSettings, options), estimator, output, progress)
+        found = look_through(opened, input_settings(reading), estimator, output, progress)
         others = [t for t in opened.topics.values() if t.name not in found.topics.all]
         notes, complete = list(opened.notes), opened.complete
     topics = found.topics

@@ -3,15 +3,17 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from mwd_surface.commands.recording_options import Reading, Recording, input_settings, reads_recording
 
+
+@reads_recording
 def plot(
-    bag: Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap, .db3 or .bag file.")],
+    bag: Recording,
     output: Annotated[Path, typer.Option("--output", "-o", help="Picture to write: .png or .svg.")],
     what: Annotated[
         str,
@@ -19,14 +21,15 @@ def plot(
             "--what", help="Any of sensors, rig, truth, attitude, surveys, spectra, allan, with commas; or all."
         ),
     ] = "sensors,attitude,surveys",
-    start: Annotated[float, typer.Option(help="Begin this many seconds after the first message.")] = 0.0,
-    end: Annotated[float | None, typer.Option(help="End this many seconds after the first message.")] = None,
     topic: Annotated[list[str] | None, typer.Option(help="Only this topic; may be repeated.")] = None,
+    *,
+    reading: Reading,
 ) -> None:
     """
     Draw a recording: sensors, rig, truth, attitude, surveys, spectra, Allan deviation.
 
-    Of a long recording the lowest and highest values are drawn, so that no spike is lost; memory stays constant.
+    Sensors are drawn as `mwd process` takes them: in SI, each sample once, the halves of an IMU joined. Of a long
+    recording the lowest and highest values are drawn, so that no spike is lost; memory stays constant.
 
     \b
     Examples:
@@ -49,8 +52,9 @@ def plot(
     words = list(WHAT) if words == ["all"] else words
     if not words:
         raise ValueError(f"--what {what!r}: name at least one of {', '.join(WHAT)}")
+    given = input_settings(reading)
     with Bag(bag) as opened, terminal.progress(f"reading {bag.name}") as progress:
-        data = gather(opened, words, start, math.inf if end is None else end, topic or (), progress=progress)
+        data = gather(opened, words, given, topic or (), progress=progress)
         notes = list(dict.fromkeys(opened.notes))
     picture = bag_plots.image(bag_plots.figure(data, words), kind)
     output.parent.mkdir(parents=True, exist_ok=True)

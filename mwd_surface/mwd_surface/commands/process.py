@@ -6,35 +6,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mwd_surface.commands.process_options import (
     Accelerometer,
-    AccelUnit,
     CalibrationFile,
     Depths,
-    End,
     Force,
     Format,
-    GyroTopic,
-    GyroUnit,
-    ImuTopic,
-    MagTopic,
-    MagUnit,
     Method,
     MountOption,
     NorthName,
     Output,
-    Partial,
     Rate,
-    Recording,
-    RigTopic,
     SensorToBit,
     Smooth,
-    Stamps,
-    Start,
-    TemperatureTopic,
 )
+from mwd_surface.commands.recording_options import Reading, Recording, input_settings, reads_recording
 from mwd_surface.commands.reference_options import (
     Changes,
     Config,
@@ -53,10 +41,13 @@ from mwd_surface.commands.reference_options import (
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
+    from mwd_surface.processing.bag_input import InputSettings
+    from mwd_surface.processing.run_output import OutputSettings
     from mwd_surface.processing.run_summary import Summary
     from mwd_surface.surveys.recorded_settings import Recorded
 
 
+@reads_recording
 def process(
     bag: Recording,
     output: Output,
@@ -70,17 +61,6 @@ def process(
     precision: Precision = None,
     config: Config = None,
     changes: Changes = None,
-    imu_topic: ImuTopic = None,
-    mag_topic: MagTopic = None,
-    gyro_topic: GyroTopic = None,
-    temperature_topic: TemperatureTopic = None,
-    rig_topic: RigTopic = None,
-    accel_unit: AccelUnit = None,
-    gyro_unit: GyroUnit = None,
-    mag_unit: MagUnit = None,
-    stamps: Stamps = None,
-    start_s: Start = None,
-    end_s: End = None,
     sensor_to_bit_m: SensorToBit = None,
     depths: Depths = None,
     calibration: CalibrationFile = None,
@@ -89,8 +69,9 @@ def process(
     form: Format = None,
     rate_hz: Rate = None,
     smooth: Smooth = False,
-    partial: Partial = False,
     force: Force = False,
+    *,
+    reading: Reading,
 ) -> None:
     """
     Compute attitude and surveys from a recording.
@@ -111,7 +92,8 @@ def process(
       mwd process bags/run_7 -o out --mount z-down
       mwd process bags/other_names -o out --imu-topic /tool/imu --gyro-topic /tool/fog
     """
-    options = locals()  # first of all: the options alone, by name
+    from mwd_surface.processing.run_output import OutputSettings
+
     if not force:
         _refuse_taken(output)
     place = recording_changes(lat, lon, date, field)
@@ -120,7 +102,8 @@ def process(
         bag,
         output,
         lambda recorded: placed_settings(config, changes, place, method, north, sensors, recorded),
-        options,
+        input_settings(reading, sensor_to_bit_m=sensor_to_bit_m, depths=depths),
+        given_settings(OutputSettings, {"format": form, "rate_hz": rate_hz, "smooth": smooth}),
         calibration,
     )
 
@@ -138,28 +121,18 @@ def _run(
     path: Path,
     output: Path,
     settings: Callable[[EstimatorSettings | None], EstimatorSettings],
-    options: dict[str, Any],
+    given: InputSettings,
+    wanted: OutputSettings,
     calibration: Path | None,
 ) -> None:
-    """
-    Process a recording and show the summary.
-
-    settings: of the estimator, from those in the recording. options: those of the command, by the names of settings.
-    """
+    """Process a recording and show the summary; settings: of the estimator, from those in the recording."""
     from mwd_sensors.calibration.compensation import Compensation
     from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.commands import terminal
     from mwd_surface.processing import process as batch
-    from mwd_surface.processing.bag_input import InputSettings
-    from mwd_surface.processing.run_output import OutputSettings
     from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
 
-    start, end = options["start_s"], options["end_s"]
-    if start is not None and end is not None and end <= start:
-        raise ValueError(f"--end {end:g}: not after --start {start:g}")
-    options["format"] = options.pop("form")
-    given, wanted = given_settings(InputSettings, options), given_settings(OutputSettings, options)
     compensation = None
     if calibration is not None:
         # Not for every recording: it brings scipy's optimisation.
@@ -225,7 +198,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():
             terminal.warn(sentence)
     else:
-        terminal.facts([("surveys", "none: the tool never kept still for long enough")])
+        terminal.facts([("surveys", f"none: {summary.no_survey}")])
     terminal.facts([("written", ", ".join(str(folder / name) for name in summary.files))])
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from mwd_sensors.core.settings import printable
+from mwd_sensors.core.foreign_text import printable
 
 if TYPE_CHECKING:
     from rich.table import Table

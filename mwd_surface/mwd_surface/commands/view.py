@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
+
 if TYPE_CHECKING:
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.page.page_server import PageServer
-    from mwd_surface.processing.run_config import ProcessedInput
     from mwd_surface.runs.player import Player, Playing
     from mwd_surface.trajectory.plan import Plan
 
@@ -21,21 +21,23 @@ _PERIOD_S = 0.1  # between two states of the page
 _LOOK_S = 0.5  # s of work after which a state on the way to a moment is shown
 
 
+@reads_recording
 def view(
     run: Annotated[Path, typer.Argument(metavar="RUN|BAG", help="Folder of a run, or a recording.")],
     port: Annotated[int | None, typer.Option(help="Port of the page; by default 8080 or a free one.")] = None,
     rate: Annotated[float, typer.Option(help="Seconds of the recording in a second.")] = 1.0,
-    start: Annotated[float, typer.Option(help="Begin this many seconds after the first message.")] = 0.0,
     paused: Annotated[bool, typer.Option("--paused", help="Do not play until the button is pressed.")] = False,
     plan: Annotated[
         Path | None, typer.Option(help="Planned path, CSV or WITSML; by default the file named in the recording.")
     ] = None,
+    *,
+    reading: Reading,
 ) -> None:
     """
     Show a recording on the live page: play it at any rate, and go to any moment of it with the slider.
 
-    A recording without estimates is processed first, with the settings in it; the recording behind the results of
-    `mwd process`, as they were made. Needs no ROS. Ends with Ctrl-C.
+    A recording without estimates is processed first, with the settings in it and the options of the input; the
+    recording behind the results of `mwd process`, as they were made. Needs no ROS. Ends with Ctrl-C.
 
     \b
     Examples:
@@ -45,6 +47,7 @@ def view(
     """
     from mwd_surface.bags.bag_reader import Bag, BagError
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.estimated import estimated
     from mwd_surface.page.page_server import PageServer
     from mwd_surface.page.settings import PageSettings
     from mwd_surface.processing.bag_input import worth_saying
@@ -63,7 +66,7 @@ def view(
         if read is None:
             raise BagError(f"{run} holds no recording", "name a recording, or the folder of `mwd run` or `mwd process`")
         recording = read.recording
-    asked = Playing(not paused, rate, start)
+    asked = Playing(not paused, rate, reading["start_s"] or 0.0)
     with contextlib.ExitStack() as held:
         bag = held.enter_context(Bag(recording))
         for note in worth_saying(bag):
@@ -71,7 +74,9 @@ def view(
         planned = _plan(bag, plan)
         settings = recorded_well(bag, namespace_of(bag))
         if not namespace_of(bag):
-            bag = held.enter_context(_processed(bag, read))
+            bag = held.enter_context(estimated(bag, input_settings({**reading, "start_s": None}), read))
+        elif names := given_names({**reading, "start_s": None}):
+            raise ValueError(f"{names[0]}: {recording} holds estimates, which are shown as they were recorded")
         elif read is not None:
             terminal.remark("shown are the estimates in the recording, not those of these results")
         player = Player(bag, namespace_of(bag), settings, planned)
@@ -140,36 +145,3 @@ def _plan(bag: Bag, path: Path | None) -> Plan | None:
         terminal.remark(f"the plan of this recording, {named}, is not on this machine; --plan names it")
         return None
     return read_plan(named)
-
-
-@contextlib.contextmanager
-def _processed(bag: Bag, read: ProcessedInput | None) -> Iterator[Bag]:
-    """A copy of a recording with its estimates; read: how the results at hand were made."""
-    import tempfile
-
-    from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_surface.bags.bag_reader import Bag as Opened
-    from mwd_surface.commands import terminal
-    from mwd_surface.processing import process
-    from mwd_surface.processing.bag_input import OptionNeededError
-    from mwd_surface.processing.run_output import MERGED, OutputSettings
-    from mwd_surface.surveys.recorded_settings import recorded_settings, with_a_model
-
-    recorded = recorded_settings(bag)
-    begin = read.estimator if read is not None else recorded.estimator or EstimatorSettings()
-    estimator, remark = with_a_model(begin, bag.start_ns)
-    for former in read.remarks if read is not None else ():
-        terminal.warn(former)
-    if read is not None and read.calibrated:
-        terminal.warn("shown without the calibration of these results: `mwd process --format mcap` writes them to view")
-    with tempfile.TemporaryDirectory(prefix="mwd_view_") as scratch, terminal.progress("processing") as progress:
-        folder = Path(scratch) / "out"
-        wanted, given = OutputSettings(format="mcap"), read.given if read is not None else None
-        try:
-            summary = process.process(bag, folder, estimator, given, progress, None, wanted, recorded)
-        except OptionNeededError as error:
-            raise ValueError(f"{error} to `mwd process {bag.path} -o DIR`, then `mwd view DIR`") from error
-        for warning in [remark, *summary.warnings] if remark else summary.warnings:
-            terminal.warn(warning)
-        with Opened(folder / MERGED) as merged:
-            yield merged

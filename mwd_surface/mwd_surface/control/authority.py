@@ -24,7 +24,7 @@ import dataclasses
 import math
 import threading
 
-from mwd_sensors.core.settings import unprintable
+from mwd_sensors.core.foreign_text import unprintable
 from mwd_surface.control.rig_commands import RigCommands
 from mwd_surface.control.set_point import LARGEST_NUMBER, LeaseLimits, Mode, SetPoint, check
 from mwd_surface.control.settings import ControlSettings

@@ -13,7 +13,8 @@ import json
 from pathlib import Path
 
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import load_json, read_text, without_contents
+from mwd_sensors.core.foreign_text import without_contents
+from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 
 _BLOCK = 1000

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import load_json, read_text, without_contents
+from mwd_sensors.core.foreign_text import without_contents
+from mwd_sensors.core.input_files import load_json, read_text
 from mwd_sensors.core.output_files import write_whole
 from mwd_sensors.telemetry.tool_commands import ToolSettings, applied
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration

@@ -21,6 +21,8 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.exports.survey_table import fixed, utc
+from mwd_surface.processing.bag_input import InputSettings, named_topic
+from mwd_surface.processing.input_stream import SampleStream
 from mwd_surface.signals import signal
 from mwd_surface.signals.table import SERIES
 from mwd_surface.signals.units import Scale
@@ -75,15 +77,30 @@ class Row:
 
 @dataclasses.dataclass
 class Written:
-    """What came of a recording: rows written, samples that came too late for theirs, and the topics."""
+    """What came of a recording: rows written, samples that came too late for theirs, topics, what is unusual."""
 
     rows: int = 0
     late: int = 0
     topics: tuple[str, ...] = ()
+    remarks: list[str] = dataclasses.field(default_factory=list)
+
+
+def has_attitude(bag: Bag, well: str = "") -> bool:
+    """Whether a recording has the attitude of a well; well: its namespace, where there are several."""
+    return _topic(bag, wire.ATTITUDE, ATTITUDE, well) is not None
+
+
+def has_imu(bag: Bag, given: InputSettings) -> bool:
+    """Whether a recording has an IMU, from which its attitude can be processed."""
+    return bool(given.imu_topic) or any(t.gives == wire.IMU.type_name and t.count for t in bag.topics.values())
 
 
 def rows(
-    bag: Bag, written: Written, well: str = "", progress: Callable[[float], None] = lambda _share: None
+    bag: Bag,
+    written: Written,
+    well: str = "",
+    given: InputSettings | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> Iterator[Row]:
     """
     The rows of a recording, in time.
@@ -95,6 +112,8 @@ def rows(
         Filled on the way.
     well : str
         Namespace, where the recording has several wells.
+    given : InputSettings, optional
+        How the recording is read.
     progress : callable
         Called with the share that is done, 0 to 1.
 
@@ -107,6 +126,9 @@ def rows(
         relative: _topic(bag, layout, relative, well)
         for relative, layout in ((ATTITUDE, wire.ATTITUDE), (RIG, wire.RIG_STATE))
     }
+    given = given or InputSettings()
+    if given.rig_topic:
+        names[RIG] = named_topic(bag, given.rig_topic, wire.RIG_STATE)
     written.topics = tuple(name for name in names.values() if name)
     if not written.topics and (unread := bag.unread(wire.ATTITUDE.type_name, wire.RIG_STATE.type_name)):
         raise BagError(f"{bag.path} has no attitude and no rig data that can be read: {unread}")
@@ -117,7 +139,8 @@ def rows(
         )
     waiting: dict[int, Row] = {}
     done = -(2**62)
-    for block in bag.blocks(list(written.topics)):
+    stream = SampleStream(bag, written.topics, given)
+    for block in filter(None, stream.blocks()):
         for relative, take in ((ATTITUDE, _attitude), (RIG, _rig)):
             part = block.get(names[relative] or "")
             if part is not None:
@@ -134,11 +157,18 @@ def rows(
         done = max(done, middle - _OPEN_S - 1)
         logged = max(int(part[0][-1]) for part in block.values())
         progress((logged - bag.start_ns) / max(bag.end_ns - bag.start_ns, 1))
+    written.remarks += stream.remarks
     for second in sorted(waiting):
         yield waiting[second]
 
 
-def write(bag: Bag, path: Path, well: str = "", progress: Callable[[float], None] = lambda _share: None) -> Written:
+def write(
+    bag: Bag,
+    path: Path,
+    well: str = "",
+    given: InputSettings | None = None,
+    progress: Callable[[float], None] = lambda _share: None,
+) -> Written:
     """
     Write the rows of a recording as .csv or .parquet, whole or not at all.
 
@@ -157,7 +187,7 @@ def write(bag: Bag, path: Path, well: str = "", progress: Callable[[float], None
     written = Written()
 
     def counted() -> Iterator[Row]:
-        for row in rows(bag, written, well, progress):
+        for row in rows(bag, written, well, given, progress):
             written.rows += 1
             yield row
 

@@ -18,14 +18,13 @@ from mwd_estimation.pipeline.output import Output
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import settings as settings_of
-from mwd_sensors.core import wire
 from mwd_surface import __version__
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.fleet import fleet_dataset
 from mwd_surface.fleet.attitude_statistics import AttitudeStatistics
 from mwd_surface.fleet.fleet_dataset import DONE, FAILED
 from mwd_surface.processing import bag_input, process
-from mwd_surface.processing.bag_input import InputSettings, OptionNeededError
+from mwd_surface.processing.bag_input import InputSettings, wells
 from mwd_surface.processing.run_summary import Summary
 from mwd_surface.surveys import station_csv
 from mwd_surface.surveys.recorded_settings import Recorded, recorded_settings, with_a_model
@@ -90,9 +89,6 @@ def carry_out(work: Work) -> Outcome:
         return Outcome(work.bag, key, earlier, kept=True)
     try:
         tables = _tables(path, key, work, began)
-    except OptionNeededError as error:
-        outcome = failed(work, key, f"{error} to `mwd process`", began)
-        tables = {"bags": [outcome.row]}
     except (BagError, ValueError) as error:
         outcome = failed(work, key, str(error), began)
         tables = {"bags": [outcome.row]}
@@ -123,8 +119,8 @@ def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[di
     with Bag(path) as bag:
         recorded = recorded_settings(bag) if work.changes else Recorded()
         estimator, remark = with_a_model(_settings(recorded, work), bag.start_ns)
-        for topic in _inertial_units(bag, work.given):
-            given = dataclasses.replace(work.given, imu_topic=topic) if topic else work.given
+        for topics in wells(bag, work.given):
+            given = dataclasses.replace(work.given, imu_topic=topics.imu)
             summary, statistics = _estimated(bag, estimator, given, recorded)
             if (changed := process.reversed_settings(estimator, summary)) is not None:
                 summary, statistics = _estimated(bag, changed, given, recorded)
@@ -154,18 +150,6 @@ def _settings(recorded: Recorded, work: Work) -> EstimatorSettings:
     if recorded.estimator is None:
         return settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config))
     return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes))
-
-
-def _inertial_units(bag: Bag, given: InputSettings) -> list[str]:
-    """The AHRS of every well in a bag; an empty name leaves the choice, and the error, to the reader."""
-    if given.imu_topic:
-        return [given.imu_topic]
-    named = [
-        topic.name
-        for topic in bag.topics.values()
-        if topic.type_name == wire.IMU.type_name and topic.count and topic.name.endswith(bag_input.IMU)
-    ]
-    return sorted(named) or [""]
 
 
 def _survey_row(survey: Survey, depth: float) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from mwd_sensors.core.settings import printable
+from mwd_sensors.core.foreign_text import printable
 from mwd_surface.live.alarms import AlarmBook, Severity
 from mwd_surface.live.well_clock import WellClock
 

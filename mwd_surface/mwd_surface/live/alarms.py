@@ -12,7 +12,7 @@ import enum
 from collections import deque
 from collections.abc import Mapping
 
-from mwd_sensors.core.settings import printable
+from mwd_sensors.core.foreign_text import printable
 
 
 class Severity(enum.IntEnum):

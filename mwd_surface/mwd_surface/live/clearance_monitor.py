@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import concurrent.futures
 
-from mwd_sensors.core.input_files import without_contents
+from mwd_sensors.core.foreign_text import without_contents
 from mwd_surface.clearance.clearance import Level
 from mwd_surface.clearance.well_clearance import WellClearance, offset_wells_of, well_clearance
 from mwd_surface.list_files.remark import sentences

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mwd_sensors.core.input_files import without_contents
+from mwd_sensors.core.foreign_text import without_contents
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.settings import PlanSettings

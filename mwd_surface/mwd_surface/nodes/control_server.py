@@ -12,6 +12,7 @@ from mwd_msgs import msg, srv
 from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.control.authority import ControlAuthority
@@ -140,7 +141,7 @@ class ControlServer:
             self.authority.refused += 1
             taken, why = False, str(error)
         if not taken:
-            self._node.get_logger().warning(f"control/command not taken: {why}", throttle_duration_sec=5.0)
+            self._node.get_logger().warning(printable(f"control/command not taken: {why}"), throttle_duration_sec=5.0)
 
     def _on_acknowledge(self, data: bytes) -> None:
         answer = deserialize_message(data, msg.RigAcknowledge)

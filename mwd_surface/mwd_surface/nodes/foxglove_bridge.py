@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_surface.live.alarms import Severity
 from mwd_surface.page.foxglove_server import FoxgloveError, FoxgloveServer, FoxgloveSettings
@@ -70,7 +71,7 @@ class FoxgloveBridge:
             return
         self._error = ""
         self._alarm_log.clear_alarm("foxglove")
-        self._node.get_logger().info(f"foxglove: {server.address}")
+        self._node.get_logger().info(printable(f"foxglove: {server.address}"))
 
     def close(self) -> None:
         """Stop the server."""

@@ -11,6 +11,7 @@ from typing import Any
 
 from mwd_msgs import srv
 
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.request_rules import refusal
@@ -65,7 +66,7 @@ class PageBridge:
             return
         self._server = server
         alarm_log.clear_alarm("page.port")
-        self._context.node.get_logger().info(f"page: {server.address}")
+        self._context.node.get_logger().info(printable(f"page: {server.address}"))
 
     def close(self) -> None:
         """Release the port."""

@@ -20,6 +20,7 @@ from mwd_estimation.nodes.diagnostics import reference_diagnostic
 from mwd_estimation.settings.place import reference_of
 from mwd_estimation.survey.tool_code import reference_for, sensor_errors
 from mwd_sensors.core import gauge_burst, wire
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.diagnostics import ERROR, OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
@@ -146,7 +147,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
         self._surveys.quality = settings.verdict
 
     def _warn(self, words: str) -> None:
-        self.get_logger().warning(f"{words}: the receiver begins anew")
+        self.get_logger().warning(printable(f"{words}: the receiver begins anew"))
 
     def _reference_at(self, stamp_ns: int) -> Reference | None:
         if self._reference is None:
@@ -186,7 +187,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
                     _follow(one.feed, message)
         except ValueError as error:
             text = f"the downlink is for another tool configuration: {error}"
-            self.get_logger().error(text, throttle_duration_sec=10.0)
+            self.get_logger().error(printable(text), throttle_duration_sec=10.0)
 
     def _on_timer(self) -> None:
         self._take_all()
@@ -213,7 +214,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
                 burst = gauge_burst.decode(message.data, one.kind)
             except ValueError as error:
                 self._unreadable += 1
-                self.get_logger().warning(f"{one.kind} not used: {error}", throttle_duration_sec=10.0)
+                self.get_logger().warning(printable(f"{one.kind} not used: {error}"), throttle_duration_sec=10.0)
                 continue
             one.received_at = time.monotonic()
             self._publish(one.feed, one.feed.push(*burst))
@@ -262,7 +263,7 @@ class ReceiverNode(GraphNode[ReceiverSettings]):
     def _publish_surveys(self, surveys: Sequence[Survey]) -> None:
         for survey in surveys:
             self._survey.publish(link_messages.survey_message(survey, self.frame(wire.SONDE_FRAME)))
-            self.get_logger().info(f"survey {survey.sequence} received: {'; '.join(survey.reasons)}")
+            self.get_logger().info(printable(f"survey {survey.sequence} received: {'; '.join(survey.reasons)}"))
 
     def _publish_state(self) -> None:
         """Attitude twice a second and quality once a second of the samples' time; of wall time where it stands."""

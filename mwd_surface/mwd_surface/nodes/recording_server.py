@@ -12,6 +12,7 @@ from mwd_msgs import msg, srv
 from std_srvs.srv import Trigger
 
 from mwd_sensors.core import burst, wire
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import STATE
 from mwd_sensors.ros.time_stamps import stamp
@@ -156,7 +157,7 @@ class RecordingServer:
         try:
             self._recorder.stop(_STOP_TIMEOUT_S)
         except RecorderError as error:
-            self._node.get_logger().error(f"recording not finished: {error}")
+            self._node.get_logger().error(printable(f"recording not finished: {error}"))
 
     def _attach_files(self) -> None:
         """Attach the files to the recording that ends."""
@@ -164,7 +165,7 @@ class RecordingServer:
             try:
                 self._recorder.attach(name, media_type, data, time.time_ns(), _ATTACH_TIMEOUT_S)
             except RecorderError as error:
-                self._node.get_logger().error(f"{name} is not in the recording: {error}")
+                self._node.get_logger().error(printable(f"{name} is not in the recording: {error}"))
                 return
 
     def add_tables(self, tables: Mapping[str, Mapping[str, str]]) -> None:

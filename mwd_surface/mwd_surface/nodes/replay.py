@@ -16,6 +16,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_sensors.ros.deferred import DeferredResponse
@@ -117,7 +118,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
             for about in chosen
         }
         for sentence in (*self._bag.notes, *self._left_out):
-            self.get_logger().warning(sentence)
+            self.get_logger().warning(printable(sentence))
         self._clock_publisher = self.add_publisher(Clock, "/clock", STATE) if settings.clock_hz > 0.0 else None
         self.add_service(Trigger, "~/pause", self._on_pause)
         self.add_service(Trigger, "~/resume", self._on_resume)
@@ -179,7 +180,7 @@ class ReplayNode(GraphNode[ReplaySettings]):
         if self._said_at + _SAY_EVERY_S <= now and self._bag is not None:
             self._said_at = now
             at_s, all_s = (pace.position_ns(now) - self._bag.start_ns) * 1e-9, self._bag.duration_s
-            self.get_logger().info(f"at {min(at_s, all_s):.0f} of {all_s:.0f} s")
+            self.get_logger().info(printable(f"at {min(at_s, all_s):.0f} of {all_s:.0f} s"))
         if self._next is None and not pace.paused:
             self._end(pace)
         else:
@@ -201,11 +202,11 @@ class ReplayNode(GraphNode[ReplaySettings]):
 
     def _end(self, pace: Pace) -> None:
         if self.settings.loop and self._published:
-            self.get_logger().info(f"round {self._rounds} is over; begins again")
+            self.get_logger().info(printable(f"round {self._rounds} is over; begins again"))
             pace.seek(self._go_to(self._from_ns), time.monotonic())
             self._rounds += 1
             return
-        self.get_logger().info(f"published {self._published} messages")
+        self.get_logger().info(printable(f"published {self._published} messages"))
         self._pace = None
         self._over = True
         self.request_stop()

@@ -22,6 +22,7 @@ from mwd_msgs.action import NorthSeek, RotarySurvey
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import STATE
@@ -240,7 +241,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             try:
                 close()
             except Exception:  # noqa: BLE001  (a part that cannot close must not keep the others open)
-                self.get_logger().error(f"cannot close:\n{traceback.format_exc()}")
+                self.get_logger().error(printable(f"cannot close:\n{traceback.format_exc()}"))
 
     # Messages and requests.
 

@@ -12,6 +12,7 @@ from mwd_msgs import msg, srv
 from nav_msgs.msg import Path as PathMessage
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.deferred import DeferredResponse
 from mwd_sensors.ros.diagnostics import ERROR, OK, Diagnostic
 from mwd_sensors.ros.qos import EVENT, LATCHED, STATE
@@ -278,7 +279,7 @@ class SurveyListServer(SurveyBook):
         def made(job: concurrent.futures.Future[list[tuple[str, str, bytes]]]) -> None:
             self._reporting = False
             self._files, self._reported = job.result(), surveys
-            self._node.get_logger().info(f"report of {len(surveys.records)} surveys made")
+            self._node.get_logger().info(printable(f"report of {len(surveys.records)} surveys made"))
             self._report()
 
         self._worker.submit(lambda: _files(table(), report=True), made)

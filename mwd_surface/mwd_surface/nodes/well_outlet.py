@@ -13,6 +13,7 @@ from mwd_msgs import msg
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.qos import DEADLINE_STATE, EVENT, LATCHED
 from mwd_sensors.ros.time_stamps import stamp
@@ -91,7 +92,7 @@ class NodeOutlet(WellOutlet):
 
     def warn(self, text: str) -> None:
         """Write a warning into the log of the process, at most one in ten seconds."""
-        self._node.get_logger().warning(text, throttle_duration_sec=10.0)
+        self._node.get_logger().warning(printable(text), throttle_duration_sec=10.0)
 
     def on_toolface(self, reading: ToolfaceReading, age: float, frame: str) -> None:
         """Publish the toolface."""

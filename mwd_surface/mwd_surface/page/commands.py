@@ -9,7 +9,7 @@ from typing import Any
 
 from aiohttp import web
 
-from mwd_sensors.core.settings import unprintable
+from mwd_sensors.core.foreign_text import unprintable
 from mwd_surface.page.request_body import json_object
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]

@@ -20,6 +20,8 @@ from mwd_surface.plots.envelope import Envelope
 from mwd_surface.plots.long_allan import LongAllan
 from mwd_surface.plots.spectrum import Spectrum
 from mwd_surface.plots.traces import NORTHS, WHAT, Trace, north_of, traces_of
+from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.processing.input_stream import RecordingStream, asked_span
 from mwd_surface.surveys.message_conversion import record_of, survey_of
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
 
@@ -104,8 +106,7 @@ class PlotData:
 def gather(
     bag: Bag,
     what: Sequence[str] = ("sensors", "attitude", "surveys"),
-    start_s: float = 0.0,
-    end_s: float = math.inf,
+    given: InputSettings | None = None,
     topics: Sequence[str] = (),
     bins: int = 1600,
     progress: Callable[[float], None] = lambda _share: None,
@@ -118,8 +119,8 @@ def gather(
     bag : Bag
     what : sequence of str
         Words of `traces.WHAT`.
-    start_s, end_s : float
-        Span after the first message, s.
+    given : InputSettings, optional
+        How the samples are read, and of which span.
     topics : sequence of str
         Only these, full names; empty: all that are known how to draw.
     bins : int
@@ -134,23 +135,27 @@ def gather(
     BagError
         A topic the bag doesn't have, or nothing to draw of what is asked.
     """
-    _check_request(bag, what, start_s, end_s)
-    first = bag.start_ns + round(start_s * 1e9)
-    last = bag.end_ns if math.isinf(end_s) else min(bag.end_ns, bag.start_ns + round(end_s * 1e9))
+    given = given or InputSettings()
+    _check_request(bag, what, given.start_s)
+    begin, end = asked_span(bag, given)
+    first, last = begin or bag.start_ns, min(bag.end_ns, end or bag.end_ns)
     data = PlotData(bag.path.resolve().name, first, last)
-    pens = _pens(bag, _chosen(bag, topics), what, data, bins)
+    stream = RecordingStream(bag, _chosen(bag, topics), given)
+    pens = _pens(bag, stream, what, data, bins)
     if not pens:
         asked = ", ".join(what)
         has = ", ".join(f"{topic.name} ({topic.type_name})" for topic in bag.topics.values())
         unread = listed([topic for topic in bag.unreadable.values() if topic.count])
         cannot = f"; not read: {unread}" if unread else ""
         raise BagError(f"{bag.path} has nothing to draw for {asked}", f"it has {has}{cannot}")
-    for block in bag.blocks(sorted({pen.topic for pen in pens}), first, last + 1):
+    stream = RecordingStream(bag, sorted({pen.topic for pen in pens}), given)
+    for block in stream.blocks(first, last + 1):
         for pen in pens:
             if pen.topic in block:
                 pen.draw(block[pen.topic])
-        newest = max(int(part[0][-1]) for part in block.values())
+        newest = max((int(part[0][-1]) for part in block.values()), default=first)
         progress(min((newest - first) / max(last - first, 1), 1.0))
+    data.remarks += stream.remarks
     for pen in pens:
         pen.end()
     progress(1.0)
@@ -162,14 +167,10 @@ def gather(
     return data
 
 
-def _check_request(bag: Bag, what: Sequence[str], start_s: float, end_s: float) -> None:
+def _check_request(bag: Bag, what: Sequence[str], start_s: float) -> None:
     for word in what:
         if word not in WHAT:
             raise ValueError(f"--what {word}: no such word; one of {', '.join(WHAT)}")
-    if not 0.0 <= start_s < end_s:
-        raise ValueError(
-            f"--start {start_s:g}, --end {end_s:g}: the start must not be negative and come before the end"
-        )
     if start_s > bag.duration_s:
         raise ValueError(f"--start {start_s:g}: the recording ends after {bag.duration_s:.1f} s")
 
@@ -209,21 +210,21 @@ class _Pen(abc.ABC):
         """All blocks were taken."""
 
 
-def _pens(bag: Bag, topics: list[str], what: Sequence[str], data: PlotData, bins: int) -> list[_Pen]:
+def _pens(bag: Bag, stream: RecordingStream, what: Sequence[str], data: PlotData, bins: int) -> list[_Pen]:
     pens: list[_Pen] = []
-    for topic in topics:
+    for topic in stream.names:
         about = bag.topics[topic]
         if about.count == 0:
             continue
-        traces = [t for t in traces_of(about.type_name) if t.what in what or (t.key and _compared(t, what))]
+        traces = [t for t in traces_of(about.gives) if t.what in what or (t.key and _compared(t, what))]
         if traces:
             pens.append(_TimePen(topic, traces, data, bins))
         if "surveys" in what and about.type_name in (_SURVEY, _RECORD):
             pens.append(_SurveyPen(topic, about.type_name, data, bag))
-        if about.type_name in (wire.IMU.type_name, wire.MAG.type_name) and "spectra" in what:
-            pens.append(_SpectrumPen(topic, about.type_name, data))
-        if about.type_name == wire.IMU.type_name and "allan" in what:
-            pens.append(_StillPen(topic, data, bag))
+        if about.gives in _VECTORS and "spectra" in what:
+            pens.append(_SpectrumPen(topic, about.gives, data))
+        if about.gives == wire.IMU.type_name and "allan" in what:
+            pens.append(_StillPen(topic, data, RecordingStream(bag, [topic], stream.given)))
     return pens
 
 
@@ -318,9 +319,9 @@ class _SpectrumPen(_Pen):
 class _StillPen(_Pen):
     """Finds the longest still interval, then reads it again for its Allan deviation."""
 
-    def __init__(self, topic: str, data: PlotData, bag: Bag) -> None:
+    def __init__(self, topic: str, data: PlotData, again: RecordingStream) -> None:
         super().__init__(topic)
-        self.data, self.bag = data, bag
+        self.data, self.again = data, again
         self.rate = 0.0
         self._stamps = np.empty(0, dtype=np.int64)
         self._held = np.empty((0, 6))
@@ -373,7 +374,7 @@ class _StillPen(_Pen):
             return
         vectors = _VECTORS[wire.IMU.type_name]
         records = [LongAllan(self.rate, 3) for _ in vectors]
-        for block in self.bag.blocks([self.topic], start, end + 1):
+        for block in self.again.blocks(start, end + 1):
             samples = block[self.topic][1]
             for record, (_, _, field, _) in zip(records, vectors, strict=True):
                 record.add(np.array(samples[field]))

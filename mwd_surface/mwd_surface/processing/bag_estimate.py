@@ -8,7 +8,6 @@ A thread reads blocks ahead of the estimator and another one writes behind it. T
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -36,12 +35,13 @@ from mwd_surface.processing.bag_input import (
     tool_frame,
 )
 from mwd_surface.processing.imu_queue import Imu, ImuQueue
-from mwd_surface.processing.input_stream import InputStream, left_out, problems, refuse
+from mwd_surface.processing.input_stream import InputStream, asked_span, problems, refuse
 from mwd_surface.processing.list_builder import ListBuilder
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.overlap import ahead, behind
 from mwd_surface.processing.recorded_requests import RecordedRequests, Request
-from mwd_surface.processing.run_summary import Summary, pipeline_warnings
+from mwd_surface.processing.rests import Rests
+from mwd_surface.processing.run_summary import Summary, hindrance, pipeline_warnings
 from mwd_surface.processing.used_samples import UsedSamples
 from mwd_surface.surveys.recorded_settings import Recorded
 
@@ -124,14 +124,13 @@ class BagEstimate:
         # Companions of the last two blocks, which a restart of the estimate needs again.
         self._companions: list[tuple[BlockSamples, Block]] = []
         self._queue = ImuQueue(_smoothing(estimator, bag.start_ns) if smooth else None, mount)
-        self._start_ns = bag.start_ns + round(given.start_s * 1e9)
-        self._end_ns = bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
-        self._last_ns = bag.end_ns if self._end_ns is None else min(bag.end_ns, self._end_ns)
+        self._span = asked_span(bag, given)
         refuse(problems(bag, self.topics, given, estimator.place))
         self._stream = InputStream(bag, self.topics, given)
         self._unchecked = {self.topics.imu, self.topics.mag}
         self._use_mag = self.topics.mag is not None
         self._noise = input_covariance.NoiseWatch()
+        self._rests = Rests(estimator.survey)
         self._summary = Summary(self.topics, warnings=guesses(bag, self.topics, given))
 
     def run(self, sink: Callable[[Output], None], progress: Callable[[float], None]) -> Summary:
@@ -165,9 +164,6 @@ class BagEstimate:
         return self._summary
 
     def _warn_of_input(self) -> None:
-        if self._stream.without_time:
-            names = ", ".join(sorted(self._stream.without_time))
-            self._summary.warnings.append(f"{names}: no time in the headers; the times of recording are used")
         unusable = self._pipeline.mount.unusable
         self._use_mag = self._use_mag and "mag" not in unusable
         units = {"mag": self.topics.mag, "precision": self.topics.precision}
@@ -179,12 +175,14 @@ class BagEstimate:
     def _blocks(self) -> Iterator[tuple[Block, list[Originals]]]:
         """Read the bag, with its messages as they are where a merger wants them."""
         if self._merger is not None:
-            yield from self._bag.blocks_and_originals(self.topics.all, self._start_ns, self._end_ns, fields=FIELDS)
+            yield from self._bag.blocks_and_originals(self.topics.all, *self._span, fields=FIELDS)
             return
-        for block in self._bag.blocks(self.topics.all, self._start_ns, self._end_ns, fields=FIELDS):
+        for block in self._bag.blocks(self.topics.all, *self._span, fields=FIELDS):
             yield block, []
 
     def _results(self, progress: Callable[[float], None]) -> Iterator[_Result]:
+        begin, end = self._bag.start_ns, self._bag.end_ns
+        begin, end = self._span[0] or begin, min(end, self._span[1] or end)
         with ahead(self._blocks()) as ready:
             for recorded, originals in ready:
                 block = self._stream.take(recorded)
@@ -203,9 +201,8 @@ class BagEstimate:
                     waiting += [first] if (first := self._stream.first_log_ns) is not None else []
                     until_ns = min(waiting) - 1 if waiting else logged
                     yield _Result(None, None, originals, until_ns)
-                progress(min(max((logged - self._start_ns) / max(self._last_ns - self._start_ns, 1), 0.0), 1.0))
-        rest = self._stream.finish()
-        if self.topics.imu in rest:
+                progress(min(max((logged - begin) / max(end - begin, 1), 0.0), 1.0))
+        if rest := self._stream.finish():
             self._queue.add(self._checked(rest)[self.topics.imu], rest[self.topics.imu][0])
         for imu in self._queue.finish():
             yield from self._estimated(imu)
@@ -248,6 +245,8 @@ class BagEstimate:
         self._judge_covariances(samples)
         self._leave_out_skewed(samples, block)
         self._pass_gate(samples)
+        if self.topics.imu in samples:
+            self._rests.take(samples[self.topics.imu])
         if self._compensation is not None:
             _compensate(self._compensation, samples, self.topics)
         return samples
@@ -329,7 +328,7 @@ class BagEstimate:
         summary, pipeline, compensation = self._summary, self._pipeline, self._compensation
         if self._merger is not None:
             summary.warnings += self._merger.remarks
-        summary.warnings += left_out(self._stream)
+        summary.warnings += self._stream.remarks
         summary.north = pipeline.north
         summary.reference = pipeline.reference.source if pipeline.reference is not None else "none"
         if compensation is not None and compensation.without_temperature:
@@ -338,6 +337,7 @@ class BagEstimate:
             )
         if not self._list.as_live:
             refuse_wrong_unit(self.topics, summary.faults)
+        refuse(self._rests.problems(self.topics.imu, self._given.gyro_unit))
         now = pipeline.revisions()
         revised = [
             (dataclasses.replace(now[survey.sequence], status=survey.status, revision=1), depth)
@@ -353,6 +353,8 @@ class BagEstimate:
         summary.warnings += [*self._requests.remarks, *summary.other_input]
         summary.as_live = self._list.as_live
         summary.mag_used = self._use_mag
+        if not summary.surveys:
+            summary.no_survey = hindrance(pipeline, summary)
         summary.depths = self._list.depth_source
         summary.warnings += self._list.warnings
         summary.warnings += pipeline_warnings(summary, pipeline, self._estimator)

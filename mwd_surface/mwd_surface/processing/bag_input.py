@@ -27,7 +27,7 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.bags.mcap.records import MAGIC
 from mwd_surface.bags.mcap.writer import is_being_written
-from mwd_surface.bags.topic_info import REMEDY
+from mwd_surface.bags.topic_info import FORCE, MAGNETIC, RATE, REMEDY
 from mwd_surface.processing.half_imu import Kind, is_accelerometer, kind_of
 
 IMU, MAG, PRECISION, TEMPERATURE, RIG = "imu/data_raw", "imu/mag", "gyro/data_raw", "imu/temperature", "rig/state"
@@ -66,7 +66,12 @@ _SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as no
 class InputSettings:
     """What to take from a bag, and how it is to be read."""
 
-    imu_topic: str = setting("", "Topic of the IMU; empty: the one that ends in imu/data_raw, or the only one")
+    imu_topic: str = setting(
+        "", "Topic of the IMU or its gyro; empty: the one that ends in imu/data_raw, or the only one"
+    )
+    accel_topic: str = setting(
+        "", "Topic of the accelerometer where the IMU's is only its gyro; empty: as its name says"
+    )
     mag_topic: str = setting("", "Topic of its magnetometer; empty: imu/mag beside it, or the only one")
     gyro_topic: str = setting("", "Topic of the precision unit; empty: gyro/data_raw beside the IMU")
     temperature_topic: str = setting("", "Topic of the IMU's temperature; empty: imu/temperature beside it")
@@ -87,6 +92,11 @@ class InputSettings:
         choices=("header", "recording"),
     )
     depths: str = setting("", "Table of depths, CSV; empty: the depths of the rig in the recording")
+
+
+def option_of(name: str) -> str:
+    """Return the option of the commands that sets a setting of the input."""
+    return {"start_s": "--start", "end_s": "--end"}.get(name, f"--{name.replace('_', '-')}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,7 +129,11 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     BagError
         There is no IMU, or more than one well and none named, or a topic named has another type.
     """
-    imu, accelerometer = _halves(bag, _named(bag, given.imu_topic, wire.IMU) or _imu_of(bag))
+    for name, quantity in ((given.imu_topic, RATE), (given.accel_topic, FORCE), (given.mag_topic, MAGNETIC)):
+        _name_vector(bag, name, quantity)
+    named_accelerometer = named_topic(bag, given.accel_topic, wire.IMU)
+    imu = named_topic(bag, given.imu_topic, wire.IMU) or _imu_of(bag, named_accelerometer)
+    imu, accelerometer = (imu, named_accelerometer) if named_accelerometer else _halves(bag, imu)
     relative = next((name for name in (IMU, IMU_BURST) if imu.endswith(name)), None)
     namespace = imu.removesuffix(relative) if relative is not None else None
 
@@ -128,7 +142,9 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         for relative in relatives if namespace is not None else ():
             if _has(bag, f"{namespace}{relative}", layout):
                 return f"{namespace}{relative}"
-        there = [name for name in bag.topics if name != imu and _has(bag, name, layout)]
+        there = [name for name in bag.topics if name not in (imu, accelerometer) and _has(bag, name, layout)]
+        # A message of the type is more certainly the sensor than a vector that its name says to be one.
+        there = [name for name in there if bag.topics[name].type_name == layout.type_name] or there
         usual = [name for name in there if name.endswith(relatives)]
         if namespace is not None:
             return there[0] if alone and len(there) == 1 and not usual else None
@@ -137,10 +153,10 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
 
     return Topics(
         imu,
-        _named(bag, given.mag_topic, wire.MAG) or beside(wire.MAG, MAG, alone=True),
-        _named(bag, given.gyro_topic, wire.IMU) or beside(wire.IMU, PRECISION, PRECISION_BURST),
-        _named(bag, given.temperature_topic, wire.TEMPERATURE) or beside(wire.TEMPERATURE, TEMPERATURE),
-        _named(bag, given.rig_topic, wire.RIG_STATE) or beside(wire.RIG_STATE, RIG, alone=True),
+        named_topic(bag, given.mag_topic, wire.MAG) or beside(wire.MAG, MAG, alone=True),
+        named_topic(bag, given.gyro_topic, wire.IMU) or beside(wire.IMU, PRECISION, PRECISION_BURST),
+        named_topic(bag, given.temperature_topic, wire.TEMPERATURE) or beside(wire.TEMPERATURE, TEMPERATURE),
+        named_topic(bag, given.rig_topic, wire.RIG_STATE) or beside(wire.RIG_STATE, RIG, alone=True),
         accelerometer,
         Kind.GYRO if accelerometer else _kind(bag, imu),
     )
@@ -175,6 +191,21 @@ def _measured(bag: Bag, names: Sequence[str]) -> list[str]:
     """Return the topics of IMUs without those that the estimator publishes: it turns and orients the same samples."""
     own = {f"{space}{_ORIENTED}" for space in graph_namespaces(bag)}
     return [name for name in names if name not in own] or list(names)
+
+
+def wells(bag: Bag, given: InputSettings) -> list[Topics]:
+    """
+    Return the topics of every well in a bag: of each IMU with the usual name, or of the one that is meant.
+
+    Raises
+    ------
+    BagError
+        As `find_topics`.
+    """
+    usual = [name for name in bag.topics if name.endswith(IMU) and _has(bag, name, wire.IMU)]
+    if given.imu_topic or len(usual) < 2:
+        return [find_topics(bag, given)]
+    return [find_topics(bag, dataclasses.replace(given, imu_topic=name)) for name in sorted(usual)]
 
 
 def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
@@ -215,12 +246,16 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
     return remarks
 
 
-def unstamped(bag: Bag, topics: Topics) -> frozenset[str]:
-    """Topics whose messages carry no time of their own, as far as the first of them show: all zero, or all the same."""
+def unstamped(bag: Bag, names: Sequence[str]) -> frozenset[str]:
+    """
+    Return topics whose messages carry no time of their own, as far as the first of them show: all zero, or all equal.
+
+    names : topics of samples, the IMU first.
+    """
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG, wire.TEMPERATURE, wire.RIG_STATE)}
-    first = next(bag.blocks(topics.all, block_messages=_LOOKED_AT, fields=fields), {})
+    first = next(bag.blocks(names, block_messages=_LOOKED_AT, fields=fields), {})
     found = {name for name, (_, samples) in first.items() if _timeless(samples["stamp_ns"])}
-    if topics.imu in found:
+    if names[0] in found:
         # A lone first zero may be a clock that begins there; not where the others have none either.
         found |= {name for name, (_, samples) in first.items() if not samples["stamp_ns"].any()}
     return frozenset(found)
@@ -230,28 +265,24 @@ def _timeless(stamp_ns: NDArray[np.int64]) -> bool:
     return len(stamp_ns) >= (_SAME_AT_LEAST if stamp_ns[0] else 2) and bool((stamp_ns == stamp_ns[0]).all())
 
 
-def in_si(
-    block: Block, topics: Topics, given: InputSettings, without_time: frozenset[str] = frozenset()
-) -> dict[str | None, Samples]:
-    """Samples of a block in SI; those `without_time` of their own get that of their recording."""
-    samples: dict[str | None, Samples] = {name: part[1] for name, part in block.items()}
-    for topic in without_time & block.keys():
-        samples[topic]["stamp_ns"] = block[topic][0]
+def in_si(block: Block, topics: Topics, given: InputSettings) -> Block:
+    """Return a block with the samples of IMU and magnetometer in SI; they are changed in place."""
     for name, field, quantity, unit in (
         (topics.imu, "linear_acceleration", "acceleration", given.accel_unit),
         (topics.imu, "angular_velocity", "rate", given.gyro_unit),
         (topics.mag, "magnetic_field", "field", given.mag_unit),
     ):
         scale = units.factor(quantity, unit)
-        if scale != 1.0 and name in samples:
-            samples[name][field] *= scale
-            covariance = samples[name][f"{field}_covariance"]
+        if scale != 1.0 and name in block:
+            samples = block[name][1]
+            samples[field] *= scale
+            covariance = samples[f"{field}_covariance"]
             covariance[covariance[:, 0] != -1.0] *= scale**2
-    return samples
+    return block
 
 
 class OptionNeededError(ValueError):
-    """Samples that can be used with options of `mwd process`, which the sentence names."""
+    """Samples that can be used with other options of the input, which the sentence names."""
 
 
 def check_units(topics: Topics, samples: Mapping[str | None, Samples]) -> list[str]:
@@ -369,8 +400,23 @@ def _cut_off(path: Path) -> bool:
     return False
 
 
-def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
-    """The topic of that name, checked to be there and of that type; None for an empty name."""
+def _name_vector(bag: Bag, name: str, quantity: str) -> None:
+    """Let a topic of vectors that a user names for a sensor stand for its quantity, unless its own name says which."""
+    for candidate in (name, f"/{name}"):
+        about = bag.topics.get(candidate)
+        if about is not None and about.type_name == wire.VECTOR.type_name and not about.quantity:
+            bag.topics[candidate] = dataclasses.replace(about, quantity=quantity)
+
+
+def named_topic(bag: Bag, name: str, layout: wire.Layout) -> str | None:
+    """
+    Return the topic of that name; None for an empty name.
+
+    Raises
+    ------
+    BagError
+        There is no topic of that name, or its messages do not carry such samples.
+    """
     if not name:
         return None
     for candidate in (name, f"/{name}"):
@@ -379,20 +425,28 @@ def _named(bag: Bag, name: str, layout: wire.Layout) -> str | None:
         about = bag.topics.get(candidate)
         if about is None:
             continue
-        if not _carries(about.type_name, layout):
-            raise BagError(f"{candidate} is a {about.type_name}", f"expected a {layout.type_name}")
+        if about.gives != layout.type_name:
+            what = f"{about.type_name} of {about.quantity}" if about.quantity else about.type_name
+            raise BagError(f"{candidate} is a {what}", f"expected a {layout.type_name}")
         return candidate
     raise BagError(f"{bag.path} has no topic {name}", f"it has {', '.join(bag.topics)}")
 
 
-def _imu_of(bag: Bag) -> str:
-    """The IMU: as single messages or, where there are none, in bursts; under any name where it is the only one."""
-    here = [topic for topic in bag.topics.values() if topic.type_name == wire.IMU.type_name]
+def _imu_of(bag: Bag, accelerometer: str | None) -> str:
+    """
+    Return the IMU: as single messages or, where there are none, in bursts or as vectors.
+
+    It may have any name where it is the only one. accelerometer: topic that is known to be only this half.
+    """
+    here = [t for t in bag.topics.values() if t.type_name == wire.IMU.type_name and t.name != accelerometer]
     # A topic without a message is no candidate where another one has some.
     here = [topic for topic in here if topic.count] or here
     usual = [topic.name for topic in here if topic.name.endswith(IMU)]
     if not usual and any(topic.type_name == burst.TYPE_NAME for topic in bag.topics.values()):
         return bag.find_topic(burst.TYPE_NAME, IMU_BURST)
+    if not any(topic.count for topic in here):
+        here = [t for t in bag.topics.values() if t.quantity == RATE and t.count]
+        here = here or [t for t in bag.topics.values() if t.quantity == FORCE and t.count]
     candidates = usual or [topic.name for topic in here if topic.count and not topic.name.endswith(PRECISION)]
     candidates = _measured(bag, candidates)
     if len(candidates) > 1 and not usual:
@@ -404,6 +458,13 @@ def _imu_of(bag: Bag) -> str:
         raise BagError(
             f"{bag.path} has {len(candidates)} topics that {which}: {', '.join(candidates)}",
             "name the one you mean with --imu-topic",
+        )
+    vectors = [t.name for t in bag.topics.values() if t.type_name == wire.VECTOR.type_name and t.count]
+    if vectors:
+        raise BagError(
+            f"{bag.path} has no IMU, and the names of its vectors ({wire.VECTOR.type_name}) do not say what they "
+            f"measure: {', '.join(vectors)}",
+            "name the gyro with --imu-topic, the accelerometer with --accel-topic, the magnetometer with --mag-topic",
         )
     return bag.find_topic(wire.IMU.type_name, IMU)
 
@@ -420,7 +481,7 @@ def _likely(bag: Bag, candidates: list[str]) -> list[str]:
 
 def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
     """Return the topics of gyro and accelerometer; one topic, and None, where the IMU is whole."""
-    kind, alone = _kind(bag, imu), is_accelerometer(first_samples(bag, imu))
+    kind, alone = _kind(bag, imu), _is_accelerometer(bag, imu)
     if kind != Kind.GYRO and not alone:
         return imu, None
     others = [name for name in bag.topics if _has(bag, name, wire.IMU)]
@@ -428,7 +489,9 @@ def _halves(bag: Bag, imu: str) -> tuple[str, str | None]:
     if alone:
         gyro = _nearest(imu, [name for name in others if _kind(bag, name) == Kind.GYRO])
         return (gyro, imu) if gyro is not None else (imu, None)
-    return imu, _nearest(imu, [name for name in others if is_accelerometer(first_samples(bag, name))])
+    halves = [name for name in others if _is_accelerometer(bag, name)]
+    # Of two, one may be without gravity.
+    return imu, _nearest(imu, [name for name in halves if not without_gravity(first_samples(bag, name))] or halves)
 
 
 def _nearest(name: str, others: list[str]) -> str | None:
@@ -442,7 +505,14 @@ def _nearest(name: str, others: list[str]) -> str | None:
 
 
 def _kind(bag: Bag, imu: str) -> Kind:
+    """Return what the messages of a topic of an IMU carry."""
+    if quantity := bag.topics[imu].quantity:
+        return Kind.GYRO if quantity == RATE else Kind.ACCELEROMETER
     return kind_of(first_samples(bag, imu))
+
+
+def _is_accelerometer(bag: Bag, name: str) -> bool:
+    return bag.topics[name].quantity == FORCE or is_accelerometer(first_samples(bag, name))
 
 
 def first_samples(bag: Bag, name: str) -> Samples:
@@ -473,9 +543,4 @@ def without_gravity(samples: Samples) -> bool:
 
 def _has(bag: Bag, name: str, layout: wire.Layout) -> bool:
     about = bag.topics.get(name)
-    return about is not None and _carries(about.type_name, layout) and about.count > 0
-
-
-def _carries(type_name: str, layout: wire.Layout) -> bool:
-    """Whether a topic of that type gives samples of that layout."""
-    return type_name == layout.type_name or (type_name == burst.TYPE_NAME and layout is wire.IMU)
+    return about is not None and about.gives == layout.type_name and about.count > 0

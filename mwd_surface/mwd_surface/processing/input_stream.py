@@ -2,23 +2,25 @@
 """
 The samples of a recording as the estimator takes them: each once, on one clock, whole, and in SI.
 
-`mwd inspect` and `mwd process` read a recording through the same stream, and refuse it for the same reasons.
+Every command that works on the sensors of a recording reads it through these streams; `mwd inspect` and `mwd process`
+refuse it for the same reasons.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mwd_estimation.core.repeated_samples import RepeatedSamples
 from mwd_estimation.settings.place import Place
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples, Stamps
-from mwd_surface.bags.bag_reader import Bag, Block
-from mwd_surface.bags.message_parts import one_array
+from mwd_surface.bags.bag_reader import Bag, BagError, Block
 from mwd_surface.processing.bag_input import (
     FIELDS,
     InputSettings,
@@ -26,19 +28,17 @@ from mwd_surface.processing.bag_input import (
     Topics,
     first_samples,
     in_si,
+    option_of,
     unstamped,
+    wells,
     without_gravity,
 )
 from mwd_surface.processing.half_imu import Joiner, Kind, among_readings
 
-# Samples that a repeated one may come behind.
-_REMEMBERED = 4096
 # Width of the bins of time in which the clocks of a sensor and of the recorder are compared, ns.
 _BIN_NS = 10 * wire.NANOSECONDS
 # Clocks further apart cannot be paired, s; the delay of a message is less.
 _APART_S = 1.0
-# Share of the readings that come exactly twice where all do, and readings that show it.
-_TWICE, _LEAST_TWICE = 0.8, 40
 # Messages in a bin that show a clock.
 _FEW = 5
 # Least time since 1970 of a clock that was set (1989), ns.
@@ -53,83 +53,73 @@ class Problem(NamedTuple):
     option: tuple[str, str] | None = None
 
 
-class InputStream:
+class SampleStream:
     """
-    Samples of a recording, block by block.
+    Samples of some topics of a recording, block by block: each once, and on one clock.
 
     Parameters
     ----------
     bag : Bag
-    topics : Topics
+    names : sequence of str
+        Topics; messages that are no samples with a stamp pass as they are. The IMU comes first where there is one.
     given : InputSettings
+    held : str
+        Topic whose samples are held back while it is not known if all come twice (`RepeatedSamples`), as live.
 
     Attributes
     ----------
+    names : list of str
     without_time : frozenset of str
         Topics whose messages carry no time of their own.
-    repeated : dict of str to int
-        Samples left out so far because the same one had come before, by topic.
     undated : dict of str to int
         Samples left out so far because they carry no time, although others of their topic do.
-    problems : list of Problem
-        Why the samples taken so far cannot be used, although the first ones could.
     """
 
-    def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
-        self._bag, self._topics, self._given = bag, topics, given
-        self.without_time = unstamped(bag, topics)
-        self.repeated: dict[str, int] = {}
+    def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings, held: str = "") -> None:
+        self.names = list(dict.fromkeys(names))
+        self._bag, self._given = bag, given
+        stamped = [name for name in self.names if bag.topics[name].gives in wire.LAYOUTS]
+        self.without_time = unstamped(bag, stamped) if stamped else frozenset()
         self.undated: dict[str, int] = {}
-        self.problems: list[Problem] = []
-        self._joiner = Joiner(topics.kind) if topics.accelerometer or _in_turns(topics) else None
-        self._last: dict[str, tuple[Stamps, Samples]] = {}
-        self._newest: dict[str, int] = {}
-        self._echoed = {name for name in _units(topics) if _comes_twice(bag, name)}
-        stamped = [name for name in topics.all if name not in self.without_time and name != topics.rig]
-        self._empty_mag = topics.mag is not None and _comes_empty(bag, topics.mag)
-        self._clocks = _clocks(bag, stamped) if given.stamps == "recording" else {}
+        self._repeated = {name: RepeatedSamples(hold=name == held) for name in stamped}
+        timed = [name for name in stamped if name not in self.without_time]
+        self._clocks = _clocks(bag, timed) if given.stamps == "recording" else {}
 
     @property
-    def first_log_ns(self) -> int | None:
-        """Log time of the first message of the IMU that waits for its other half, ns; None where none does."""
-        return self._joiner.first_log_ns if self._joiner is not None else None
+    def repeated(self) -> dict[str, int]:
+        """Samples left out so far because the same one had come before, by topic."""
+        return {name: one.count for name, one in self._repeated.items() if one.count}
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is unusual about the times of the topics, and what was left out so far, in words."""
+        names = ", ".join(sorted(self.without_time))
+        return [
+            *([f"{names}: no time in the headers; the times of recording are used"] if names else []),
+            *(
+                f"{name}: {count} samples came a second time, as from two publishers, and are left out"
+                for name, count in self.repeated.items()
+            ),
+            *(
+                f"{name}: {count} samples carry no time, although others do, and are left out"
+                for name, count in self.undated.items()
+            ),
+        ]
 
     def blocks(self) -> Iterator[Block]:
-        """Yield all blocks of the recording."""
-        for block in self._bag.blocks(self._topics.all, fields=FIELDS):
+        """Yield the blocks of the recording, or of the part of it that is asked for."""
+        for block in self._bag.blocks(self.names, *asked_span(self._bag, self._given)):
             yield self.take(block)
-        if rest := self.finish():
-            yield rest
 
     def take(self, block: Block) -> Block:
-        """Return the block as the estimator takes it; samples of the IMU may be those of an earlier block."""
-        if self._given.stamps == "header" and not self.problems:
-            self.problems += _apart(self._topics, block, self.without_time)
-        dated = {name: self._dated(name, *part) for name, part in block.items()}
-        out: Block = {name: self._timed(name, *self._once(name, *part)) for name, part in dated.items() if len(part[0])}
-        if self._empty_mag and self._topics.mag in out:
-            log_ns, samples = out[self._topics.mag]
-            filled = (samples["magnetic_field"] != 0.0).any(axis=1)
-            out[self._topics.mag] = log_ns[filled], samples[filled]
-        if self._joiner is not None:
-            topics = self._topics
-            self._put(out, self._joiner.push(out.pop(topics.imu, None), out.pop(topics.accelerometer or "", None)))
-        return self._scaled({name: part for name, part in out.items() if len(part[0])})
-
-    def finish(self) -> Block:
-        """Return the samples that wait still."""
-        out: Block = {}
-        if self._joiner is not None:
-            self._put(out, self._joiner.finish())
-        return self._scaled(out)
-
-    def _put(self, out: Block, joined: tuple[Stamps, Samples] | None) -> None:
-        if joined is not None:
-            out[self._topics.imu] = joined
-
-    def _scaled(self, block: Block) -> Block:
-        samples = in_si(block, self._topics, self._given)
-        return {name: (part[0], samples[name]) for name, part in block.items()}
+        """Return a block of the topics as it is to be used."""
+        out = {}
+        for name, (log_ns, samples) in block.items():
+            if name in self._repeated:
+                out[name] = self._timed(name, *self._once(name, *self._dated(name, log_ns, samples)))
+            else:
+                out[name] = log_ns, samples
+        return {name: part for name, part in out.items() if len(part[0])}
 
     def _dated(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
         """Leave out samples without a time among others that have one, as before a driver's clock is set."""
@@ -142,32 +132,8 @@ class InputStream:
         return log_ns[dated], samples[dated]
 
     def _once(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
-        """
-        Leave out samples that came before with the same time and numbers, as from a second publisher.
-
-        Where all samples come twice, as from one that stamps them itself, the numbers alone count.
-        """
-        stamps = samples["stamp_ns"]
-        newest = self._newest.get(name, -(2**62))
-        self._newest[name] = max(newest, int(stamps.max()))
-        before_ns, before = self._last.get(name, (log_ns[:0], samples[:0]))
-        both_ns, both = np.concatenate([before_ns, log_ns]), one_array([before, samples])
-        # A copy: the samples are changed in place later.
-        self._last[name] = both_ns[-_REMEMBERED:], both[-_REMEMBERED:].copy()
-        advance = bool((stamps[1:] > stamps[:-1]).all()) and int(stamps[0]) > newest
-        if name in self._echoed:
-            rows = _numbers(both)
-        elif advance or name in self.without_time:
-            return log_ns, samples
-        else:
-            rows = both.view(np.dtype((np.void, both.dtype.itemsize)))
-        _, first, which = np.unique(rows, return_index=True, return_inverse=True)
-        # A clock that is set back comes to the same times again, where a coarse sensor may read the same.
-        keep = (first[which] == np.arange(len(both))) | (both_ns - both_ns[first[which]] > _BIN_NS)
-        keep = keep[len(before) :]
-        if not keep.all():
-            self.repeated[name] = self.repeated.get(name, 0) + int(np.count_nonzero(~keep))
-        return log_ns[keep], samples[keep]
+        """Leave out samples that came before, as from a second publisher, by the rule of the live estimator."""
+        return self._repeated[name].take(log_ns, samples, stamped=name not in self.without_time)
 
     def _timed(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
         """Stamp samples without a time of their own by the recording, and bring others to its clock if asked to."""
@@ -179,6 +145,143 @@ class InputStream:
             correction = np.interp(log_ns - at_ns[0], at_ns - at_ns[0], offset_ns - base)
             samples["stamp_ns"] += base + np.rint(correction).astype(np.int64)
         return log_ns, samples
+
+
+class InputStream(SampleStream):
+    """
+    Samples of a recording as the estimator takes them: whole, and in SI.
+
+    Parameters
+    ----------
+    bag : Bag
+    topics : Topics
+    given : InputSettings
+
+    Attributes
+    ----------
+    topics : Topics
+    problems : list of Problem
+        Why the samples taken so far cannot be used, although the first ones could.
+    """
+
+    def __init__(self, bag: Bag, topics: Topics, given: InputSettings) -> None:
+        super().__init__(bag, topics.all, given, topics.imu)
+        self.topics = topics
+        self.problems: list[Problem] = []
+        self._joiner = Joiner(topics.kind) if topics.accelerometer or _in_turns(topics) else None
+        self._empty_mag = topics.mag is not None and _comes_empty(bag, topics.mag)
+
+    @property
+    def first_log_ns(self) -> int | None:
+        """Log time of the first message of the IMU that waits, for its other half or as a copy, ns; None: none does."""
+        waiting = [self._repeated[self.topics.imu], self._joiner]
+        found = [one.first_log_ns for one in waiting if one is not None]
+        return min((at for at in found if at is not None), default=None)
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield the blocks of the recording, or of the part of it that is asked for."""
+        for block in self._bag.blocks(self.names, *asked_span(self._bag, self._given), fields=FIELDS):
+            yield self.take(block)
+        if rest := self.finish():
+            yield rest
+
+    def take(self, block: Block) -> Block:
+        """Return the block as the estimator takes it; samples of the IMU may be those of an earlier block."""
+        if self._given.stamps == "header" and not self.problems:
+            self.problems += _apart(self.topics, block, self.without_time)
+        topics, out = self.topics, super().take(block)
+        if self._empty_mag and topics.mag in out:
+            log_ns, samples = out[topics.mag]
+            filled = (samples["magnetic_field"] != 0.0).any(axis=1)
+            out[topics.mag] = log_ns[filled], samples[filled]
+        if self._joiner is not None:
+            joined = self._joiner.push(out.pop(topics.imu, None), out.pop(topics.accelerometer or "", None))
+            out |= {topics.imu: joined} if joined is not None else {}
+        return in_si({name: part for name, part in out.items() if len(part[0])}, topics, self._given)
+
+    def finish(self) -> Block:
+        """Return the samples of the IMU that wait still."""
+        name = self.topics.imu
+        out: Block = {}
+        held = self._repeated[name].finish()
+        if held is not None:
+            out[name] = self._timed(name, *held)
+        if self._joiner is not None:
+            parts = [self._joiner.push(out.pop(name, None)), self._joiner.finish()]
+            joined = [part for part in parts if part is not None]
+            if joined:
+                out[name] = np.concatenate([p[0] for p in joined]), np.concatenate([p[1] for p in joined])
+        return in_si(out, self.topics, self._given)
+
+
+class RecordingStream:
+    """
+    Some topics of a recording, block by block: those of its wells as the estimator takes them, all others as they are.
+
+    Parameters
+    ----------
+    bag : Bag
+    names : sequence of str
+        Topics of the recording; a half of an IMU brings its other half.
+    given : InputSettings
+
+    Attributes
+    ----------
+    names : list of str
+        Topics that come out: the halves of an IMU are one topic, that of the gyro.
+    given : InputSettings
+    """
+
+    def __init__(self, bag: Bag, names: Sequence[str], given: InputSettings) -> None:
+        self._bag, self.given = bag, given
+        self._wells = [InputStream(bag, topics, given) for topics in _wells(bag, given)]
+        halves = {name: one.topics.imu for one in self._wells if (name := one.topics.accelerometer) is not None}
+        self.names = list(dict.fromkeys(halves.get(name, name) for name in names))
+        both = [name for name, gyro in halves.items() if gyro in self.names]
+        units = {name for well in self._wells for name in _units(well.topics)}
+        self._read = [*self.names, *both]
+        self._others = SampleStream(bag, [name for name in self._read if name not in units], given)
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is unusual about the samples, and what was left out so far, in words; of the topics that are read."""
+        found = [text for one in (*self._wells, self._others) for text in one.remarks]
+        found += [problem.sentence for well in self._wells for problem in well.problems]
+        return [text for text in found if not self._names_another(text)]
+
+    def blocks(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Block]:
+        """Yield the blocks logged from (inclusive) and to (exclusive) a time."""
+        fields = {name: FIELDS[name] for name in (wire.IMU.type_name, wire.MAG.type_name)}
+        for block in self._bag.blocks(self._read, start_ns, end_ns, fields=fields):
+            rest = dict(block)
+            out: Block = {}
+            for well in self._wells:
+                mine = {name: rest.pop(name) for name in _units(well.topics) if name in rest}
+                out |= well.take(mine)
+            yield out | self._others.take(rest)
+        for well in self._wells:
+            if waiting := well.finish():
+                yield waiting
+
+    def _names_another(self, text: str) -> bool:
+        """Whether a remark is about a topic that is not read."""
+        return text.startswith("/") and text.partition(":")[0] in self._bag.topics.keys() - set(self._read)
+
+
+def _wells(bag: Bag, given: InputSettings) -> list[Topics]:
+    """Return the topics of the wells; none where a recording has no IMU, or several and none is named."""
+    try:
+        return wells(bag, given)
+    except BagError:
+        if given.imu_topic or given.accel_topic or given.mag_topic or given.gyro_topic:
+            raise
+        return []
+
+
+def asked_span(bag: Bag, given: InputSettings) -> tuple[int | None, int | None]:
+    """Return the log times from (inclusive) and to (exclusive) which a recording is read, ns; None: all of it."""
+    start = bag.start_ns + round(given.start_s * 1e9) if given.start_s > 0.0 else None
+    return start, bag.start_ns + round(given.end_s * 1e9) if math.isfinite(given.end_s) else None
 
 
 def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> list[Problem]:
@@ -195,7 +298,7 @@ def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> li
         others = [
             name
             for name, about in bag.topics.items()
-            if name != accelerometer and about.type_name == wire.IMU.type_name and about.count
+            if name != accelerometer and about.gives == wire.IMU.type_name and about.count
         ]
         raw = [name for name in others if not without_gravity(first_samples(bag, name))]
         sentence = f"{accelerometer}: the driver has taken gravity off the acceleration, which inclination needs"
@@ -210,23 +313,12 @@ def problems(bag: Bag, topics: Topics, given: InputSettings, place: Place) -> li
 
 
 def refuse(found: list[Problem]) -> None:
-    """Raise ValueError for problems; OptionNeededError where options of `mwd process` help."""
+    """Raise ValueError for problems; OptionNeededError where options of the input help."""
     if not found:
         return
     sentence = "; ".join(one.sentence for one in found)
-    options = " ".join(f"--{one.option[0].replace('_', '-')} {one.option[1]}" for one in found if one.option)
+    options = " ".join(f"{option_of(one.option[0])} {one.option[1]}" for one in found if one.option)
     raise OptionNeededError(f"{sentence}; say so with {options}") if options else ValueError(sentence)
-
-
-def left_out(stream: InputStream) -> list[str]:
-    """Return what was left out because it came twice or without a time, in words."""
-    return [
-        f"{name}: {count} samples came a second time, as of two publishers, and are left out"
-        for name, count in stream.repeated.items()
-    ] + [
-        f"{name}: {count} samples carry no time, although others do, and are left out"
-        for name, count in stream.undated.items()
-    ]
 
 
 def _clock_problems(bag: Bag, topics: Topics) -> list[Problem]:
@@ -235,7 +327,7 @@ def _clock_problems(bag: Bag, topics: Topics) -> list[Problem]:
     fields = {layout.type_name: () for layout in (wire.IMU, wire.MAG)}
     for name in _units(topics):
         first |= next(bag.blocks([name], block_messages=1000, fields=fields), {})
-    return _apart(topics, first, unstamped(bag, topics))
+    return _apart(topics, first, unstamped(bag, topics.all))
 
 
 def _units(topics: Topics) -> list[str]:
@@ -365,31 +457,6 @@ def _knots(courses: list[_Course]) -> tuple[Stamps, NDArray[np.int64]]:
         at_ns += [course.first_ns, *middles, course.last_ns]
         offsets += [course.bins[numbers[0]], *(course.bins[n] for n in numbers), course.bins[numbers[-1]]]
     return np.array(at_ns, dtype=np.int64), np.array(offsets, dtype=np.int64)
-
-
-def _numbers(samples: Samples) -> NDArray[np.void]:
-    """Return the readings of samples without their times, one item each."""
-    names = samples.dtype.names or ()
-    vectors = [name for name in ("angular_velocity", "linear_acceleration", "magnetic_field") if name in names]
-    table = np.ascontiguousarray(np.concatenate([samples[name] for name in vectors], axis=1))
-    rows: NDArray[np.void] = table.view(np.dtype((np.void, table.shape[1] * table.itemsize))).ravel()
-    return rows
-
-
-def _comes_twice(bag: Bag, name: str) -> bool:
-    """
-    Whether every reading of a unit comes twice, whatever its stamp.
-
-    The readings of a coarse sensor repeat now and then; that nearly all come exactly twice, and none more often, is
-    the work of a second publisher, or of an output at twice the sensor's rate.
-    """
-    block: Block = next(bag.blocks([name], block_messages=2000, fields=FIELDS), {})
-    if name not in block:
-        return False
-    rows = _numbers(block[name][1])
-    _, counts = np.unique(rows, return_counts=True)
-    twice = 2 * int(np.count_nonzero(counts == 2))
-    return len(rows) >= _LEAST_TWICE and twice >= _TWICE * len(rows)
 
 
 def _comes_empty(bag: Bag, mag: str) -> bool:

@@ -27,8 +27,8 @@ from mwd_estimation.health import monitor
 from mwd_estimation.health.motion_window import TURNING
 from mwd_estimation.settings import derivation
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import input_covariance, settings, units, wire
 from mwd_sensors.core import mount as mounts
-from mwd_sensors.core import settings, units, wire
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.mount import Mount
 from mwd_surface.bags.bag_reader import Bag, BagError, Block
@@ -40,21 +40,22 @@ from mwd_surface.processing.bag_input import (
     frame_names,
     guesses,
     mount_of,
+    option_of,
 )
 from mwd_surface.processing.input_stream import (
     CLOCK_SET_NS,
     InputStream,
     Problem,
-    left_out,
     problems,
 )
 from mwd_surface.processing.mag_mount import mag_mounts, reference_of
 from mwd_surface.processing.process import estimate
 from mwd_surface.processing.rests import Rests
+from mwd_surface.processing.run_summary import Summary
 from mwd_surface.processing.stream_times import StreamTimes
 from mwd_surface.surveys.recorded_settings import with_a_model
 
-_UNIT_OPTIONS = {"accel_unit": "--accel-unit", "gyro_unit": "--gyro-unit", "mag_unit": "--mag-unit"}
+_UNIT_OPTIONS = ("accel_unit", "gyro_unit", "mag_unit")
 _PASSES = 6
 _ASKEW = (
     "the unit is mounted askew: its mount follows from the axis that the string turns about, which does not show the "
@@ -154,7 +155,6 @@ def inspect(
         There is no IMU, or several; as `bag_input.find_topics`.
     """
     topics, given, refusal = _readable(bag, given, estimator)
-    start = given, estimator
     given = _with_units(bag, topics, given)
     reading = _read(bag, topics, given, estimator, progress)
     changes: dict[str, Any] = {one.option[0]: one.option[1] for one in reading.problems if one.option}
@@ -173,10 +173,13 @@ def inspect(
             named = settings.changed(reading.estimator, {"tool.mount.mag": turned[0]})
             reading = _read(bag, topics, reading.given, named, progress)
     mount = mount_of(bag, topics, reading.estimator.tool.mount)
-    verdicts: list[str] = []
-    doubts: list[str] = []
+    summary: Summary | None = None
     if not refusal:
-        verdicts, doubts, refusal = _processed(bag, reading)
+        summary, refusal = _processed(bag, reading)
+    stations = [survey.station for survey, _ in summary.surveys] if summary is not None else []
+    unsure = [one for one in stations if one.verdict != ACCEPT and one.reasons]
+    doubts = list(dict.fromkeys(f"surveys: {one.verdict}: {text(one.reasons[0])}" for one in unsure))
+    reason = summary.no_survey if summary is not None else ""
     return Inspection(
         topics,
         reading.times,
@@ -187,11 +190,11 @@ def inspect(
         reading.rests.count,
         reading.rests.longest_s,
         reading.faults,
-        _remarks(bag, topics, reading, start[1]) + doubts,
-        _missing(topics, reading, mount),
-        verdicts,
+        _remarks(bag, topics, reading, estimator) + doubts,
+        _missing(topics, reading, mount, reason),
+        [one.verdict for one in stations],
         refusal,
-        "" if refusal else _command(bag, topics, reading, start, output),
+        "" if refusal else _command(bag, topics, reading, output),
     )
 
 
@@ -208,20 +211,16 @@ def _readable(bag: Bag, given: InputSettings, estimator: EstimatorSettings) -> t
     return topics, given, "; ".join(one.sentence for one in problems(bag, topics, given, estimator.place))
 
 
-def _processed(bag: Bag, reading: _Reading) -> tuple[list[str], list[str], str]:
-    """Return verdicts and doubts of the surveys by the code of `mwd process`, and why it refuses the recording."""
+def _processed(bag: Bag, reading: _Reading) -> tuple[Summary | None, str]:
+    """Return what `mwd process` makes of the recording; None, and why, where it refuses it."""
     given = dataclasses.replace(reading.given, partial=reading.given.partial or not bag.complete)
     day = _day(reading, find_topics(bag, given).imu)
     settled = settings.changed(reading.estimator, {"place.date": day}) if day else reading.estimator
     try:
         settled, _ = with_a_model(settled, bag.start_ns)
-        summary = estimate(bag, settled, given, lambda _output: None)
+        return estimate(bag, settled, given, lambda _output: None), ""
     except (BagError, ValueError) as error:
-        return [], [], str(error)
-    stations = [survey.station for survey, _ in summary.surveys]
-    doubted = [one for one in stations if one.verdict != ACCEPT and one.reasons]
-    doubts = dict.fromkeys(f"surveys: {one.verdict}: {text(one.reasons[0])}" for one in doubted)
-    return [one.verdict for one in stations], list(doubts), ""
+        return None, str(error)
 
 
 def _with_units(bag: Bag, topics: Topics, given: InputSettings) -> InputSettings:
@@ -257,6 +256,10 @@ def _read(
         samples = {name: part[1] for name, part in block.items()}
         for name, (log_ns, _) in block.items():
             reading.times[name].take(samples[name]["stamp_ns"], log_ns)
+        for unit, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG)):
+            if unit is not None and unit in samples:
+                # Take out what covariances declare absent, as `mwd process` does.
+                samples[unit] = input_covariance.judge(samples[unit], layout.type_name).samples
         if topics.mag in samples and "mag" not in mount.unusable:
             mag = mount.mag_in_tool(gate.mag(samples[topics.mag]))
             monitor.push_mag(state, mag["stamp_ns"], mag["magnetic_field"])
@@ -267,17 +270,14 @@ def _read(
                 first = False
             _note_turns(reading, raw)
             imu = mount.imu_in_tool(raw)
-            reading.rests.take(imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
+            reading.rests.take(imu)
             monitor.push_refused(state, gate.take_refused())
             monitor.run(params, state, imu["stamp_ns"], imu["angular_velocity"], imu["linear_acceleration"])
         if block:
             done = max(int(log_ns[-1]) for log_ns, _ in block.values())
             progress((done - bag.start_ns) / max(bag.end_ns - bag.start_ns, 1))
-    reading.remarks = [
-        *(f"{name}: no time in the headers; the times of recording are used" for name in sorted(stream.without_time)),
-        *left_out(stream),
-    ]
-    reading.problems = stream.problems
+    reading.remarks = stream.remarks
+    reading.problems = stream.problems + reading.rests.problems(topics.imu, given.gyro_unit)
     standing = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
     reading.faults = [fault.in_unit_axes(mount.imu) for fault in standing]
     return reading
@@ -347,12 +347,11 @@ def _remarks(bag: Bag, topics: Topics, reading: _Reading, start: EstimatorSettin
     return remarks
 
 
-def _missing(topics: Topics, reading: _Reading, mount: Mount) -> list[tuple[str, str]]:
+def _missing(topics: Topics, reading: _Reading, mount: Mount, reason: str) -> list[tuple[str, str]]:
     """What each result needs that the recording does not have."""
     place, missing = reading.estimator.place, []
-    if reading.rests.count == 0:
-        settle, average = reading.estimator.survey.settle_s, reading.estimator.survey.duration_s
-        missing.append(("surveys", f"the tool at rest for {settle + average:.0f} s: it never was for so long"))
+    if reason:
+        missing.append(("surveys", reason))
     if topics.mag is None:
         missing.append(("magnetic azimuth", f"a magnetometer: {wire.MAG.type_name}"))
     elif "mag" in mount.unusable:
@@ -380,25 +379,17 @@ def _day(reading: _Reading, imu: str) -> str:
     return f"{datetime.datetime.fromtimestamp(first * 1e-9, tz=datetime.UTC):%Y-%m-%d}"
 
 
-def _command(
-    bag: Bag, topics: Topics, reading: _Reading, start: tuple[InputSettings, EstimatorSettings], output: Path
-) -> str:
+def _command(bag: Bag, topics: Topics, reading: _Reading, output: Path) -> str:
     """The command that processes the bag as it was read."""
     words = ["mwd", "process", str(bag.path), "-o", str(output)]
-    given = reading.given
-    for name, option in (("imu", "imu_topic"), ("mag", "mag_topic"), ("precision", "gyro_topic"), ("rig", "rig_topic")):
-        if getattr(start[0], option):
-            words += [f"--{option.replace('_', '-')}", str(getattr(topics, name))]
-    if given.stamps != InputSettings().stamps:
-        words += ["--stamps", given.stamps]
-    for name, option in _UNIT_OPTIONS.items():
-        if getattr(given, name) != getattr(InputSettings(), name):
-            words += [option, getattr(given, name)]
-    mount, usual = reading.estimator.tool.mount, mounts.MountSettings()
+    for name, usual in vars(InputSettings()).items():
+        if (value := getattr(reading.given, name)) != usual and name != "partial":
+            words += [option_of(name), f"{value:g}" if isinstance(value, float) else str(value)]
+    mount, default = reading.estimator.tool.mount, mounts.MountSettings()
     for unit in ("imu", "mag", "precision"):
-        if getattr(mount, unit) != getattr(usual, unit):
+        if getattr(mount, unit) != getattr(default, unit):
             words += ["--mount", f"{unit}={getattr(mount, unit).replace(', ', ',')}"]
-    if mount.accelerometer != usual.accelerometer:
+    if mount.accelerometer != default.accelerometer:
         words += ["--accelerometer", mount.accelerometer]
     place = reading.estimator.place
     if place.model:
@@ -408,7 +399,7 @@ def _command(
     elif place.field == "fixed":
         figures = (place.total_nt, place.dip_deg, place.declination_deg)
         words += ["--field", ",".join(f"{v:g}" for v in figures if v is not None)]
-    if not bag.complete:
+    if not bag.complete or reading.given.partial:
         words.append("--partial")
     return shlex.join(words)
 

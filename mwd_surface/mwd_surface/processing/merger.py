@@ -16,7 +16,7 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 from mwd_surface.bags.bag_reader import Bag, Originals
 from mwd_surface.bags.merged_bag import MergedBag
-from mwd_surface.exports.thinner import Thinner
+from mwd_surface.processing.thinner import Thinner
 
 # As the estimator publishes them, relative to the namespace of the IMU.
 _TOPICS = {

@@ -1,18 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals in which a tool stands, from its samples: how many are long enough for a survey."""
+"""
+Intervals in which a tool stands, from its samples: how many are long enough for a survey, and which a unit hides.
+
+The accelerometers show a rest too. Where they do while the gyro seems to turn or to shake, and neither gravity moves
+as that turn would move it nor any axis stands out as of a turning string, the gyro may be in another unit: read in
+rad/s, a gyro in deg/s turns and scatters 57 times as much as it does.
+"""
 
 from __future__ import annotations
 
-import itertools
+import math
 
 import numpy as np
 
-from mwd_estimation.survey.static_survey import MAX_FORCE_NOISE, MAX_RATE
+from mwd_estimation.survey.static_survey import BIN_NS, MAX_FORCE_NOISE, MAX_FORCE_STEP, MAX_RATE
 from mwd_estimation.survey.survey_settings import SurveySettings
-from mwd_sensors.core import wire
-from mwd_sensors.core.arrays import Array, Stamps
+from mwd_sensors.core.arrays import Array, Samples
+from mwd_surface.processing.input_stream import Problem
 
-_BIN_NS = wire.NANOSECONDS // 2
+_DEG = math.pi / 180.0
+# Ratio of the noise of the quietest axis of a gyro to that of the noisiest: that of a turning string is along its axis.
+_ALIKE = 0.4
+_FEW = 3  # samples in half a second, as of a survey
 
 
 class Rests:
@@ -27,35 +36,65 @@ class Rests:
         Intervals of at least the settling and averaging time.
     longest_s : float
         Longest interval.
+    hidden_s : float
+        Longest interval at rest by the accelerometers in which the gyro would be at rest if it were in deg/s.
     """
 
     def __init__(self, settings: SurveySettings) -> None:
         self._settings = settings
+        self._needed_s = settings.settle_s + settings.duration_s
         self.count = 0
-        self.longest_s = 0.0
-        self._still_s = 0.0
-        self._rest: tuple[Stamps, Array] = np.empty(0, dtype=np.int64), np.empty((0, 6))
+        self.longest_s = self.hidden_s = 0.0
+        self._still_s = self._hiding_s = 0.0
+        self._before = np.full(3, np.nan)
+        self._open = np.empty(0, dtype=np.int64), np.empty((0, 6))
 
-    def take(self, stamp_ns: Stamps, gyro: Array, accel: Array) -> None:
-        """Take samples: shapes (n,), ns, and (n, 3), rad/s and m/s^2."""
-        stamps = np.concatenate([self._rest[0], stamp_ns])
-        values = np.concatenate([self._rest[1], np.hstack([gyro, accel])])
-        bins = stamps // _BIN_NS
+    def take(self, samples: Samples) -> None:
+        """Take samples of the IMU in SI."""
+        stamps = np.concatenate([self._open[0], samples["stamp_ns"]])
+        values = np.hstack([samples["angular_velocity"], samples["linear_acceleration"]])
+        values = np.concatenate([self._open[1], values])
+        bins = stamps // BIN_NS
         starts = np.flatnonzero(np.diff(bins, prepend=bins[:1] - 1))
-        for start, stop in itertools.pairwise(starts):
-            self._close(values[start:stop])
-        self._rest = stamps[starts[-1] :], values[starts[-1] :]
-
-    def _close(self, values: Array) -> None:
-        """Judge half a second."""
-        limit = self._settings
-        max_rate = MAX_RATE * limit.motion
-        mean, noise = values.mean(axis=0), values.std(axis=0)
-        turns = np.linalg.norm(mean[:3]) > max_rate or noise[:3].max() > max_rate
-        if turns or noise[3:].max() > MAX_FORCE_NOISE * limit.motion or not np.isfinite(mean).all():
-            self._still_s = 0.0
+        self._open = stamps[starts[-1] :], values[starts[-1] :]
+        if len(starts) < 2:
             return
-        before, needed = self._still_s, limit.settle_s + limit.duration_s
-        self._still_s += _BIN_NS * 1e-9
-        self.longest_s = max(self.longest_s, self._still_s)
-        self.count += int(before < needed <= self._still_s)
+        # All but the last half second, which may go on.
+        counts, values = np.diff(starts), values[: starts[-1]]
+        mean = np.add.reduceat(values, starts[:-1]) / counts[:, None]
+        away = values - np.repeat(mean, counts, axis=0)
+        noise = np.sqrt(np.add.reduceat(away * away, starts[:-1]) / counts[:, None])
+        follows = np.diff(bins[starts[:-1]], prepend=bins[0] - 1) == 1
+        for k in range(len(counts)):
+            self._close(mean[k], noise[k], bool(follows[k]) and counts[k] >= _FEW)
+
+    def problems(self, imu: str, gyro_unit: str) -> list[Problem]:
+        """Return whether a unit of the gyro hides the rests; gyro_unit: in which it was read."""
+        if self.count or self.hidden_s < self._needed_s or gyro_unit != "rad/s":
+            return []
+        sentence = (
+            f"{imu}: the accelerometers rest for {self.hidden_s:.0f} s while the gyro turns or scatters as in deg/s "
+            "that are read as rad/s"
+        )
+        return [Problem(sentence, ("gyro_unit", "deg/s"))]
+
+    def _close(self, mean: Array, noise: Array, follows: bool) -> None:
+        """Judge half a second: mean and standard deviation of rate and force, shape (6,)."""
+        limit, speed = MAX_RATE * self._settings.motion, float(np.linalg.norm(mean[:3]))
+        quiet = follows and bool(noise[3:].max() <= MAX_FORCE_NOISE * self._settings.motion) and math.isfinite(speed)
+        steady = quiet and not bool(np.abs(mean[3:] - self._before).max() > MAX_FORCE_STEP)
+        self._before = mean[3:]
+        turning, shaking = speed > limit, bool(noise[:3].max() > limit)
+        if quiet and not turning and not shaking:
+            before = self._still_s
+            self._still_s += BIN_NS * 1e-9
+            self.longest_s = max(self.longest_s, self._still_s)
+            self.count += int(before < self._needed_s <= self._still_s)
+        else:
+            self._still_s = 0.0
+        down = mean[3:] / max(float(np.linalg.norm(mean[3:])), 1e-9)
+        across = float(np.linalg.norm(np.cross(mean[:3], down)))
+        contradicted = across > limit or (shaking and bool(noise[:3].min() > _ALIKE * noise[:3].max()))
+        in_degrees = speed * _DEG <= limit and bool(noise[:3].max() * _DEG <= limit)
+        self._hiding_s = self._hiding_s + BIN_NS * 1e-9 if steady and contradicted and in_degrees else 0.0
+        self.hidden_s = max(self.hidden_s, self._hiding_s)

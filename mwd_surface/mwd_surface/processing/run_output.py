@@ -17,10 +17,10 @@ from mwd_estimation.pipeline.output import Output
 from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.exports import attitude_csv
-from mwd_surface.exports.thinner import Thinner
+from mwd_surface.processing import attitude_csv
 from mwd_surface.processing.bag_input import InputSettings, find_topics
 from mwd_surface.processing.merger import Merger
+from mwd_surface.processing.thinner import Thinner
 from mwd_surface.surveys import station_csv
 
 FORMATS = ("csv", "parquet", "mcap")
@@ -94,7 +94,7 @@ def destination(
         return
     if wanted.format == "parquet":
         # Not for everyone: it takes longer to load than a short recording to process.
-        from mwd_surface.exports import attitude_parquet
+        from mwd_surface.processing import attitude_parquet
 
         with attitude_parquet.Writer(folder / "attitude.parquet") as writer:
 

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from mwd_estimation.attitude import magnetic_delay
+from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.core.status import Status
 from mwd_estimation.pipeline.output import Output
@@ -52,6 +53,8 @@ class Summary:
         Where the depths of the surveys come from, in words.
     live : str
         How this list compares with the live one of the recording; empty where it has none.
+    no_survey : str
+        Why there is no survey, in words; empty where there are some.
     revisions : list of (Survey, measured depth in m or nan)
         Surveys of which the later ones say something else, as they would be now; `surveys` has the first values.
     faults : list of SensorFault
@@ -86,6 +89,7 @@ class Summary:
     listed: SurveyList = dataclasses.field(default_factory=SurveyList)
     depths: str = ""
     live: str = ""
+    no_survey: str = ""
     revisions: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
@@ -124,6 +128,22 @@ class Summary:
         if len(inclination):
             self.lowest = float(np.fmin(self.lowest, inclination.min()))
             self.highest = float(np.fmax(self.highest, inclination.max()))
+
+
+def hindrance(pipeline: Pipeline, summary: Summary) -> str:
+    """Return what kept the estimator from a survey most often, in words."""
+    settings, found = pipeline.settings.survey, pipeline.still.hindrances
+    needed = settings.settle_s + settings.duration_s
+    if not settings.automatic:
+        return "surveys are not taken automatically (survey.automatic)"
+    if summary.seconds < needed:
+        return f"a survey needs {needed:g} s of data at rest, and there are {max(summary.seconds, 0.0):.1f} s"
+    if summary.without_gravity == summary.rows:
+        return "the inclination is never known: see the faults of the sensors"
+    if not found:
+        return f"no rest lasted {needed:g} s"
+    often, reason = max(found.values(), key=lambda one: one[0])
+    return f"no rest lasted {needed:g} s, most often because {text(reason)} ({often} half seconds)"
 
 
 def pipeline_warnings(summary: Summary, pipeline: Pipeline, estimator: EstimatorSettings) -> list[str]:

@@ -14,6 +14,7 @@ import yaml
 from numpy.typing import NDArray
 
 from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.settings.place import Place
 from mwd_sensors.calibration import tumble
 from mwd_sensors.calibration.triad_calibration import Calibration, as_table, from_table
 from mwd_sensors.core import wire
@@ -25,6 +26,15 @@ from mwd_sensors.core.settings import SettingsError
 from mwd_sensors.simulator.scenario import Scenario, parse
 from mwd_sensors.simulator.sonde import Sonde, reference_of
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.processing.bag_input import (
+    InputSettings,
+    Topics,
+    check_units,
+    find_topics,
+    guesses,
+    refuse_damaged,
+)
+from mwd_surface.processing.input_stream import InputStream, problems, refuse
 
 UNITS = {"ahrs": "imu/data_raw", "precision": "gyro/data_raw"}
 _MAG, _TEMPERATURE = "imu/mag", "imu/temperature"
@@ -82,30 +92,44 @@ def simulated(scenario: Scenario, unit: str) -> Run:
     return _run(f"scenario {scenario.name}, seed {scenario.seed}", unit, joined, wanted)
 
 
-def recorded(bag: Bag, unit: str) -> Run:
+def recorded(bag: Bag, unit: str, given: InputSettings | None = None) -> tuple[Run, list[str]]:
     """
-    Read a run from a recording.
+    Read a run from a recording; returns what is unusual about it too, in words.
 
     Raises
     ------
     BagError
-        There is no IMU of that unit or no temperature, more than one of them, or the run is longer than a day.
+        There is no IMU of that unit, more than one of them, or the run is longer than a day.
+    ValueError
+        The samples cannot be used as they are, or there is no temperature.
     """
-    imu = bag.find_topic(wire.IMU.type_name, UNITS[unit])
-    namespace = imu.removesuffix(UNITS[unit])
-    topics = [imu]
-    for relative, layout in ((_MAG, wire.MAG), (_TEMPERATURE, wire.TEMPERATURE)):
-        about = bag.topics.get(namespace + relative)
-        if about is not None and about.type_name == layout.type_name and about.count:
-            topics.append(about.name)
-    if bag.topics[imu].count > _MOST_SAMPLES:
+    given = given or InputSettings()
+    refuse_damaged(bag, given)
+    topics = _topics_of(bag, unit, given)
+    if bag.topics[topics.imu].count > _MOST_SAMPLES:
         raise BagError(f"{bag.path} is too long for a calibration run", "a tumble takes minutes; cut it out first")
-    parts: dict[str, list[Samples]] = {topic: [] for topic in topics}
-    for block in bag.blocks(topics):
+    refuse(problems(bag, topics, given, Place()))
+    stream = InputStream(bag, topics, given)
+    parts: dict[str, list[Samples]] = {name: [] for name in topics.all}
+    for block in stream.blocks():
+        refuse(stream.problems)
         for topic, (_, samples) in block.items():
             parts[topic].append(samples)
+    refuse_damaged(bag, given)
     joined = {topic: np.concatenate(found) for topic, found in parts.items() if found}
-    return _run(f"bag {bag.path.resolve().name}", unit, joined, (imu, namespace + _MAG, namespace + _TEMPERATURE))
+    if topics.imu not in joined:
+        raise BagError(f"{bag.path} has no IMU sample in {topics.imu}", "look at it with `mwd bag info`")
+    warnings = check_units(topics, {name: joined[name] for name in (topics.imu, topics.mag) if name in joined})
+    run = _run(f"bag {bag.path.resolve().name}", unit, joined, (topics.imu, topics.mag, topics.temperature))
+    return run, [*guesses(bag, topics, given), *stream.remarks, *warnings]
+
+
+def _topics_of(bag: Bag, unit: str, given: InputSettings) -> Topics:
+    """Return the topics of one unit, which stands in the place of the IMU."""
+    if unit == "precision":
+        name = given.gyro_topic or bag.find_topic(wire.IMU.type_name, UNITS[unit])
+        given = dataclasses.replace(given, imu_topic=name, gyro_topic="")
+    return dataclasses.replace(find_topics(bag, given), precision=None, rig=None)
 
 
 def scenario_of(bag: Bag) -> Scenario | None:
@@ -189,19 +213,19 @@ def within_calibration(settings: EstimatorSettings, path: Path) -> EstimatorSett
     return dataclasses.replace(settings, tool=dataclasses.replace(settings.tool, calibrated_c=calibrated))
 
 
-def _run(source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str, str]) -> Run:
+def _run(source: str, unit: str, joined: Mapping[str, Samples], topics: tuple[str, str | None, str | None]) -> Run:
     imu = _ordered([joined[topics[0]]])
     if len(imu) < 100:
         raise ValueError(f"{source}: {len(imu)} samples are too few for a calibration")
     stamps = imu["stamp_ns"]
     rate = float(1e9 / np.median(np.diff(stamps)))
     mag = None
-    if topics[1] in joined and len(joined[topics[1]]) > 1:
+    if topics[1] is not None and topics[1] in joined and len(joined[topics[1]]) > 1:
         field = _ordered([joined[topics[1]]])
         mag = np.column_stack(
             [_interpolated(stamps, field["stamp_ns"], field["magnetic_field"][:, axis]) for axis in range(3)]
         )
-    if topics[2] not in joined or len(joined[topics[2]]) == 0:
+    if topics[2] is None or topics[2] not in joined or len(joined[topics[2]]) == 0:
         raise ValueError(f"{source}: there is no temperature; a calibration needs {_TEMPERATURE}")
     heat = _ordered([joined[topics[2]]])
     celsius = _interpolated(stamps, heat["stamp_ns"], heat["temperature"])

@@ -18,6 +18,7 @@ from typing import Any
 
 from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core import settings
+from mwd_sensors.core.foreign_text import unprintable
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.surveys.leg import MAIN, Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import DEEPEST, LAST_SEQUENCE, ListRules
@@ -424,5 +425,5 @@ def _checked_depth(measured_depth: float, depth_age: float) -> None:
 def _checked_operator(name: str) -> None:
     if not name.strip():
         raise ValueError("operator_name: must not be empty: the log says who decided")
-    if fault := settings.unprintable(name):
+    if fault := unprintable(name):
         raise ValueError(f"operator_name: {fault}")

@@ -19,7 +19,8 @@ from types import TracebackType
 from typing import Any
 
 from mwd_sensors.core import budgets
-from mwd_sensors.core.input_files import load_json, read_file, without_contents
+from mwd_sensors.core.foreign_text import without_contents
+from mwd_sensors.core.input_files import load_json, read_file
 from mwd_sensors.core.output_files import sync_folder
 from mwd_surface.bags.folder_lock import FolderLock, FolderTakenError
 from mwd_surface.surveys.list_rules import ListRules

@@ -105,7 +105,7 @@ def test_without_metadata_yaml_the_files_that_are_there_are_used(tmp_path, opene
     (path / "metadata.yaml").unlink()
     bag = opened(path)
     assert bag.topics["/a"].count == 6
-    assert any("metadata.yaml cannot be read" in note for note in bag.notes)
+    assert any("metadata.yaml: No such file" in note for note in bag.notes)
 
 
 def test_a_file_that_is_missing_or_not_listed_is_named(tmp_path, opened):
@@ -113,7 +113,6 @@ def test_a_file_that_is_missing_or_not_listed_is_named(tmp_path, opened):
     (path / "bag_1.mcap").rename(path / "bag_7.mcap")
     bag = opened(path)
     assert bag.topics["/a"].count == 9
-    assert not bag.complete
     assert "missing: bag_1.mcap, named in metadata.yaml" in bag.notes
     assert "bag_7.mcap read too, although not in metadata.yaml" in bag.notes
 
@@ -151,3 +150,63 @@ def test_an_empty_folder_and_a_missing_path_are_refused_in_a_sentence(tmp_path):
         BagFiles(tmp_path)
     with pytest.raises(BagError, match="there is nothing at"):
         BagFiles(tmp_path / "nowhere")
+
+
+def edited(path, change):
+    """Change the information in metadata.yaml of a bag."""
+    import yaml
+
+    file = path / "metadata.yaml"
+    table = yaml.safe_load(file.read_text())
+    change(table["rosbag2_bagfile_information"])
+    file.write_text(yaml.safe_dump(table))
+    return path
+
+
+def beside(path, name, data):
+    (path / name).write_bytes(data)
+
+
+# Name: what is wrong in the folder or in metadata.yaml, and a part of the note.
+WRONG = {
+    "missing file": (lambda _p, t: t["relative_file_paths"].append("gone.mcap"), "missing: gone.mcap"),
+    "renamed file": (lambda _p, t: t.update(relative_file_paths=["old.mcap"]), "bag_0.mcap read too"),
+    "path out of the folder": (lambda _p, t: t["relative_file_paths"].append("../../etc/passwd"), "missing: passwd"),
+    "text file": (
+        lambda p, t: (beside(p, "a.txt", b"notes"), t["relative_file_paths"].append("a.txt")),
+        "a.txt is not a recording",
+    ),
+    "extra copy": (lambda p, _t: beside(p, "copy.mcap", (p / "bag_0.mcap").read_bytes()), "copy.mcap left out: a copy"),
+    "other storage": (
+        lambda p, _t: beside(p, "old.db3", b"SQLite format 3\0" + bytes(100)),
+        "old.db3 is a recording of another storage (sqlite3)",
+    ),
+    "fewer messages": (
+        lambda _p, t: t["topics_with_message_count"][0].update(message_count=1),
+        "/a has 1 messages, in",
+    ),
+    "more messages": (lambda _p, t: t["topics_with_message_count"][0].update(message_count=10**18), "in the files 3"),
+    "other type": (
+        lambda _p, t: t["topics_with_message_count"][0]["topic_metadata"].update(type="std_msgs/msg/Empty"),
+        "/a is std_msgs/msg/Empty, in the files",
+    ),
+    "packed messages": (
+        lambda _p, t: t.update(compression_mode="MESSAGE", compression_format="zstd"),
+        "compressed one by one; they are not",
+    ),
+    "packed file": (
+        lambda _p, t: t.update(compression_mode="FILE", relative_file_paths=["bag_0.mcap.zstd"]),
+        "bag_0.mcap read too",
+    ),
+    "storage": (lambda _p, t: t.update(storage_identifier="sqlite3"), "says that the storage is sqlite3; it is mcap"),
+}
+
+
+@pytest.mark.parametrize("fault", WRONG)
+def test_what_metadata_yaml_says_wrongly_is_told_and_all_messages_are_read(fault, tmp_path, opened):
+    change, note = WRONG[fault]
+    path = written(tmp_path / "bag")
+    bag = opened(edited(path, lambda table: change(path, table)))
+    assert any(note in text for text in bag.notes), bag.notes
+    assert bag.topics["/a"].count == 3
+    assert bag.complete

@@ -87,7 +87,11 @@ def test_rows_do_not_depend_on_how_a_recording_falls_into_blocks(tmp_path, monke
     for size in (7, 16384):
         blocks = Bag.blocks
         monkeypatch.setattr(
-            Bag, "blocks", lambda self, topics, size=size, blocks=blocks: blocks(self, topics, None, None, size)
+            Bag,
+            "blocks",
+            lambda self, topics, *span, size=size, blocks=blocks, **fields: blocks(
+                self, topics, *(span or (None, None)), **{"block_messages": size} | fields
+            ),
         )
         with Bag(tmp_path / "bag") as bag:
             found.append(list(time_series.rows(bag, time_series.Written())))

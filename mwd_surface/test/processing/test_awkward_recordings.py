@@ -6,6 +6,7 @@ import shutil
 
 import awkward_bags as awkward
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import typer
 from awkward_bags import IMU, MAG
@@ -15,11 +16,13 @@ from mwd_sensors.core import settings, wire
 from mwd_surface.bags import salvage
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.cli import app
+from mwd_surface.plots.plot_data import gather
 from mwd_surface.processing.bag_input import InputSettings, find_topics
 from mwd_surface.processing.half_imu import Kind
-from mwd_surface.processing.input_stream import InputStream
+from mwd_surface.processing.input_stream import InputStream, RecordingStream
 from mwd_surface.processing.inspection import inspect
 from mwd_surface.processing.process import estimate
+from mwd_surface.runs import calibration_run
 
 pytestmark = pytest.mark.slow(1)
 
@@ -66,22 +69,22 @@ def without_metadata(path):
 
 
 def half_topics(path, sent):
-    (_, layout, imu, log_ns), mag = sent
+    (_, layout, imu, log_ns), *rest = sent
     gyro, accel = awkward.halves(imu)
-    return awkward.written(path, [("/a/gyro", layout, gyro, log_ns), ("/a/accel", layout, accel, log_ns), mag])
+    return awkward.written(path, [("/a/gyro", layout, gyro, log_ns), ("/a/accel", layout, accel, log_ns), *rest])
 
 
 def in_turns(path, sent):
-    (_, layout, imu, _), mag = sent
+    (_, layout, imu, _), *rest = sent
     both = awkward.mixed(dict(enumerate(awkward.halves(imu))))
-    return awkward.written(path, [(IMU, layout, both, both["stamp_ns"]), mag])
+    return awkward.written(path, [(IMU, layout, both, both["stamp_ns"]), *rest])
 
 
 def zeros_between(path, sent):
-    (_, layout, imu, _), mag = sent
+    (_, layout, imu, _), *rest = sent
     empty = awkward.changed(imu, linear_acceleration=0.0, angular_velocity=0.0, stamp_ns=imu["stamp_ns"] + 4_000_000)
     both = awkward.mixed({0: imu, 1: empty})
-    return awkward.written(path, [(IMU, layout, both, both["stamp_ns"]), mag])
+    return awkward.written(path, [(IMU, layout, both, both["stamp_ns"]), *rest])
 
 
 def twice(path, sent, late_ns):
@@ -93,6 +96,24 @@ def twice(path, sent, late_ns):
             for name, layout, one, log_ns in sent
         ],
     )
+
+
+def in_g(path, sent):
+    (_, layout, imu, log_ns), *rest = sent
+    in_units = awkward.changed(imu, linear_acceleration=imu["linear_acceleration"] / 9.80665)
+    return awkward.written(path, [(IMU, layout, in_units, log_ns), *rest])
+
+
+def other_names(path, sent):
+    """The unit in halves and its magnetometer under names of its own, beside another one."""
+    (_, layout, imu, log_ns), (_, field, mag, mag_ns), *rest = sent
+    gyro, accel = awkward.halves(imu)
+    names = [
+        ("/two/gyro", layout, gyro, log_ns),
+        ("/two/acc", layout, accel, log_ns),
+        ("/two/field", field, mag, mag_ns),
+    ]
+    return awkward.written(path, [*names, ("/one/field", field, mag[::-1].copy(), mag_ns), *rest])
 
 
 def two_pairs(path, sent):
@@ -137,6 +158,76 @@ SAME = {
 def test_the_same_samples_give_the_same_surveys_to_the_last_bit(way, sent, expected, tmp_path):
     assert len(expected) == 2
     assert surveys(SAME[way](tmp_path, sent)) == expected
+
+
+# Ways to record the same samples, and how they are read so that they are the same.
+READ_AS = {
+    **{name: (SAME[name], {}) for name in ("half topics", "halves in turns", "zeros between", "twice", "ros 1 bag")},
+    "in g": (lambda p, s: in_g(p / "b", s), {"accel_unit": "g"}),
+    "imu of 1980": (lambda p, s: other_clock(p / "b", s, "imu"), {"stamps": "recording"}),
+    "other names": (lambda p, s: other_names(p / "b", s), {"imu_topic": "/two/acc", "mag_topic": "/two/field"}),
+}
+
+
+@pytest.fixture(scope="module")
+def others(sent, tmp_path_factory):
+    """What plot, calibrate, the time series and batch make of the plain recording."""
+    folder = tmp_path_factory.mktemp("others")
+    return seen_by_others(awkward.written(folder / "bag", sent), folder, {})
+
+
+def with_temperature(sent):
+    heat = wire.TEMPERATURE.empty(50)
+    heat["stamp_ns"] = np.linspace(sent[0][3][0], sent[0][3][-1], 50).astype(np.int64)
+    heat["temperature"] = 40.0
+    return [*sent, ("/imu/temperature", wire.TEMPERATURE, heat, heat["stamp_ns"].copy())]
+
+
+def seen_by_others(path, folder, given):
+    """Numbers of the picture, the samples to calibrate, rows of the time series, surveys of the fleet."""
+    options = [word for name, value in given.items() for word in (f"--{name.replace('_', '-')}", value)]
+    with Bag(path) as bag:
+        input_settings = settings.from_mapping(InputSettings, given)
+        topics = find_topics(bag, input_settings)
+        picture = gather(bag, ("sensors", "spectra"), input_settings, [topics.imu, topics.mag], bins=100)
+    lines = sorted(
+        (panel.trace.title, axis, *(np.asarray(line).tobytes() for line in panel.envelope.line(axis)))
+        for panel in picture.panels
+        for axis in range(len(panel.trace.labels))
+    )
+    powers = sorted((one.quantity, one.spectrum.waterfall.tobytes()) for one in picture.spectra)
+    run("export", str(path), "-f", "timeseries", "-o", str(folder / "rows.csv"), *options)
+    run("batch", str(path), "-o", str(folder / "fleet"), "--scheduler", "threads", *options)
+    surveyed = pq.read_table(folder / "fleet" / "surveys").drop_columns(["key", "bag", "well", "uuid"]).to_pylist()
+    return lines, powers, (folder / "rows.csv").read_text(), surveyed
+
+
+@pytest.mark.parametrize("way", READ_AS)
+def test_every_command_takes_the_same_samples_from_the_same_run(way, sent, others, tmp_path):
+    write, given = READ_AS[way]
+    path = write(tmp_path, sent)
+    found = seen_by_others(path, tmp_path, given)
+    # A unit changes the last bits, and no digit of a table.
+    assert found[2] == others[2]
+    assert found == others or way == "in g"
+    with Bag(path) as bag:
+        topics = find_topics(bag, settings.from_mapping(InputSettings, given))
+        stream = RecordingStream(bag, list(bag.topics), settings.from_mapping(InputSettings, given))
+        found = np.concatenate([block[topics.imu][1] for block in stream.blocks() if topics.imu in block])
+    for name in ("stamp_ns", "angular_velocity"):
+        assert np.array_equal(found[name], sent[0][2][name])
+
+
+@pytest.mark.parametrize("way", READ_AS)
+def test_a_calibration_takes_the_same_samples_from_the_same_run(way, sent, tmp_path):
+    write, given = READ_AS[way]
+    heat = with_temperature(sent)[2:]
+    with Bag(write(tmp_path, [*sent, *heat])) as bag:
+        found, _ = calibration_run.recorded(bag, "ahrs", settings.from_mapping(InputSettings, given))
+    assert np.array_equal(found.imu["stamp_ns"], sent[0][2]["stamp_ns"])
+    assert np.array_equal(found.imu["angular_velocity"], sent[0][2]["angular_velocity"])
+    assert np.allclose(found.imu["linear_acceleration"], sent[0][2]["linear_acceleration"], rtol=1e-15)
+    assert np.array_equal(found.mag, sent[1][2]["magnetic_field"])
 
 
 def test_the_half_that_belongs_to_the_one_that_is_named_is_joined(sent, expected, tmp_path):
@@ -233,9 +324,9 @@ def in_bursts(stamps):
 
 
 def other_clock(path, sent, which):
-    (_, _, imu, imu_ns), (_, _, mag, mag_ns) = sent
+    (_, _, imu, imu_ns), (_, _, mag, mag_ns), *rest = sent
     imu, mag = of_1980(imu) if "imu" in which else imu, of_1980(mag) if "mag" in which else mag
-    return awkward.written(path, [(IMU, wire.IMU, imu, imu_ns), (MAG, wire.MAG, mag, mag_ns)])
+    return awkward.written(path, [(IMU, wire.IMU, imu, imu_ns), (MAG, wire.MAG, mag, mag_ns), *rest])
 
 
 def one_imu(path, sent, imu, log_ns=None, name=IMU):
@@ -267,13 +358,7 @@ AWKWARD = {
         2,
     ),
     "bursts": (lambda p, s: one_imu(p, s, s[0][2], in_bursts(s[0][3])), [], 2),
-    "in g": (
-        lambda p, s: one_imu(
-            p, s, awkward.changed(s[0][2], linear_acceleration=s[0][2]["linear_acceleration"] / 9.80665)
-        ),
-        ["--accel-unit", "g"],
-        2,
-    ),
+    "in g": (in_g, ["--accel-unit", "g"], 2),
     "never at rest": (lambda p, s: one_imu(p, s, s[0][2][1700:2500]), [], 0),
 }
 
@@ -298,9 +383,10 @@ def test_what_inspect_promises_is_what_process_does(name, sent, tmp_path):
         # Without the options that inspect found, process refuses and names them.
         with pytest.raises(ValueError, match=" ".join(options)):
             run("process", str(path), "-o", str(tmp_path / "without"), *awkward.PLACE)
-        # The viewer does not have these options; its message names `mwd process`, which does.
-        with pytest.raises(ValueError, match=f"{' '.join(options)} to `mwd process"):
-            run("view", str(path))
+        # Every command that reads the sensors names them, and has them.
+        for command in ("view {0}", "export {0} -f timeseries -o {1}", "batch {0} -o {1} --scheduler threads"):
+            with pytest.raises((ValueError, typer.Exit), match=f"({' '.join(options)}|^1$)"):
+                run(*command.format(path, tmp_path / "others").split())
     run(*words[1:])
     rows = (tmp_path / "out" / "surveys.csv").read_text().splitlines()[1:]
     assert len(rows) == len(found.surveys)

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mwd_surface.exports import attitude_csv
-from mwd_surface.processing import compare, run_folder
+from mwd_surface.processing import attitude_csv, compare, run_folder
 from mwd_surface.processing.run_output import SURVEY_COLUMNS
 
 STATION = {

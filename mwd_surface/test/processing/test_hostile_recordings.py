@@ -2,6 +2,7 @@
 """Recordings whose clocks, publishers or files go wrong midway: the sound surveys, or the option for them."""
 
 import shutil
+from types import SimpleNamespace
 
 import awkward_bags as awkward
 import numpy as np
@@ -109,6 +110,40 @@ def test_a_second_publisher_with_stamps_of_its_own_changes_no_sample(seed, late_
     found = read_samples(path, IMU)
     assert np.array_equal(found["stamp_ns"], samples["stamp_ns"])
     assert np.array_equal(found["angular_velocity"], samples["angular_velocity"])
+
+
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(late_ms=st.floats(0.0, 300.0), own_stamps=st.booleans(), cut=st.sampled_from([1, 5, 400]))
+def test_the_live_estimator_takes_the_samples_that_processing_takes(late_ms, own_stamps, cut, sent, tmp_path):
+    pytest.importorskip("rclpy")
+    from mwd_estimation.nodes.inputs import InputTopics
+    from mwd_sensors.ros.message_buffer import ReceivedMessage
+
+    imu, mag = sent
+    _, layout, samples, log_ns = imu
+    late = round(1e6 * late_ms)
+    copies = awkward.changed(samples, stamp_ns=samples["stamp_ns"] + late) if own_stamps else samples
+    both = np.concatenate([samples[:1000], copies[:1000]])
+    path = written(tmp_path, [(IMU, layout, both, np.concatenate([log_ns[:1000], log_ns[:1000] + late])), mag])
+    waiting: list[ReceivedMessage] = []
+    silent = SimpleNamespace(take=list)
+    node = SimpleNamespace(
+        add_buffered_subscription=lambda _kind, topic, _qos: (
+            SimpleNamespace(take=lambda: [waiting.pop(0) for _ in range(len(waiting))])
+            if topic == "imu/data_raw"
+            else silent
+        ),
+        add_subscription=lambda *_, **__: None,
+    )
+    inputs, taken = InputTopics(node), []
+    with Bag(path) as bag:
+        messages = [ReceivedMessage(data, 0) for _, _, _, data in bag.messages([IMU])]
+    for k in range(0, len(messages), cut):
+        waiting += messages[k : k + cut]
+        taken.append(inputs.take("imu/data_raw"))
+    live, processed = np.concatenate(taken), read_samples(path, IMU)
+    for name in ("stamp_ns", "angular_velocity", "linear_acceleration"):
+        assert live[name].tobytes() == processed[name].tobytes()
 
 
 def test_a_coarse_sensor_that_repeats_itself_loses_no_sample(sent, tmp_path):

@@ -151,7 +151,7 @@ def test_a_unit_mounted_askew_is_not_accepted_where_no_mount_is_given(sent, tmp_
 def test_a_rest_is_long_enough_by_the_settings_given(sent, tmp_path):
     found = inspected(written(tmp_path / "bag", *sent), PLACE | {"survey.duration_s": 20.0})
     assert (found.rests, found.rest_s > 10.0) == (0, True)
-    assert dict(found.missing)["surveys"].startswith("the tool at rest for 22 s")
+    assert dict(found.missing)["surveys"].startswith("no rest lasted 22 s")
 
 
 def test_what_is_missing_is_named_with_the_result_that_needs_it(sent, tmp_path):

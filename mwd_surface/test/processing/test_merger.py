@@ -10,8 +10,8 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.exports.thinner import Thinner
 from mwd_surface.processing.merger import Merger
+from mwd_surface.processing.thinner import Thinner
 
 START = 1_700_000_000 * 10**9
 IMU = "/w1/imu/data_raw"

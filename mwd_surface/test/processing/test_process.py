@@ -22,8 +22,7 @@ from mwd_sensors.core import input_covariance, settings, wire
 from mwd_sensors.core.frames import mat_nt
 from mwd_surface.bags.bag_reader import Bag, BagError
 from mwd_surface.bags.bag_writer import BagWriter
-from mwd_surface.exports import attitude_csv
-from mwd_surface.processing import process
+from mwd_surface.processing import attitude_csv, process
 from mwd_surface.processing.bag_input import InputSettings
 from mwd_surface.processing.run_config import estimator_config
 from mwd_surface.processing.run_output import OutputSettings

@@ -8,8 +8,7 @@ import pytest
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
-from mwd_surface.exports import attitude_csv, attitude_parquet
-from mwd_surface.processing import run_folder
+from mwd_surface.processing import attitude_csv, attitude_parquet, run_folder
 
 ROWS = 5
 

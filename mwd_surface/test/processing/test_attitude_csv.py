@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
-from mwd_surface.exports import attitude_csv
+from mwd_surface.processing import attitude_csv
 
 
 def samples(n, seed=1):

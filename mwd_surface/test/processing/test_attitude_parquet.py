@@ -11,7 +11,7 @@ import pytest
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core import wire
-from mwd_surface.exports import attitude_csv, attitude_parquet
+from mwd_surface.processing import attitude_csv, attitude_parquet
 
 
 def _samples(n=500):

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Samples of a topic that came before, as from a second publisher: the rule of the live estimator and of `mwd process`.
+
+A copy of a sample has the same numbers. With the same stamp it is a copy at once. A second publisher that stamps its
+messages itself is recognised when nearly all readings of the last messages came exactly twice; the readings of a coarse
+sensor repeat too, but not exactly twice each. The rule looks only at a sample and at the messages before it, in the
+order in which they came, so that any cut of a stream gives the same samples. From the first reading that comes again
+the samples of an IMU are held back until it is known whether all do, for copies would spoil what is learnt of its rate.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mwd_sensors.core.arrays import Array, Samples, Stamps
+from mwd_sensors.core.compiled import compiled
+from mwd_sensors.core.records import dtype_of
+
+Hashes = NDArray[np.int64]
+
+# Messages that a copy may come behind: 5 s of two publishers of 100 Hz.
+REMEMBERED = 1024
+# Of so many last messages this number must be second copies, and none a third one, before copies with stamps of their
+# own are left out. Half of them are copies where all come twice. A coarse sensor whose readings repeat by chance has a
+# share of second copies below 1/e, and then third ones too (Poisson).
+WATCHED, COPIES = 80, 36
+# Kinds of samples, and whether all readings come twice.
+_FRESH, _COPY, _SUSPECT = 0, 1, 2
+_UNKNOWN, _BY_CHANCE, _ALL_TWICE = 0, 1, 2
+_BUCKETS = 4096  # of the table of hashes, a power of two
+_MIX = -7046029254386353131  # 2^64 over the golden ratio, as a signed number
+
+
+class State:
+    """The last messages of a topic: hashes of their numbers, in a table with a chain for each bucket."""
+
+    count: int  #: messages so far
+    numbers: Annotated[Hashes, REMEMBERED]  #: hash of the numbers of message k, at k modulo REMEMBERED
+    stamped: Annotated[Hashes, REMEMBERED]  #: hash of numbers and stamp
+    before: Annotated[Hashes, REMEMBERED]  #: number of the message before in the same bucket, from 1; 0: none
+    newest: Annotated[Hashes, _BUCKETS]  #: number of the newest message of a bucket
+    copies: Annotated[NDArray[np.int64], WATCHED]  #: copies remembered of each of the last messages, at most 2
+    verdict: int  #: whether the readings that came again were all, or some by chance; unknown before there are any
+    suspected: int  #: messages from the first reading that came again on
+    seconds: int  #: of these, messages with one copy
+    thirds: int  #: of these, messages with more
+
+
+STATE = dtype_of(State)
+
+
+class RepeatedSamples:
+    """
+    Leaves out the copies among the samples of one topic.
+
+    Parameters
+    ----------
+    hold : bool
+        Hold samples back from the first reading that comes again until it is known whether all do.
+
+    Attributes
+    ----------
+    count : int
+        Samples left out so far.
+    """
+
+    def __init__(self, *, hold: bool = False) -> None:
+        self.count = 0
+        self._state = np.zeros(1, dtype=STATE)
+        self._state["verdict"] = _UNKNOWN if hold else _BY_CHANCE
+        self._held: tuple[Stamps, Samples, NDArray[np.int64]] | None = None
+
+    @property
+    def first_log_ns(self) -> int | None:
+        """Log time of the first sample that is held back, ns; None where none is."""
+        return int(self._held[0][0]) if self._held is not None else None
+
+    def take(self, log_ns: Stamps, samples: Samples, *, stamped: bool = True) -> tuple[Stamps, Samples]:
+        """
+        Return the samples that did not come before, with the times at which they were logged, ns.
+
+        samples : in the order in which they came, with `stamp_ns`. stamped: equal stamps mean equal times.
+        """
+        if not len(samples):
+            return log_ns, samples
+        kind = np.zeros(len(samples), dtype=np.int64)
+        _judge(self._state[0], _numbers(samples), samples["stamp_ns"].astype(np.int64), stamped, kind)
+        if self._held is None and not kind.any():
+            return log_ns, samples
+        if self._held is not None:
+            log_ns, kind = np.concatenate([self._held[0], log_ns]), np.concatenate([self._held[2], kind])
+            samples = np.concatenate([self._held[1], samples])
+        suspects = np.flatnonzero(kind == _SUSPECT) if self._state["verdict"][0] == _UNKNOWN else kind[:0]
+        first = int(suspects[0]) if len(suspects) else len(kind)
+        self._held = (log_ns[first:], samples[first:], kind[first:]) if first < len(kind) else None
+        return self._kept(log_ns[:first], samples[:first], kind[:first])
+
+    def finish(self) -> tuple[Stamps, Samples] | None:
+        """Return the samples that are held back; None where none is."""
+        held, self._held = self._held, None
+        return None if held is None else self._kept(*held)
+
+    def _kept(self, log_ns: Stamps, samples: Samples, kind: NDArray[np.int64]) -> tuple[Stamps, Samples]:
+        all_twice = self._state["verdict"][0] == _ALL_TWICE
+        kept = (kind == _FRESH) | ((kind == _SUSPECT) & (not all_twice))
+        self.count += int(np.count_nonzero(~kept))
+        return log_ns[kept], samples[kept]
+
+
+def _numbers(samples: Samples) -> Array:
+    """Return the readings of samples, shape (n, k): without their time, covariances and orientation."""
+    names = [
+        name
+        for name in samples.dtype.names or ()
+        if name not in ("stamp_ns", "orientation") and not name.endswith("_covariance")
+    ]
+    columns = [samples[name] if samples[name].ndim == 2 else samples[name][:, None] for name in names]
+    return np.concatenate(columns, axis=1, dtype=np.float64)
+
+
+@compiled
+def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDArray[np.int64]) -> None:
+    """Mark which samples are fresh, copies or suspects; numbers: shape (n, k), kind: shape (n,), changed in place."""
+    bits = numbers.view(np.int64)
+    for k in range(len(bits)):
+        own = 0
+        for c in range(bits.shape[1]):
+            own = _mixed(own, bits[k, c])
+        timed = _mixed(own, stamp_ns[k])
+        bucket = own & (_BUCKETS - 1)
+        same, again = 0, False
+        at = s.newest[bucket]
+        while at > 0 and at > s.count - REMEMBERED and (same < 2 or not again):
+            place = at % REMEMBERED
+            if s.numbers[place] == own:
+                same = min(same + 1, 2)
+                again = again or s.stamped[place] == timed
+            at = s.before[place]
+        s.count += 1
+        place = s.count % REMEMBERED
+        s.numbers[place], s.stamped[place], s.before[place] = own, timed, s.newest[bucket]
+        s.newest[bucket] = s.count
+        watched = s.count % WATCHED
+        s.seconds += (same == 1) - (s.copies[watched] == 1)
+        s.thirds += (same == 2) - (s.copies[watched] == 2)
+        s.copies[watched] = same
+        all_twice = s.seconds >= COPIES and s.thirds == 0
+        if s.verdict == _UNKNOWN:
+            s.suspected += int(same > 0 or s.suspected > 0)
+            if all_twice:
+                s.verdict = _ALL_TWICE
+            elif s.thirds > 0 or s.suspected > WATCHED:
+                s.verdict = _BY_CHANCE
+        if (again and stamped) or (same > 0 and all_twice):
+            kind[k] = _COPY
+        elif same > 0 and s.verdict == _UNKNOWN:
+            kind[k] = _SUSPECT
+        else:
+            kind[k] = _FRESH
+
+
+@compiled
+def _mixed(found: int, bits: int) -> int:
+    """Return a hash with another number."""
+    found = (found ^ bits) * _MIX
+    return found ^ (found >> 32)

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Options that say how a recording is read, named as the settings they set, for every command that reads one."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mwd_surface.commands.reference_options import given_settings
+
+if TYPE_CHECKING:
+    from mwd_surface.processing.bag_input import InputSettings
+
+INPUT_PANEL = "Input"
+
+Recording = Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap, .db3 or .bag file.")]
+#: Options of a command by the names of settings, as `reads_recording` hands them over.
+Reading = Mapping[str, Any]
+
+
+def _text(words: str, *names: str) -> Any:
+    return Annotated[str | None, typer.Option(*names, help=words, rich_help_panel=INPUT_PANEL)]
+
+
+def _seconds(words: str, name: str) -> Any:
+    return Annotated[float | None, typer.Option(name, help=words, rich_help_panel=INPUT_PANEL)]
+
+
+_OPTIONS = {
+    "imu_topic": _text("Topic of the IMU, or of its gyro."),
+    "accel_topic": _text("Topic of the accelerometer, where that of the IMU is only its gyro."),
+    "mag_topic": _text("Topic of the magnetometer."),
+    "gyro_topic": _text("Topic of the precision unit."),
+    "temperature_topic": _text("Topic of the IMU's temperature."),
+    "rig_topic": _text("Topic of the rig state, for depths."),
+    "accel_unit": _text("m/s2, g or mg."),
+    "gyro_unit": _text("rad/s or deg/s."),
+    "mag_unit": _text("T, mT, uT, nT, G or mG."),
+    "stamps": _text(
+        "Times of the samples: header, or recording where clocks of sensors disagree or were not set.", "--stamps"
+    ),
+    "start_s": _seconds("Begin this many seconds after the first message.", "--start"),
+    "end_s": _seconds("End this many seconds after the first message.", "--end"),
+    "partial": Annotated[
+        bool, typer.Option("--partial", help="Use what can be read of a damaged bag.", rich_help_panel=INPUT_PANEL)
+    ],
+}
+
+
+def reads_recording(command: Callable[..., None]) -> Callable[..., None]:
+    """
+    Give a command the options that say how a recording is read.
+
+    The command has an argument `reading` (see `Reading`), from which `input_settings` makes its settings.
+    """
+    own = inspect.signature(command, eval_str=True)
+    options = [
+        inspect.Parameter(
+            name, inspect.Parameter.KEYWORD_ONLY, default=False if name == "partial" else None, annotation=annotation
+        )
+        for name, annotation in _OPTIONS.items()
+    ]
+    kept = [parameter for parameter in own.parameters.values() if parameter.name != "reading"]
+
+    @functools.wraps(command)
+    def called(*arguments: Any, **given: Any) -> None:
+        command(*arguments, reading={name: given.pop(name, None) for name in _OPTIONS}, **given)
+
+    # typer makes the options of the command line from these.
+    called.__signature__ = own.replace(parameters=[*kept, *options])  # type: ignore[attr-defined]
+    called.__annotations__ = {one.name: one.annotation for one in (*kept, *options)}
+    return called
+
+
+def given_names(reading: Reading) -> list[str]:
+    """Return the options that were given, as people write them."""
+    from mwd_surface.processing.bag_input import option_of
+
+    return [option_of(name) for name, value in reading.items() if value]
+
+
+def input_settings(reading: Reading, **more: Any) -> InputSettings:
+    """
+    Return how a recording is read, by the options of a command; more: further settings of the input.
+
+    Raises
+    ------
+    ValueError
+        The end is not after the start, or a value is not allowed.
+    """
+    from mwd_surface.processing.bag_input import InputSettings
+
+    start, end = reading["start_s"] or 0.0, reading["end_s"]
+    if end is not None and end <= start:
+        raise ValueError(f"--end {end:g}: not after --start {start:g}")
+    return given_settings(InputSettings, {**reading, **more})
