@@ -166,7 +166,7 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
     from mwd_surface.list_files.list_columns import Given, columns_of
     from mwd_surface.list_files.list_file import read_list
     from mwd_surface.list_files.remark import sentences
-    from mwd_surface.surveys.imported_list import reference_in, survey_list
+    from mwd_surface.surveys.imported_list import reference_in, survey_list, well_of
     from mwd_surface.surveys.well import Well
 
     given = Given(
@@ -182,12 +182,11 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
     if reference is None and beside is not None:
         reference, well = reference_in(beside), dataclasses.replace(beside.well, name=source.stem)
     else:
-        well = Well(
-            name=source.stem,
-            latitude_deg=settings.place.lat_deg,
-            longitude_deg=settings.place.lon_deg,
-            geomagnetic_model=reference.source if reference is not None else "",
-        )
+        well = well_of(stations) or Well(name=source.stem)
+        if reference is not None:
+            well = dataclasses.replace(well, geomagnetic_model=reference.source)
+        if settings.place.lat_deg is not None:
+            well = dataclasses.replace(well, latitude_deg=settings.place.lat_deg, longitude_deg=settings.place.lon_deg)
     tie_on = options["tie_on"]
     surveys = survey_list(
         stations,

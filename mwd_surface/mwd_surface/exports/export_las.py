@@ -17,6 +17,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
+from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, SURVEY, TIE_ON
 
@@ -58,6 +59,7 @@ def las(table: SurveyTable) -> str:
         # Only what flags the coordinates (ASMD) is called assumed.
         descr = "ASSUMED" if remark in assumptions else "REMARK"
         file.params.append(item(f"A{k:02d}", value=_value(remark), descr=descr))
+    file.other = "\n".join(provenance_of(table.surveys, table.path.leg).lines())
     formats: dict[int, str] = {}
     for column in table.columns:
         if all(v is None for v in column.values):
@@ -81,7 +83,7 @@ def las(table: SurveyTable) -> str:
     file.append_curve("KIND", np.array([kinds[k] for k in table.path.kind]), descr=words)
     formats[len(formats)] = "%.0f"
     flag = np.full(len(table.records), float(table.path.assumed))
-    file.append_curve("ASMD", flag, descr="depths and positions, 0 measured, 1 rest on an assumption")
+    file.append_curve("ASMD", flag, descr="depths and positions, 0 measured, 1 assumed")
     text = io.StringIO()
     depth = table.column("md_m")
     # Stations stand where they were taken: a step of 0 says so.

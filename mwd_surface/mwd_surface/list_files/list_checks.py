@@ -29,9 +29,9 @@ _DOGLEG = math.radians(30.0) / 30.0
 _ROUNDING = math.radians(1.0)
 
 
-def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
+def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
-    Refuse depths that no hole has.
+    Refuse depths that no hole has; return what was confirmed.
 
     Raises
     ------
@@ -44,12 +44,13 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
         raise ListFileError(
             f"{at[k]}: measured depth {md[k]:g} m is deeper than any hole can be; check the unit and the decimal mark"
         )
-    for k in map(int, np.flatnonzero(md > DEEPEST)):
-        if "depth" not in given.confirm:
-            raise ListFileError(
-                f"{at[k]}: measured depth {md[k]:g} m is deeper than any hole; check the unit and the decimal mark, or"
-                " confirm it with --confirm depth"
-            )
+    deep = np.flatnonzero(md > DEEPEST)
+    if not deep.size:
+        return ()
+    text = f"{at[deep[0]]}: measured depth {md[deep[0]]:g} m is deeper than any hole"
+    if "depth" in given.confirm:
+        return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"depth": float(md[deep[0]])}),)
+    raise ListFileError(f"{text}; check the unit and the decimal mark, or confirm it with --confirm depth")
 
 
 def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given: Given) -> tuple[Remark, ...]:
@@ -76,7 +77,7 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
     if sharp.size > 1:
         text += f" ({sharp.size} intervals of the list do)"
     if "dogleg" in given.confirm:
-        return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"dogleg_severity": float(severity)}),)
+        return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"dogleg": float(severity)}),)
     raise ListFileError(f"{text}: check depths, units and angles, or confirm it with --confirm dogleg")
 
 

@@ -24,7 +24,7 @@ ANGLES = (
     *("inclination", "dip", "azimuth", "sigma_inclination", "sigma_azimuth"),
     *(n for n, f in FIGURES.items() if not f),
 )
-TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station")
+TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station", "coordinates", "in_use", "leg")
 NORTHS = ("true", "grid", "magnetic")
 DIPS = ("down", "up")  # where a positive angle from the horizontal points
 CONFIRMABLE = ("dogleg", "wellhead", "depth")
@@ -208,6 +208,9 @@ _WORDS = {
     "time": "time|time utc|dtim|dtim utc|dtim stn|date time|datetime|timestamp",
     "verdict": "verdict|automatic",
     "station": "station",
+    "coordinates": "coordinates",
+    "in_use": "in use",
+    "leg": "leg",
 }
 _NAMES = {name: what for what, names in _WORDS.items() for name in names.split("|")}
 _DIRECTED = {
@@ -217,8 +220,8 @@ _DIRECTED = {
 }
 # Quantities that are not read although their names contain a word of a quantity that is read; no remark is made.
 _OTHERS = re.compile(
-    r"section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|tool ?face|"
-    r"magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|reference|"
+    r"\bage\b|section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|"
+    r"tool ?face|magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|reference|"
     r"method|raw|quality|status|comment|remark|note|name|number|index|declination|convergence|ellipse"
 )
 _LENGTHS = ("md", "tvd", "north", "east", "map_north", "map_east")

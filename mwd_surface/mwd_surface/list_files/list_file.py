@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -32,8 +32,9 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_head import Head, read_head
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
 from mwd_surface.list_files.p7_table import is_p7, p7_table
+from mwd_surface.list_files.provenance import Provenance, read_provenance
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.list_files.station_list import StationList, carried
+from mwd_surface.list_files.station_list import WITHOUT_POSITION, Start, StationList, carried
 from mwd_surface.list_files.table import Row, Table, is_spreadsheet, read_bytes, table_of, text_of
 from mwd_surface.list_files.witsml_table import witsml_table
 
@@ -70,6 +71,7 @@ _PROJECTION = re.compile(
     re.IGNORECASE,
 )
 _GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGNORECASE)
+_START_ROWS = ("tie-on", "assumed")  # in the column "station" of our exports: a row that is not a survey
 _PROJECTED_ROWS = 3  # largest number of rows after a note that announces a projection
 # Distance of the first station from its wellhead above which a convergence of 3 deg moves it by half a metre, m.
 _OFFSET = 10.0
@@ -84,6 +86,13 @@ class _Station:
     at: str
     numbers: dict[str, float]
     texts: dict[str, str]
+
+
+def _verdict(row: _Station) -> str:
+    """The verdict of a station; an export of our own says by itself which stations are in use, whoever decided so."""
+    if row.texts.get("in_use", "").lower() == "yes" or row.texts.get("station") in (*_START_ROWS, "survey"):
+        return "accept"
+    return row.texts.get("verdict", "").lower()
 
 
 def is_list(path: Path) -> bool:
@@ -148,7 +157,9 @@ def _are_units(cells: Sequence[str]) -> int:
 
 def _stations(table: Table, given: Given) -> StationList:
     """The list in a table, read by the rules of this module."""
-    head = read_head(table.head)
+    provenance, lines = read_provenance(table.head, table.name)
+    # The head of our own exports is for people; what it says of angles and wellhead was settled when the list was read.
+    head = Head() if provenance is not None else read_head(lines)
     columns = list_columns.find(table.names, given, table.units)
     if head.horizontal and "inclination" in columns.of:
         turned = tuple(dataclasses.replace(one, quantity="dip") for one in columns.of["inclination"])
@@ -156,7 +167,7 @@ def _stations(table: Table, given: Given) -> StationList:
         columns = Columns({**of, "dip": turned}, columns.unread)
     if columns.missing:
         raise ListFileError(_missing(table, columns))
-    reader = _Reader(table, columns, head, given)
+    reader = _Reader(table, columns, head, given, provenance)
     stations = reader.stations()
     return reader.list_of(stations)
 
@@ -188,14 +199,23 @@ class _Reader:
     ----------
     table, columns, head, given
         As read; `given` replaces what the file says.
+    provenance
+        The list behind the table, where it is an export of our own.
     """
 
-    def __init__(self, table: Table, columns: Columns, head: Head, given: Given) -> None:
-        self.table, self.head, self.given = table, head, given
+    def __init__(
+        self, table: Table, columns: Columns, head: Head, given: Given, provenance: Provenance | None = None
+    ) -> None:
+        confirmed = () if provenance is None else provenance.confirmed
+        given = dataclasses.replace(given, confirm=(*given.confirm, *confirmed))
+        self.table, self.head, self.given, self.provenance = table, head, given, provenance
         self.name = table.name
         self.of = dict(columns.of)
+        if provenance is not None:
+            # Our raw log has the azimuths by each method too, behind the one that the survey is.
+            self.of = {what: tuple(one for one in found if not one.strange) or found for what, found in self.of.items()}
         self.german = any(_GERMAN.search(name) for name in table.names)
-        self.remarks: list[Remark] = list(table.remarks)
+        self.remarks: list[Remark] = [*(() if provenance is None else provenance.remarks), *table.remarks]
         for one in columns.unread:
             self._say(RemarkKind.COLUMN_NOT_READ, f"{self.name}: column {one.name!r} is not understood and not read")
         self.rows = self._kept_rows(table.rows)
@@ -487,12 +507,15 @@ class _Reader:
         self._refuse_radians(values, angle)
         self._name_nulls()
         texts = {what: self._cells(column) for what, column in self.columns.items() if what in TEXTS}
-        found, empty = [], []
+        found, empty, unused = [], [], 0
         for k, row in enumerate(self.rows):
             said = {what: str(cells[k]).strip() for what, cells in texts.items()}
             numbers = {what: float(v[k]) for what, v in values.items() if math.isfinite(v[k])}
             if said.get("station") == "projected":
                 # Our own exports end with a projection to the bit, which is no station.
+                continue
+            if said.get("in_use", "").lower() == "no":
+                unused += 1
                 continue
             if "md" not in numbers or angle not in numbers:
                 empty.append(row)
@@ -502,11 +525,26 @@ class _Reader:
             shown = ", ".join(one.at.rpartition(", ")[2] for one in empty[:_FEW])
             text = f"{self.name}: {len(empty)} rows without depth or inclination are left out: {shown}"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(empty)))
+        if unused:
+            text = f"{self.name}: {unused} surveys that were not in use are left out"
+            self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(unused))
         if not found:
             raise ListFileError(f"{self.name}: no station in it")
         if angle == "dip":
             found = self._from_horizontal(found)
-        return self._increasing(found)
+        return self._increasing(self._of_one_leg(found))
+
+    def _of_one_leg(self, found: list[_Station]) -> list[_Station]:
+        """The surveys of our raw log by depth: it has those of all legs, in the order in which they were taken."""
+        if self.provenance is None or "in_use" not in self.columns:
+            return found
+        legs = sorted({one.texts.get("leg", "") for one in found})
+        if len(legs) > 1:
+            raise ListFileError(
+                f"{self.name}: it has surveys of the legs {', '.join(legs)}, which are not one path; read the"
+                " definitive list of one leg instead: mwd export -f csv --leg NAME"
+            )
+        return sorted(found, key=lambda one: one.numbers["md"])
 
     def _name_nulls(self) -> None:
         """Say which null values were read as no value."""
@@ -600,15 +638,20 @@ class _Reader:
         def column(what: str) -> Array:
             return np.array([row.numbers.get(what, math.nan) for row in rows])
 
+        start = self._start(rows)
+        if start is not None and len(rows) > 1 and rows[0].texts.get("station") in _START_ROWS:
+            rows = rows[1:]
         at = [row.at for row in rows]
         md = column("md")
-        check_depths(md, at, self.given)
+        self._checked(check_depths(md, at, self.given))
         north = self._north(rows)
         azimuth = column("azimuth") % math.tau
+        if self.provenance is not None:
+            azimuth, north = self._in_own_north(azimuth, north, column)
         inclination = np.clip(column("inclination"), 0.0, math.pi)
         self._without_azimuth(md, inclination, azimuth)
         angles = md, inclination, carried(azimuth)
-        self.remarks += check_doglegs(angles, at, self.given)
+        self._checked(check_doglegs(angles, at, self.given))
         horizontal = self._horizontal(md, column)
         positions = np.column_stack([*horizontal, column("tvd")])
         if self.named_map and north in ("true", "magnetic"):
@@ -626,10 +669,44 @@ class _Reader:
             sigma_azimuth=column("sigma_azimuth"),
             tool=tuple(row.texts.get("tool", "") for row in rows),
             time=tuple(row.texts.get("time", "") for row in rows),
-            verdict=tuple(row.texts.get("verdict", "").lower() for row in rows),
-            figures={what: column(what) for what in FIGURES},
+            verdict=tuple(_verdict(row) for row in rows),
+            figures={what: self._figure(what, column(what)) for what in FIGURES},
             remarks=tuple(self.remarks),
+            start=start,
+            well={} if self.provenance is None else self.provenance.well,
         )
+
+    def _checked(self, confirmed: Iterable[Remark]) -> None:
+        """Keep what the caller confirmed; what was confirmed of the list behind an export is a remark already."""
+        known = frozenset() if self.provenance is None else self.provenance.confirmed
+        self.remarks += [one for one in confirmed if not known & set(one.values)]
+
+    def _start(self, rows: Sequence[_Station]) -> Start | None:
+        """Where the path of an export of our own starts; None where the list does not say so."""
+        if self.provenance is not None:
+            return self.provenance.start
+        first = rows[0]
+        if first.texts.get("coordinates") != "assumed" or first.texts.get("station") not in _START_ROWS:
+            return None
+        text = f"{self.name}: its coordinates rest on an assumption, as its column coordinates says"
+        remark = Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": first.numbers["md"]})
+        md, inclination, azimuth = (first.numbers.get(what, 0.0) for what in NEEDED)
+        north, east = (first.numbers.get(what, 0.0) for what in _LOCAL)
+        position = north, east, first.numbers.get("tvd", md)
+        return Start(md, inclination, azimuth, position, WITHOUT_POSITION, (remark,))
+
+    def _in_own_north(self, azimuth: Array, north: str, column: Callable[[str], Array]) -> tuple[Array, str]:
+        """Azimuths from the north of the well behind an export; nan where the turn is not known."""
+        own = str(self.provenance.well.get("north_reference", "")) if self.provenance is not None else ""
+        if not own or self.given.north or north in ("", own):
+            return azimuth, self.given.north or own or north
+        to_true = {"true": np.zeros_like(azimuth), "magnetic": column("declination"), "grid": column("convergence")}
+        return (azimuth + to_true[north] - to_true[own]) % math.tau, own
+
+    def _figure(self, what: str, values: Array) -> Array:
+        """A figure of the reference of each station; that of the list behind an export where the table has none."""
+        known = {} if self.provenance is None else self.provenance.reference
+        return values if np.isfinite(values).any() or what not in known else np.full_like(values, known[what])
 
     def _north(self, rows: Sequence[_Station]) -> str:
         """North of the azimuths: as the caller, the rows, the column or the head says."""
@@ -682,6 +759,8 @@ class _Reader:
         local = all(what in self.columns for what in _LOCAL)
         charted = all(what in self.columns for what in _MAP)
         if not local and not charted:
+            return column("north"), column("east")
+        if self.provenance is not None:
             return column("north"), column("east")
         names = _LOCAL if local else _MAP
         pair = np.column_stack([column(names[0]), column(names[1])])

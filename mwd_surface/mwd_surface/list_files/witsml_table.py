@@ -56,14 +56,18 @@ def witsml_table(text: str, name: str) -> Table:
         at = f"{name}, line {int(station.sourceline or 0)}"
         cells = [_measure(station, what, tag, at) for what, tag in _TAGS.items()]
         tool = _text(station, "typesurveytool") or kind
-        rows.append(Row(at, (*cells, tool, _text(station, "dtimstn"))))
+        row = "tie-on" if kind.lower() == "tie in point" else ""
+        rows.append(Row(at, (*cells, tool, _text(station, "dtimstn"), row)))
     if projected:
         said = f"{name}: {projected} projections to the bit are left out"
         remarks.append(Remark(RemarkKind.ROWS_LEFT_OUT, said, {"rows": float(projected)}))
-    names, units = (*_TAGS, "tool", "time"), ("m", "rad", "rad", "m", "m", "m", "", "")
+    names, units = (*_TAGS, "tool", "time", "station"), ("m", "rad", "rad", "m", "m", "m", "", "", "")
     title = _text(trajectory, "name") or _text(trajectory, "title") or name
-    head = (f"azimuth reference: {reference}",) if reference else ()
-    return Table(title, name, names, units, tuple(rows), head, tuple(remarks))
+    head = [f"azimuth reference: {reference}"] if reference else []
+    for custom in _children(trajectory, "customdata"):
+        # Our own exports say here what the list behind them is.
+        head += [str(one.text or "") for one in custom if _tag(one) == "provenance"]
+    return Table(title, name, names, units, tuple(rows), tuple(head), tuple(remarks))
 
 
 def _tag(element: Any) -> str:
