@@ -177,7 +177,8 @@ def _missing(table: Table, columns: Columns) -> str:
     strange = f"; {', '.join(unread)} is not understood" if unread else ""
     return (
         f"{table.at}: no column for {', '.join(columns.missing)}{strange}; expected a header such as"
-        " md_m,inclination_deg,azimuth_deg, or the columns' names (mwd path --columns); got"
+        " md_m,inclination_deg,azimuth_deg; say which columns they are with"
+        f" --columns {','.join(f'{what}=NAME' for what in columns.missing)}; got"
         f" {', '.join(name for name in table.names if name)}"
     )
 
@@ -686,7 +687,7 @@ class _Reader:
         if self.provenance is not None:
             return self.provenance.start
         first = rows[0]
-        if first.texts.get("coordinates") != "assumed" or first.texts.get("station") not in _START_ROWS:
+        if first.texts.get("coordinates") != "assumed" or first.texts.get("station", "tie-on") not in _START_ROWS:
             return None
         text = f"{self.name}: its coordinates rest on an assumption, as its column coordinates says"
         remark = Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": first.numbers["md"]})
