@@ -12,10 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from mwd_sensors.core import budgets
+from mwd_surface.list_files.grid_file import Row
 from mwd_surface.list_files.list_columns import column_of, north_of
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import Cell
-from mwd_surface.list_files.table import Row, Table
+from mwd_surface.list_files.table import Table
 
 _LINE = re.compile(r"^\s*(?P<name>[^.:\s]+)\s*\.(?P<unit>\S*)\s*(?P<value>.*?)\s*:\s*(?P<words>.*)$")
 # Curves of our own exports whose numbers stand for words, and the text column that they are.

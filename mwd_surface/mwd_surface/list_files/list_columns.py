@@ -45,7 +45,53 @@ LENGTH_UNITS = {
         ),
         1200.0 / 3937.0,
     ),
+    **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres", "км"), 1000.0),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
+    **dict.fromkeys(("inch", "inches"), 0.0254),
+    **dict.fromkeys(("yd", "yds", "yard", "yards"), 0.9144),
 }
+# Units of lengths and angles in WITSML that are not words of other files, m and rad. Source: Energistics Unit of
+# Measure Standard 1.0; the old feet as the EPSG dataset has them.
+ENERGISTICS_UNITS = {
+    "in": 0.0254,
+    "dm": 0.1,
+    "mi": 1609.344,
+    "fathom": 1.8288,
+    "chain": 20.1168,
+    "ftUS": 1200.0 / 3937.0,
+    "inUS": 100.0 / 3937.0,
+    "ydUS": 3600.0 / 3937.0,
+    "miUS": 5280.0 * 1200.0 / 3937.0,
+    "ftCla": 0.3047972654,
+    "ftSe": 0.304799471538676,
+    "ftSe(t)": 0.304799333333333,
+    "ftBnA": 0.304799733333333,
+    "ftBnB": 0.304799734763271,
+    "ftGC": 0.304799710181509,
+    "ftInd": 0.304799510248147,
+    "ftInd(37)": 0.30479841,
+    "ftInd(62)": 0.3047996,
+    "ftInd(75)": 0.3047995,
+    "ft[US]": 1200.0 / 3937.0,
+    "ft[Cla]": 0.3047972654,
+    "ft[Se]": 0.304799471538676,
+    "ft[Ind]": 0.304799510248147,
+    "in[US]": 100.0 / 3937.0,
+    "yd[US]": 3600.0 / 3937.0,
+    "mi[US]": 5280.0 * 1200.0 / 3937.0,
+    "mrad": 1e-3,
+    "urad": 1e-6,
+    "mina": math.pi / 10_800.0,
+    "seca": math.pi / 648_000.0,
+    "min[angl]": math.pi / 10_800.0,
+    "sec[angl]": math.pi / 648_000.0,
+    "cgr": math.pi / 20_000.0,
+    "c": math.tau,
+    "rev": math.tau,
+    "rot": math.tau,
+}
+ENERGISTICS_ANGLES = frozenset(["mrad", "urad", "mina", "seca", "min[angl]", "sec[angl]", "cgr", "c", "rev", "rot"])
 ANGLE_UNITS = {
     **dict.fromkeys(
         (
@@ -359,6 +405,9 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
     not be understood, but a unit and a north among them count.
     """
     base, brackets = _parted(name)
+    # "in" is an inch where it stands alone as a unit, and a preposition elsewhere.
+    brackets = ["inch" if phrase == "in" else phrase for phrase in brackets]
+    unit = "inch" if unit.strip(" .()[]").lower() == "in" else unit
     words = base.split()
     quantity, rest, north = _quantity(words)
     if chosen:
@@ -428,10 +477,11 @@ def factor(column: Column, at: str, given: Given | None = None, otherwise: str =
     if said:
         return known[said]
     option = "--angle-unit" if angle else "--length-unit"
+    usual = "deg, rad or grad" if angle else "m, km, ft, usft, inch or yd"
     if column.strange and not column.unit and column.quantity != "azimuth":
         raise ListFileError(
-            f"{at}: {column.quantity} in {column.strange!r} (column {column.name!r}): not understood; expected one of"
-            f" {', '.join(list(known)[:8])} ...; say it with {option}, or name the column with --columns"
+            f"{at}: {column.quantity} in {column.strange!r} (column {column.name!r}): not understood; expected"
+            f" {usual}; say it with {option}, or name the column with --columns"
         )
     unit = column.unit or otherwise or ("deg" if angle else "")
     if not unit:
@@ -440,7 +490,7 @@ def factor(column: Column, at: str, given: Given | None = None, otherwise: str =
             f" {column.quantity}_ft, or say it with --length-unit"
         )
     if unit not in known:
-        raise ListFileError(f"{at}: {column.quantity} in {unit!r}; expected one of {', '.join(list(known)[:8])} ...")
+        raise ListFileError(f"{at}: {column.quantity} in {unit!r}; expected {usual}")
     return known[unit]
 
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files import list_columns, number_cells
+from mwd_surface.list_files.grid_file import Row, is_html, is_spreadsheet, is_spreadsheet_xml
 from mwd_surface.list_files.las_table import is_las, las_table
 from mwd_surface.list_files.list_checks import (
     check_depths,
@@ -35,7 +36,7 @@ from mwd_surface.list_files.p7_table import is_p7, p7_table
 from mwd_surface.list_files.provenance import Provenance, read_provenance
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.list_files.station_list import WITHOUT_POSITION, Start, StationList, carried
-from mwd_surface.list_files.table import Row, Table, is_spreadsheet, read_bytes, table_of, text_of
+from mwd_surface.list_files.table import Table, read_bytes, table_of, text_of
 from mwd_surface.list_files.witsml_table import witsml_table
 
 _LOCAL = ("north", "east")
@@ -128,7 +129,7 @@ def _table(data: bytes, name: str, given: Given) -> Table:
     if not is_spreadsheet(data):
         text = text_of(data, name)
         start = text.lstrip("\ufeff \t\r\n")
-        if start.startswith("<"):
+        if start.startswith("<") and not (is_html(text) or is_spreadsheet_xml(text)):
             if given.length_unit or given.angle_unit:
                 raise ListFileError(f"{name}: a WITSML document names the unit of each number; leave the unit out")
             return witsml_table(text, name)
@@ -136,6 +137,11 @@ def _table(data: bytes, name: str, given: Given) -> Table:
             return las_table(text, name)
         if is_p7(start):
             return p7_table(text, name)
+        if re.search(r"\bP7/2000\b", start[:5000]) and re.search(r"(?m)^H\d{4}", start[:5000]):
+            raise ListFileError(
+                f"{name} is UKOOA P7/2000, whose records are not read; export the list as IOGP P7/17, WITSML, LAS or"
+                " CSV"
+            )
 
     def is_header(names: Sequence[str]) -> int:
         found = list_columns.find(names, given)
@@ -449,21 +455,27 @@ class _Reader:
         otherwise = ""
         if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
             angle = column.quantity in ANGLES
-            otherwise = self._cell_unit(column) or (self.head.angle_unit if angle else self._length_unit())
+            otherwise = self._cell_unit(column) or (self.head.angle_unit if angle else self._length_unit(column))
         if self.german and (column.unit or otherwise) == "grad" and not self.given.angle_unit:
             # Grad are degrees in German, and 400 to the circle elsewhere.
             column = dataclasses.replace(column, unit="deg")
             text = f"{self.name}: 'Grad' in a list with German names is read as degrees; --angle-unit says otherwise"
             if all(one.text != text for one in self.remarks):
                 self._say(RemarkKind.UNIT_ASSUMED, text)
-        factor = list_columns.factor(column, self.table.at, self.given, otherwise)
+        given = (
+            self.given if self._given_unit(column) else dataclasses.replace(self.given, length_unit="", angle_unit="")
+        )
+        factor = list_columns.factor(column, self.table.at, given, otherwise)
         if column.strange and column.unit:
             text = f"{self.name}: {column.strange!r} in the name of column {column.name!r} is not understood"
             self._say(RemarkKind.COLUMN_NOT_READ, text)
         return factor
 
     def _given_unit(self, column: Column) -> str:
-        return self.given.angle_unit if column.quantity in ANGLES else self.given.length_unit
+        """Unit that the caller says; the head's own unit of coordinates holds where no column names one."""
+        if column.quantity in ANGLES:
+            return self.given.angle_unit
+        return "" if column.quantity in (*_LOCAL, *_MAP) and self.head.map_unit else self.given.length_unit
 
     def _cell_unit(self, column: Column) -> str:
         for cell in self._cells(column):
@@ -472,13 +484,16 @@ class _Reader:
                 return list_columns.unit_word(found[1])
         return ""
 
-    def _length_unit(self) -> str:
-        """Unit of the lengths that name none: that of the head, else the one of the other lengths of the list."""
+    def _length_unit(self, column: Column) -> str:
+        """Unit of a length that names none: that of the head, else the one of the other lengths of the list."""
         if self.head.strange_unit:
             raise ListFileError(
                 f"{self.name}: the head gives depths in {self.head.strange_unit!r}, which is not understood; say the"
                 " unit with --length-unit"
             )
+        mapped = column.quantity in (*_LOCAL, *_MAP)
+        if mapped and self.head.map_unit:
+            return self.head.map_unit
         if self.head.length_unit:
             return self.head.length_unit
         said = {one.unit for found in self.of.values() for one in found if one.unit in list_columns.LENGTH_UNITS}
@@ -486,10 +501,11 @@ class _Reader:
             unit = said.pop()
             self._assumed_unit(unit, "as other lengths of the list")
             return unit
-        if self.head.hinted_unit:
-            self._assumed_unit(self.head.hinted_unit, "as other lengths in its head")
-            return self.head.hinted_unit
-        return ""
+        hint = self.head.hinted_unit or self.head.map_unit
+        if hint:
+            what = "the elevation of the depth datum" if self.head.hinted_unit else "the coordinates"
+            self._assumed_unit(hint, f"as {what} in its head")
+        return hint
 
     def _assumed_unit(self, unit: str, why: str) -> None:
         text = f"{self.name}: a length without unit is taken in {unit}, {why}"

@@ -57,8 +57,10 @@ _HEAD_X = re.compile(
 )
 _HEAD_Y = re.compile(_HEAD_X.pattern.replace(r"(?:x|east(?:ing)?s?)", r"(?:y|north(?:ing)?s?)"), re.IGNORECASE)
 _IN_BRACKETS = re.compile(
-    r"\b(?:KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b[^()]*\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE
+    r"\b(?P<what>KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b.*?\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE
 )
+# "DX DY ARE GIVEN IN GRID NORTH IN m-UNITS", as Petrel writes it.
+_OFFSETS = re.compile(r"\bDX\b.*\bDY\b", re.IGNORECASE)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,8 +69,9 @@ class Head:
     What a head says.
 
     north: one of NORTHS, or "". strange_north, strange_unit: words that were not understood. length_unit, angle_unit:
-    as in LENGTH_UNITS and ANGLE_UNITS, or "". hinted_unit: unit of other lengths of the head, such as the elevation of
-    the kelly bushing. horizontal: whether angles count from the horizontal. wellhead: northing and easting, m, or None.
+    as in LENGTH_UNITS and ANGLE_UNITS, or "". map_unit: unit of map coordinates and offsets. hinted_unit: unit of the
+    elevation of the depth datum, such as the kelly bushing, which is usually that of depths. horizontal: whether angles
+    count from the horizontal. wellhead: northing and easting, m, or None.
     """
 
     north: str = ""
@@ -76,6 +79,7 @@ class Head:
     length_unit: str = ""
     angle_unit: str = ""
     strange_unit: str = ""
+    map_unit: str = ""
     hinted_unit: str = ""
     horizontal: bool = False
     wellhead: tuple[float, float] | None = None
@@ -96,7 +100,9 @@ def read_head(lines: Iterable[str]) -> Head:
         x, y = _coordinate(_HEAD_X, line) or x, _coordinate(_HEAD_Y, line) or y
         hinted = _IN_BRACKETS.search(line)
         if hinted and unit_word(hinted["said"]) in LENGTH_UNITS:
-            head = dataclasses.replace(head, hinted_unit=unit_word(hinted["said"]))
+            unit = unit_word(hinted["said"])
+            of_map = hinted["what"].upper() == "COORDINATE"
+            head = dataclasses.replace(head, map_unit=unit) if of_map else dataclasses.replace(head, hinted_unit=unit)
     if x is not None and y is not None:
         head = dataclasses.replace(head, wellhead=(y, x))
     if not (head.north or head.strange_north) and told:
@@ -128,6 +134,8 @@ def _units(head: Head, line: str) -> Head:
     said = found["said"].strip(" ,;|\t.\"'")
     for part in (said, *re.split(r"[-,;/|\t]", said)):
         unit = unit_word(part)
+        if unit in LENGTH_UNITS and _OFFSETS.search(line):
+            return dataclasses.replace(head, map_unit=unit)
         if unit in LENGTH_UNITS:
             return dataclasses.replace(head, length_unit=unit, strange_unit="")
         if unit in ANGLE_UNITS:

@@ -104,6 +104,12 @@ def _shifted(
             f"{name}: its first station lies {apart / 1000.0:.1f} km from the wellhead at {wellhead[0]:.2f} m N,"
             f" {wellhead[1]:.2f} m E"
         )
+        for factor in (0.3048, 1.0 / 0.3048):
+            if np.hypot(*(pair[first] * factor - np.array(wellhead))) <= depth + _SITE:
+                raise ListFileError(
+                    f"{far}, as if they were not in one unit; write the unit into the name"
+                    " of each column, such as MD (ft) and X (m)"
+                )
         if "wellhead" not in given.confirm:
             raise ListFileError(
                 f"{far}; check both, also that north and east are not exchanged, or confirm it with --confirm wellhead"
