@@ -163,6 +163,9 @@ _FILLERS = frozenset(
         "in",
         "survey",
         "station",
+        "bh",
+        "drillhole",
+        "drill",
         "sta",
         "stn",
         "borehole",
@@ -205,7 +208,7 @@ _WORDS = {
         "md|measured depth|meas depth|m depth|mdepth|depth|dept|depth md|along hole depth|ahd|tmd|dmd|survey depth|"
         "hole depth|mdrkb|mdkb|mdrt|mdbrt|mddf|meas d|tape depth|drilled depth|total measured depth|"
         "distance along hole|"
-        "孔深|井深|测深|斜深|深度|测量深度|测点深度|钻孔深度|measured|teufe|messteufe|bohrteufe|tiefe|messtiefe|"
+        "孔深|井深|测深|钻深|斜深|深度|测量深度|测点深度|钻孔深度|measured|teufe|messteufe|bohrteufe|tiefe|messtiefe|"
         "bohrlochlange|bohrlochtiefe|bohrlochteufe|profundidad|profundidad medida|profundidade|profundidade medida|"
         "profondeur|profondeur mesuree|profondeur foree|cote foree|profondita|profondita misurata|diepte|"
         "gemeten diepte|diepte langs boorgat|dybde|malt dybde|dybde md|dyp|malt dyp|глубина|глубина по стволу|"
@@ -217,8 +220,8 @@ _WORDS = {
         "inclinazione|inclinatie|зенитный угол|зенит|инклинация"
     ),
     "dip": (
-        "dip|dip angle|hole dip|pitch|pitch angle|plunge|elevation angle|angle from horizontal|倾角|倾斜角|仰俯角|仰角|"
-        "俯角|einfallen|fallen|buzamiento|plongement|falling angle"
+        "dip|dip angle|hole dip|pitch|pitch angle|plunge|elevation angle|angle from horizontal|倾角|倾斜角|"
+        "仰俯角|仰角|俯仰角|俯仰|俯角|einfallen|fallen|buzamiento|plongement|falling angle"
     ),
     "azimuth": (
         "azi|azim|azimuth|az|azm|azmth|azimut|hazi|direction|hole direction|bearing|方位|方位角|acimut|азимут|"
@@ -240,8 +243,12 @@ _WORDS = {
         "e w offset|ew offset|departure|local easting|local eastings|east displacement|displacement east|东西位移|"
         "东位移|东坐标"
     ),
-    "map_north": "northing|northings|y|y coordinate|y coord|map north|map northing|grid northing|utm n|utm north|utm y",
-    "map_east": "easting|eastings|x|x coordinate|x coord|map east|map easting|grid easting|utm e|utm east|utm x",
+    "map_north": (
+        "northing|northings|y|y coordinate|y coord|map north|map northing|grid northing|utm n|utm north|utm y|hochwert"
+    ),
+    "map_east": (
+        "easting|eastings|x|x coordinate|x coord|map east|map easting|grid easting|utm e|utm east|utm x|rechtswert"
+    ),
     "sigma_inclination": "sigma inclination",
     "sigma_azimuth": "sigma azimuth",
     "b_reference": "b reference nt",
@@ -264,6 +271,8 @@ _DIRECTED = {
     **dict.fromkeys(("磁方位", "磁方位角", "磁北方位角"), "magnetic"),
     **dict.fromkeys(("坐标方位", "坐标方位角", "网格方位", "网格方位角", "дирекционный угол"), "grid"),
 }
+# Chinese words before a quantity that do not change it: of the borehole, measured, at the station, drilled, total.
+_BEFORE = ("钻孔", "实测", "测量", "测点", "钻进", "累计", "孔")
 # Quantities that are not read although their names contain a word of a quantity that is read; no remark is made.
 _OTHERS = re.compile(
     r"\bage\b|section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|"
@@ -422,7 +431,7 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
         strange += left
     if quantity == "inclination" and horizontal:
         quantity = "dip"
-    if quantity in _LENGTHS and (behind or (quantity == "tvd" and _SUBSEA & set(strange))):
+    if quantity in _LENGTHS and (behind or "angle" in rest or (quantity == "tvd" and _SUBSEA & set(strange))):
         # "Depth Limit", "Vertical Section", "TVD (SS)": another quantity whose name begins like ours.
         quantity = ""
     if unit.strip() and not own and quantity and quantity not in TEXTS and not strange:
@@ -528,6 +537,11 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
             return _NAMES[joined], list(words[size:]), ""
         if joined in _DIRECTED:
             return "azimuth", list(words[size:]), _DIRECTED[joined]
+    for word in _BEFORE:
+        if words and words[0].startswith(word) and words[0] != word:
+            found = _quantity([words[0].removeprefix(word), *words[1:]])
+            if found[0]:
+                return found
     before = next((k for k, word in enumerate(words) if not _north_word(word) and word not in _FILLERS), 0)
     if before == 0:
         return "", list(words), ""

@@ -208,3 +208,33 @@ def test_a_column_that_the_caller_names_need_not_be_understood_but_its_north_cou
     got = list_of(f"q1 (m);i;{name}\n{rows()}".encode(), "list.csv", told)
     assert_read(got)
     assert got.north == north
+
+
+@pytest.mark.parametrize("depth", ["孔深(m)", "孔深/m", "钻孔深度（米）", "累计孔深(m)", "钻深(m)", "深度（m）"])
+@pytest.mark.parametrize(
+    ("azimuth", "north"),
+    [
+        ("方位角(°)", ""),
+        ("实测方位角/°", ""),
+        ("真方位", "true"),
+        ("真方位角（°）", "true"),
+        ("磁方位(度)", "magnetic"),
+        ("磁方位角", "magnetic"),
+        ("方位角（磁北）", "magnetic"),
+        ("坐标方位角", "grid"),
+    ],
+)
+def test_chinese_names_of_depth_and_azimuth_are_read_with_their_north(depth, azimuth, north):
+    read = list_of(f"{depth},倾角(°),{azimuth}\n0,90,30\n30,87,31\n".encode(), given=Given(dip="down"))
+    assert read.north == north
+    np.testing.assert_allclose(read.md, [0.0, 30.0])
+    np.testing.assert_allclose(np.degrees(read.inclination), [0.0, 3.0], atol=1e-9)
+    np.testing.assert_allclose(np.degrees(read.azimuth), [30.0, 31.0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name", ["设计倾角", "磁倾角", "Magnetic Dip", "Tilt", "Slope", "Vertical angle", "开孔倾角", "孔斜角"]
+)
+def test_an_angle_that_may_be_another_is_never_taken_for_an_inclination(name):
+    with pytest.raises(ListFileError, match="no column for inclination"):
+        list_of(f"md_m,{name},azi\n0,20,30\n30,21,31\n".encode())
