@@ -156,6 +156,8 @@ _NORTH_STEMS = {
     **dict.fromkeys(("gitter", "rutenett", "cuadricul", "quadricul", "quadrill", "дирекцион", "картограф"), "grid"),
     **dict.fromkeys(("magnet", "missweisend", "магнит"), "magnetic"),
 }
+_DENIALS = frozenset(["not", "no", "non", "never", "without", "uncorrected", "nicht", "ohne"])
+_CORRECTED = ("declin", "uncorrect", "converg", "磁偏角", "收敛角")
 _LETTERS = {"t": "true", "g": "grid", "m": "magnetic"}  # behind the unit of an azimuth
 # Words that neither say nor change what a column is.
 _FILLERS = frozenset(
@@ -228,7 +230,8 @@ _WORDS = {
         "azimuth angle|azimute|asimut|richtung|retning|drift azimuth|drift direction|drift dir|bore azimuth"
     ),
     "tvd": (
-        "tvd|vertical depth|true vertical depth|vert depth|tv depth|v depth|vdepth|tvdrkb|tvdkb|tvdrt|tvdbrt|tvdd|垂深|"
+        "true vert depth|true vert|tvd|vertical depth|true vertical depth|"
+        "vert depth|tv depth|v depth|vdepth|tvdrkb|tvdkb|tvdrt|tvdbrt|tvdd|垂深|"
         "垂直深度|vertical|true vertical|teufe senkrecht|senkrechte teufe|vertikale teufe|vertikalteufe|seigerteufe|"
         "vertikal dybde|vertikaldybde|profondeur verticale|profundidad vertical|profundidad vertical verdadera|"
         "profundidade vertical|profondita verticale|verticale diepte|вертикальная глубина|глубина по вертикали"
@@ -459,11 +462,34 @@ def _north_word(word: str) -> str:
     return _NORTH_WORDS.get(word, stem)
 
 
-def north_of(text: str) -> str:
-    """Return the north that some words name, one of NORTHS; "" where they name none."""
+def is_datum_or_north(text: str) -> bool:
+    """Return whether some words, such as those of a line below the names of columns, are all datums or norths."""
     words = _words(text).split()
-    found = {_north_word(w) for w in words} - {""}
-    return found.pop() if len(found) == 1 else ""
+    return bool(words) and all(word in _DATUMS or _north_word(word) for word in words)
+
+
+def north_of(text: str) -> str:
+    """
+    Return the north that some words name, one of NORTHS; "" where they name none.
+
+    Of two norths, as in "from magnetic to true north", the one behind "to" counts. A north that is denied, as in "not
+    corrected to true north", is not named.
+    """
+    words = _words(text).split()
+    if _DENIALS & set(words) or any(word[0] in "未不" for word in words):
+        return ""
+    to = max((k for k, word in enumerate(words) if word in ("to", "into", "auf", "vers")), default=0)
+    for part in (words, words[to:] if to else []):
+        found = {_north_word(w) for w in part} - {""}
+        if len(found) == 1:
+            return found.pop()
+    return ""
+
+
+def mentions_north(text: str) -> bool:
+    """Return whether some words have one of the words for a north, or what turns azimuths to one, among them."""
+    words = _words(text).split()
+    return any(_north_word(word) or any(stem in word for stem in _CORRECTED) for word in words)
 
 
 def factor(column: Column, at: str, given: Given | None = None, otherwise: str = "") -> float:

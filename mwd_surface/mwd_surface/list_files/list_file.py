@@ -158,7 +158,8 @@ def _are_units(cells: Sequence[str]) -> int:
     if any(number_cells.looks_like_number(cell) for cell in cells):
         return 0
     words = [cell.strip().strip("()[]") for cell in cells if cell.strip().strip("()[]-")]
-    return bool(words) and int(any(list_columns.unit_word(word) for word in words) or len(words) == len(cells))
+    named = any(list_columns.unit_word(word) or list_columns.is_datum_or_north(word) for word in words)
+    return bool(words) and int(named or len(words) == len(cells))
 
 
 def _stations(table: Table, given: Given) -> StationList:
@@ -245,9 +246,11 @@ class _Reader:
             first = str(row.cells[0]).strip().lower().rstrip(":. ") if row.cells else ""
             word = str(cells[0]).strip().lower().rstrip(":. ")
             total = not numbers[0] and bool({first, word, *first.split()} & _TOTALS) and bool(kept)
-            worded = not any(c.isdigit() for c in word) and not number_cells.is_null(cells[0])
+            # "Bottom hole: 360 m" has a number, and is not one.
+            worded = (word[:1].isalpha() or not any(c.isdigit() for c in word)) and not number_cells.is_null(cells[0])
+            worded = worded and not number_cells.looks_like_number(cells[0])
             nothing = not any(numbers) and not (number_cells.is_null(cells[0]) and self._has_null(cells))
-            nothing = nothing or (worded and not all(numbers[1:]))
+            nothing = nothing or (worded and (":" in word or not all(numbers[1:])))
             short = bool(kept) and numbers[0] and not any(numbers[1:]) and self._is_sentence(row, kept[-1], depth)
             said = [str(cell) for cell in row.cells if not number_cells.looks_like_number(cell)]
             projected = any(_PROJECTION.search(text) for text in said)
@@ -257,6 +260,9 @@ class _Reader:
             else:
                 kept.append(row)
                 marked = marked + 1 if projected else 0
+        while len(kept) > 1 and str(kept[-1].cells[depth] if depth < len(kept[-1].cells) else "")[:1].isalpha():
+            # Figures of the whole hole, such as its closure, in the columns of a station; above the end it is a typo.
+            notes.append(kept.pop())
         below = len(kept) - announced if announced else 0
         count = max(marked, below if below <= _PROJECTED_ROWS else 0)
         if 0 < count < len(kept):
@@ -466,6 +472,14 @@ class _Reader:
             self.given if self._given_unit(column) else dataclasses.replace(self.given, length_unit="", angle_unit="")
         )
         factor = list_columns.factor(column, self.table.at, given, otherwise)
+        known = {**list_columns.LENGTH_UNITS, **list_columns.ANGLE_UNITS}
+        if column.unit and self._given_unit(column) and known[column.unit] != factor:
+            text = (
+                f"{self.name}: column {column.name!r} states {column.unit!r}; {self._given_unit(column)} is taken, as"
+                " the caller says"
+            )
+            if all(one.text != text for one in self.remarks):
+                self._say(RemarkKind.OVERRIDDEN, text)
         if column.strange and column.unit:
             text = f"{self.name}: {column.strange!r} in the name of column {column.name!r} is not understood"
             self._say(RemarkKind.COLUMN_NOT_READ, text)
@@ -728,6 +742,15 @@ class _Reader:
     def _north(self, rows: Sequence[_Station]) -> str:
         """North of the azimuths: as the caller, the rows, the column or the head says."""
         if self.given.north:
+            stated = {list_columns.north_of(row.texts.get("azimuth_reference", "")) for row in rows}
+            stated = (stated | {self.columns["azimuth"].north}) - {""} or {self.head.north} - {""}
+            if stated - {self.given.north}:
+                words = " and ".join(sorted(stated))
+                text = (
+                    f"{self.name}: it states {words} north for its azimuths; {self.given.north} is taken, as the caller"
+                    " says"
+                )
+                self._say(RemarkKind.OVERRIDDEN, text)
             return self.given.north
         said = {row.texts.get("azimuth_reference", "") for row in rows} - {""}
         norths = {list_columns.north_of(word) for word in said}

@@ -13,7 +13,7 @@ import dataclasses
 import re
 from collections.abc import Iterable
 
-from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS, north_of, unit_word
+from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS, mentions_north, north_of, unit_word
 from mwd_surface.list_files.number_cells import decimal_mark, split, value
 
 _NORTH = re.compile(
@@ -34,6 +34,12 @@ _OF_AZIMUTHS = re.compile(
 _OF_OTHERS = re.compile(
     r"declin|conver|section|closure|field|model|coordinate|\bdip\b|wellhead|well head|slot|northing|easting|tool ?face|"
     r"target|[-=]>|磁偏角|收敛",
+    re.IGNORECASE,
+)
+# Words of a sentence that says from what azimuths count, or what was done to them.
+_SENTENCE = re.compile(
+    r"azi\w*.*\b(?:corrected|uncorrected|referenced|referred|relative|measured|given|are|is|from)\b"
+    r"|\b(?:corrected|uncorrected|referenced|referred)\b.*azi|方位.*(?:校正|修正|改正|未|不)",
     re.IGNORECASE,
 )
 _UNIT = re.compile(
@@ -90,10 +96,16 @@ def read_head(lines: Iterable[str]) -> Head:
     head = Head()
     x = y = None
     told: dict[str, str] = {}  # north -> the line that has its word
+    strange: list[str] = []
     for line in lines:
         for part in (re.sub(r"\([^)]*\)", " ", line), *re.findall(r"\(([^)]*)\)", line)):
-            if _OF_AZIMUTHS.search(part) and not _OF_OTHERS.search(part) and (named := north_of(part)):
+            if not _OF_AZIMUTHS.search(part):
+                continue
+            if named := north_of(part) if not _OF_OTHERS.search(part) else "":
                 told[named] = line.strip()
+            elif _SENTENCE.search(part) and mentions_north(part):
+                # A sentence about azimuths and a north that is not understood is quoted, never treated as absent.
+                strange.append(line.strip())
         head = _units(_north(head, line), line)
         if _HORIZONTAL.search(line):
             head = dataclasses.replace(head, horizontal=True)
@@ -109,6 +121,8 @@ def read_head(lines: Iterable[str]) -> Head:
         # No line says it as a value, but lines about azimuths have the word.
         north = next(iter(told)) if len(told) == 1 else ""
         head = dataclasses.replace(head, north=north, strange_north="" if north else " / ".join(told.values()))
+    elif not (head.north or head.strange_north) and strange:
+        head = dataclasses.replace(head, strange_north=" / ".join(strange))
     return head
 
 

@@ -471,7 +471,9 @@ def _assembled(
             # Empty, or a ruled line.
             continue
         if not rows and is_unit is not None and is_unit([str(cell) for cell in row.cells]):
-            units = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
+            # A second such line may give datum and north.
+            more = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
+            units = tuple(f"{unit} {word}".strip() for unit, word in zip(units, more, strict=True))
             above.add(_plain(row))
         elif _plain(row) in above:
             left_out.append(row)

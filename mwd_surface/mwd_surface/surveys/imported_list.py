@@ -75,7 +75,14 @@ def survey_list(
         )
         remarks.append(Remark(RemarkKind.NORTH_ASSUMED, text))
     well = dataclasses.replace(well, north_reference=north)
-    code = tool_code(stations)
+    codes = tool_codes_of(stations)
+    code = codes.pop() if len(codes) == 1 else ""
+    if len(codes) > 1:
+        text = (
+            f"{stations.name}: its stations name the tool codes {', '.join(sorted(codes))}; {well.error_model} is taken"
+            " for the whole list: --programme gives codes by interval, --code another one"
+        )
+        remarks.append(Remark(RemarkKind.TOOL_ASSUMED, text, {"codes": float(len(codes))}))
     if code and not stations.well:
         well = dataclasses.replace(well, error_model=code)
     start = tie_on
@@ -170,14 +177,13 @@ def reference_in(surveys: SurveyList) -> Reference | None:
     )
 
 
-def tool_code(stations: StationList) -> str:
-    """The tool code that a list names, by itself or in words; empty where it names none or several."""
+def tool_codes_of(stations: StationList) -> set[str]:
+    """Return the tool codes that the stations of a list name, by themselves or in words."""
     from mwd_surface.uncertainty.error_terms import tool_codes
 
     named = {word.strip() for word in stations.tool} - {"", _TIE_IN}
     known = set(tool_codes())
-    codes = {word if word in known else TOOL_CODES.get(word.lower(), "") for word in named}
-    return codes.pop() if len(codes) == 1 else ""
+    return {word if word in known else TOOL_CODES.get(word.lower(), "") for word in named} - {""}
 
 
 def _record(stations: StationList, k: int, north: North, reference: Reference | None, *, every: bool) -> SurveyRecord:
