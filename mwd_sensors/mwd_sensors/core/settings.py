@@ -300,7 +300,7 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if rule.choices and isinstance(value, str) and value not in rule.choices:
         near = difflib.get_close_matches(value, rule.choices, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]}? " if near else ""
-        raise SettingsError(f"{where}: {value!r} is not allowed; {hint}one of {', '.join(rule.choices)}")
+        raise SettingsError(f"{where}: {value!r} is not allowed; {hint}one of {', '.join(filter(None, rule.choices))}")
     return value
 
 

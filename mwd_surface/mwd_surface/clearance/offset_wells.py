@@ -21,7 +21,8 @@ from mwd_sensors.core.frames import wrap_tau
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import setting
 from mwd_surface.clearance.clearance import Clearance, ClearanceRule, clearance, nearest_first
-from mwd_surface.list_files.list_columns import DIPS, NORTHS, Given, columns_of
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.list_settings import OFFSET_WELL, ListSettings, asked
 from mwd_surface.list_files.map_coordinates import wellhead_of
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.trajectory.north import North
@@ -45,9 +46,9 @@ class OffsetWellError(ValueError):
 
 
 @dataclasses.dataclass(frozen=True)
-class OffsetWell:
+class OffsetWell(ListSettings):
     """
-    One offset well.
+    One offset well, and how its list is read.
 
     name: as it is shown. file: its list or plan; relative to the file that names it.
     """
@@ -71,23 +72,6 @@ class OffsetWell:
     )
     planned: bool = setting(
         False, "the file is a plan: its errors are those of surveys every 30 m, not of the stations of the plan"
-    )
-    north: str = setting(
-        "",
-        "north of the azimuths where the list does not state it; empty: the north that the list states",
-        choices=("", *NORTHS),
-    )
-    length_unit: str = setting("", "unit of the lengths where the list does not state it: m, ft or ftus")
-    angle_unit: str = setting("", "unit of the angles where the list does not state it: deg, rad or grad")
-    decimal: str = setting("", "decimal mark where 1,000 may be either", choices=("", "point", "comma"))
-    dip: str = setting("", "where positive angles from the horizontal point", choices=("", *DIPS))
-    columns: str = setting("", "columns of its list by quantity, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI")
-    wellhead_northing_m: float | None = setting(
-        None, "northing of its wellhead in the map coordinates of its list; with wellhead_easting_m", unit="m"
-    )
-    wellhead_easting_m: float | None = setting(None, "easting of its wellhead; see wellhead_northing_m", unit="m")
-    confirm: str = setting(
-        "", "value of its list that is correct although it looks implausible: dogleg, wellhead or depth"
     )
     shared_to_m: float | None = setting(
         None, "measured depth down to which both wells are the same hole, for a sidetrack", unit="m", low=0.0
@@ -159,8 +143,7 @@ def offset_well(
         Its list or its programme cannot be used.
     """
     try:
-        given = _given(offset)
-        plan = read_plan(folder / Path(offset.file).expanduser(), given=given)
+        plan = read_plan(folder / Path(offset.file).expanduser(), given=offset.given())
         remarks = _remarks(offset, plan)
         plan = interpolated(plan, _SPACING) if offset.planned else plan
         programme = (
@@ -169,6 +152,8 @@ def offset_well(
             else Programme.of_code(offset.code)
         )
         errors = programme.errors(ProgrammeStations.plain(plan.md))
+    except ListFileError as error:
+        raise OffsetWellError(f"offset well {offset.name}: {asked(error, OFFSET_WELL)}") from error
     except ValueError as error:
         raise OffsetWellError(f"offset well {offset.name}: {error}") from error
     to_true = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}
@@ -194,30 +179,6 @@ def offset_well(
         reference,
         0.5 * offset.hole_diameter_m,
         remarks=remarks,
-    )
-
-
-def _given(offset: OffsetWell) -> Given:
-    """
-    Return how the file says to read the list of an offset well, as the options of `mwd path` do.
-
-    Raises
-    ------
-    ValueError
-        A word that does not exist, or one coordinate of the wellhead without the other.
-    """
-    place = offset.wellhead_northing_m, offset.wellhead_easting_m
-    if (place[0] is None) != (place[1] is None):
-        raise ValueError("wellhead_northing_m and wellhead_easting_m: give both, or neither")
-    return Given(
-        columns=columns_of(offset.columns),
-        length_unit=offset.length_unit,
-        angle_unit=offset.angle_unit,
-        north=offset.north,
-        decimal=offset.decimal,
-        dip=offset.dip,
-        wellhead=None if place[0] is None or place[1] is None else (place[0], place[1]),
-        confirm=tuple(word.strip() for word in offset.confirm.split(",") if word.strip()),
     )
 
 

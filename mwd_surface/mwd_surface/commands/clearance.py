@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.list_options import PlanSet
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -28,6 +30,7 @@ def clearance(
     plan: Annotated[
         Path | None, typer.Option("--plan", help="Planned path: the well is continued along it, ahead_m of the file.")
     ] = None,
+    plan_set: PlanSet = None,
     leg: Annotated[str | None, typer.Option("--leg", help="Leg other than the current one.")] = None,
     bit_depth: Annotated[float | None, typer.Option("--bit-depth", help="Project the path to this depth, m.")] = None,
 ) -> None:
@@ -49,19 +52,19 @@ def clearance(
     from mwd_surface.clearance.offset_wells import read_offset_wells
     from mwd_surface.clearance.well_clearance import well_clearance
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.exports.clearance_csv import clearance_csv
     from mwd_surface.list_files.list_file import is_list
     from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.clearance_plots import ladder, travelling_cylinder
     from mwd_surface.plots.drawing import png
     from mwd_surface.surveys.survey_source import surveys_of
-    from mwd_surface.trajectory.plan_file import read_plan
 
     if is_list(source):
         raise ValueError(f"{source} is a list of stations: make its path first, mwd path {source} -o DIR, and give DIR")
     surveys, remarks = surveys_of(source)
     surveys = _with_model(surveys, programme, code)
-    planned = None if plan is None else read_plan(plan, surveys.well.north_reference)
+    planned = read_plan_option(plan, plan_set, surveys.well.north_reference)
     near = well_clearance(surveys, read_offset_wells(offsets), planned, bit_depth, leg)
     for remark in dict.fromkeys((*remarks, *sentences(near.remarks))):
         terminal.warn(remark)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.list_options import PlanSet
 from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
 from mwd_surface.exports.export import FORMATS
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 Source = Annotated[
     Path, typer.Argument(metavar="SURVEYS", help="Folder of a run or well, its surveys.json, or a recording.")
 ]
-PlanFile = Annotated[Path | None, typer.Option("--plan", help="Planned path, CSV or WITSML: adds distances to it.")]
+PlanFile = Annotated[Path | None, typer.Option("--plan", help="Planned path, any list: adds distances to it.")]
 LegName = Annotated[str | None, typer.Option("--leg", help="Leg other than the current one.")]
 Bit = Annotated[float | None, typer.Option("--bit-depth", help="Project the path to this depth, m.")]
 WellChanges = Annotated[
@@ -41,6 +42,7 @@ def export(
         Path, typer.Option("--output", "-o", help="File, or folder for one named after the well.")
     ] = Path(),
     plan: PlanFile = None,
+    plan_set: PlanSet = None,
     leg: LegName = None,
     bit_depth: Bit = None,
     changes: WellChanges = None,
@@ -79,7 +81,7 @@ def export(
         if chosen in FORMATS and FORMATS[chosen].ending != ending:
             raise ValueError(f"--output {output}: {chosen} is written as {FORMATS[chosen].ending}")
         folder, name = output.parent, output.name
-    path = write(_table(source, plan, leg, bit_depth, changes), chosen, folder, name)
+    path = write(_table(source, (plan, plan_set), leg, bit_depth, changes), chosen, folder, name)
     terminal.output().print(f"written: {path}", markup=False)
 
 
@@ -87,6 +89,7 @@ def report(
     source: Source,
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the two files.")] = Path(),
     plan: PlanFile = None,
+    plan_set: PlanSet = None,
     leg: LegName = None,
     bit_depth: Bit = None,
     changes: WellChanges = None,
@@ -104,7 +107,7 @@ def report(
     from mwd_surface.commands import terminal
     from mwd_surface.exports.export import export as write
 
-    table = _table(source, plan, leg, bit_depth, changes)
+    table = _table(source, (plan, plan_set), leg, bit_depth, changes)
     for kind in ("html", "pdf"):
         terminal.output().print(f"written: {write(table, kind, output)}", markup=False)
 
@@ -140,18 +143,23 @@ def _time_series(source: Path, output: Path, well: str, reading: Reading) -> Non
 
 
 def _table(
-    source: Path, plan: Path | None, leg: str | None, bit_depth: float | None, changes: list[str] | None
+    source: Path,
+    plan: tuple[Path | None, list[str] | None],
+    leg: str | None,
+    bit_depth: float | None,
+    changes: list[str] | None,
 ) -> SurveyTable:
+    """The printed table of a source; plan: its file and how it is read."""
     import time
 
     from mwd_sensors.core import settings
     from mwd_surface import __version__
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.commands.reference_options import assignments
     from mwd_surface.exports.report_clearance import clearance_sections
     from mwd_surface.exports.survey_table import survey_table
     from mwd_surface.surveys.survey_source import stretches_of, surveys_of
-    from mwd_surface.trajectory.plan_file import read_plan
 
     surveys, notes = surveys_of(source)
     given = assignments(changes)
@@ -166,7 +174,7 @@ def _table(
         terminal.warn(note)
     if not surveys.records:
         raise ValueError(f"{source}: no survey in the list")
-    planned = read_plan(plan, surveys.well.north_reference) if plan is not None else None
+    planned = read_plan_option(*plan, surveys.well.north_reference)
     if planned is not None:
         surveys = surveys.along(planned)
     sections, remarks = clearance_sections(surveys, surveys.plan, bit_depth, leg)

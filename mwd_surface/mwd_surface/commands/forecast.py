@@ -8,6 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.list_options import (
+    AngleUnit,
+    Columns,
+    Confirm,
+    Decimal,
+    Dip,
+    LengthUnit,
+    NorthOption,
+    Wellhead,
+)
 from mwd_surface.commands.reference_options import Changes, Convergence, Date, Declination, Field, Lat, Lon
 
 if TYPE_CHECKING:
@@ -15,12 +25,19 @@ if TYPE_CHECKING:
 
 
 def forecast(
-    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Planned path: CSV, LAS or WITSML.")],
+    plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Planned path in any usual file, as in `mwd path`.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
     code: Annotated[str, typer.Option("--code", help="Tool code, e.g. MWD+IFR1+SAG.")] = "MWD+SRGM",
     axial: Annotated[float, typer.Option(help="Axial interference to expect of the drill string, nT.")] = 0.0,
     limit: Annotated[float, typer.Option(help="Largest sigma of a corrected azimuth that is of use, deg.")] = 2.0,
-    north: Annotated[str, typer.Option(help="North of a plan that does not say it: magnetic, true or grid.")] = "true",
+    columns: Columns = None,
+    length_unit: LengthUnit = "",
+    angle_unit: AngleUnit = "",
+    north: NorthOption = "",
+    decimal: Decimal = "",
+    dip: Dip = "",
+    wellhead: Wellhead = None,
+    confirm: Confirm = None,
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
@@ -40,35 +57,37 @@ def forecast(
       mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
     """
+    options = locals()  # first of all: the options alone, by name
     import math
 
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.list_options import list_settings
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
     from mwd_surface.exports.forecast_csv import forecast_csv
+    from mwd_surface.list_files.remark import sentences
     from mwd_surface.plots.drawing import png
     from mwd_surface.plots.forecast_plot import forecast_figure
-    from mwd_surface.surveys.well import NORTHS
-    from mwd_surface.trajectory.plan_file import read_plan
+    from mwd_surface.surveys.well import Well
+    from mwd_surface.trajectory.plan_file import in_north, read_plan
     from mwd_surface.uncertainty.error_terms import check_tool_code
     from mwd_surface.uncertainty.forecast import corrected_sibling, correction_map
     from mwd_surface.uncertainty.forecast import forecast as work_out
 
     check_tool_code(code)
-    if north not in NORTHS:
-        raise ValueError(f"--north {north}: one of {', '.join(NORTHS)}")
     if not limit > 0.0:
         raise ValueError(f"--limit {limit:g}: must be positive")
-    planned = read_plan(plan)
+    planned = read_plan(plan, given=list_settings(options).given())
+    # Of a plan that does not say its north it is the usual one of a well, with a remark.
+    from_north = planned.north or Well().north_reference
+    planned = in_north(planned, plan, from_north)
     settings = table_settings(None, changes, lat, lon, date, field)
     reference, remarks = table_reference(settings, Known.of(field, declination, convergence))
     if reference is None or reference.total is None:
         raise ValueError("a forecast needs the field: give --lat, --lon and --date, or --field")
-    for remark in remarks:
+    for remark in (*sentences(planned.remarks), *remarks):
         terminal.warn(remark)
     latitude = math.nan if settings.place.lat_deg is None else math.radians(settings.place.lat_deg)
-    found = work_out(
-        planned, planned.north or north, code, reference, latitude, axial=axial * 1e-9, most=math.radians(limit)
-    )
+    found = work_out(planned, from_north, code, reference, latitude, axial=axial * 1e-9, most=math.radians(limit))
     chart = correction_map(code, reference, latitude) if corrected_sibling(code) else None
     _show(found)
     terminal.write(output, {"forecast.csv": forecast_csv(found), "forecast.png": png(forecast_figure(found, chart))})

@@ -8,17 +8,27 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_surface.commands.list_options import (
+    NAMES,
+    AngleUnit,
+    Columns,
+    Confirm,
+    Decimal,
+    Dip,
+    LengthUnit,
+    NorthOption,
+    Wellhead,
+)
 from mwd_surface.commands.reference_options import Changes, Convergence, Date, Declination, Field, Lat, Lon
 
 if TYPE_CHECKING:
     from mwd_surface.exports.survey_table import SurveyTable
+    from mwd_surface.list_files.list_settings import ListSettings
     from mwd_surface.surveys.leg import TieOn
     from mwd_surface.surveys.survey_list import SurveyList
     from mwd_surface.trajectory.list_comparison import PathDifference
 
 _LIST = "List"
-# Options that say how a list is read; a list of a run needs none of them.
-_GIVEN = ("columns", "length_unit", "angle_unit", "north", "decimal", "dip", "wellhead", "confirm")
 # Of the field of a list without times: the first of the model's.
 _USUAL_DAY = "2025-01-01"
 
@@ -38,39 +48,22 @@ def path(
         Path | None, typer.Option(help="Survey programme, YAML: tool codes by interval, in place of one code.")
     ] = None,
     against_code: Annotated[str | None, typer.Option(help="Tool code of the other list.")] = None,
-    columns: Annotated[
-        str | None,
-        typer.Option(help="Which column is what, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.", rich_help_panel=_LIST),
-    ] = None,
-    length_unit: Annotated[
-        str, typer.Option(help="Unit of lengths that the list does not name: m, ft or ftus.", rich_help_panel=_LIST)
-    ] = "",
-    angle_unit: Annotated[str, typer.Option(help="deg, rad or grad.", rich_help_panel=_LIST)] = "",
-    north: Annotated[
-        str, typer.Option(help="North of the list's azimuths: magnetic, true or grid.", rich_help_panel=_LIST)
-    ] = "",
-    decimal: Annotated[
-        str, typer.Option(help="Decimal mark, point or comma, where 1,000 may be either.", rich_help_panel=_LIST)
-    ] = "",
-    dip: Annotated[
-        str,
-        typer.Option(help="Where positive angles from the horizontal point: down or up.", rich_help_panel=_LIST),
-    ] = "",
-    wellhead: Annotated[
-        str | None,
-        typer.Option(
-            help="Northing and easting of the wellhead in the map coordinates of the list, m.",
-            rich_help_panel=_LIST,
-            metavar="NORTHING,EASTING",
-        ),
-    ] = None,
-    confirm: Annotated[
+    against_set: Annotated[
         list[str] | None,
         typer.Option(
-            help="Value that is correct although it looks implausible: dogleg, wellhead or depth. May be repeated.",
-            rich_help_panel=_LIST,
+            "--against-set",
+            help="How the other list is read, with the words of panel List, e.g. length_unit=ft. May be repeated.",
+            metavar="NAME=VALUE",
         ),
     ] = None,
+    columns: Columns = None,
+    length_unit: LengthUnit = "",
+    angle_unit: AngleUnit = "",
+    north: NorthOption = "",
+    decimal: Decimal = "",
+    dip: Dip = "",
+    wellhead: Wellhead = None,
+    confirm: Confirm = None,
     tie_on: Annotated[
         str | None,
         typer.Option(
@@ -111,11 +104,14 @@ def path(
     import dataclasses
 
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.list_options import assigned, list_settings
     from mwd_surface.exports.path_csv import path_csv
+    from mwd_surface.list_files.list_error import ListFileError
+    from mwd_surface.list_files.list_settings import asked
     from mwd_surface.surveys.survey_store import encoded
     from mwd_surface.uncertainty.programme import read_programme
 
-    surveys = _surveys(source, options, code)
+    surveys = _surveys(source, options, list_settings(options), code)
     if programme is not None:
         read_programme(programme)
         well = dataclasses.replace(surveys.well, programme=str(programme.resolve()))
@@ -127,15 +123,24 @@ def path(
         files[stored.name] = encoded(surveys)
     _show(table)
     if against is not None:
-        files |= _compared(table, _surveys(against, options, against_code, surveys), (source.stem, against.stem))
+        # What is said of the list need not hold for the other one.
+        others = {**options, "tie_on": None, "every": every}
+        try:
+            other = _surveys(against, others, assigned(against_set, "--against-set"), against_code, surveys)
+        except ListFileError as error:
+            raise asked(error, "--against-set {}={}") from error
+        files |= _compared(table, other, (source.stem, against.stem))
     terminal.write(output, files)
 
 
-def _surveys(source: Path, options: dict[str, Any], code: str | None, beside: SurveyList | None = None) -> SurveyList:
+def _surveys(
+    source: Path, options: dict[str, Any], said: ListSettings, code: str | None, beside: SurveyList | None = None
+) -> SurveyList:
     """
     The survey list of a source by the options of the command; what must be known about it goes to the screen.
 
-    beside: another list of the same hole, whose place and field hold for this one where it has none.
+    said: how the list is read. beside: another list of the same hole, whose place and field hold for this one where it
+    has none.
     """
     import dataclasses
 
@@ -145,9 +150,10 @@ def _surveys(source: Path, options: dict[str, Any], code: str | None, beside: Su
     from mwd_surface.uncertainty.error_terms import check_tool_code
 
     if is_list(source):
-        surveys, remarks = _imported(source, options, beside)
+        surveys, remarks = _imported(source, options, said, beside)
     else:
-        wrong = [name for name in (*_GIVEN, "tie_on", "every") if options[name]]
+        wrong = [name for name in NAMES if getattr(said, name)]
+        wrong += [name for name in ("tie_on", "every") if options[name] and beside is None]
         if wrong:
             raise ValueError(f"--{wrong[0].replace('_', '-')}: {source} is a list of a run, which says this itself")
         surveys, remarks = surveys_of(source)
@@ -159,35 +165,30 @@ def _surveys(source: Path, options: dict[str, Any], code: str | None, beside: Su
     return surveys
 
 
-def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) -> tuple[SurveyList, tuple[str, ...]]:
+def _imported(
+    source: Path, options: dict[str, Any], said: ListSettings, beside: SurveyList | None
+) -> tuple[SurveyList, tuple[str, ...]]:
     import dataclasses
 
     from mwd_surface.commands.table_reference import Known, table_reference, table_settings
-    from mwd_surface.list_files.list_columns import Given, columns_of
     from mwd_surface.list_files.list_file import read_list
     from mwd_surface.list_files.remark import sentences
-    from mwd_surface.surveys.imported_list import reference_in, survey_list
+    from mwd_surface.surveys.imported_list import reference_in, survey_list, well_of
     from mwd_surface.surveys.well import Well
 
-    given = Given(
-        columns=columns_of(options["columns"] or ""),
-        **{name: str(options[name]).lower() for name in ("length_unit", "angle_unit", "north", "decimal", "dip")},
-        wellhead=_wellhead(options["wellhead"]),
-        confirm=tuple(options["confirm"] or ()),
-    )
-    stations = read_list(source, given)
+    stations = read_list(source, said.given())
     settings = table_settings(None, options["changes"], *(options[name] for name in ("lat", "lon", "date", "field")))
     known = Known.of(options["field"], options["declination"], options["convergence"])
     reference, remarks = table_reference(settings, known, stations.time, _USUAL_DAY)
     if reference is None and beside is not None:
         reference, well = reference_in(beside), dataclasses.replace(beside.well, name=source.stem)
     else:
-        well = Well(
-            name=source.stem,
-            latitude_deg=settings.place.lat_deg,
-            longitude_deg=settings.place.lon_deg,
-            geomagnetic_model=reference.source if reference is not None else "",
-        )
+        north = "true" if beside is None else beside.well.north_reference
+        well = well_of(stations) or Well(name=source.stem, north_reference=north)
+        if reference is not None:
+            well = dataclasses.replace(well, geomagnetic_model=reference.source)
+        if settings.place.lat_deg is not None:
+            well = dataclasses.replace(well, latitude_deg=settings.place.lat_deg, longitude_deg=settings.place.lon_deg)
     tie_on = options["tie_on"]
     surveys = survey_list(
         stations,
@@ -197,16 +198,6 @@ def _imported(source: Path, options: dict[str, Any], beside: SurveyList | None) 
         every=options["every"],
     )
     return surveys, (*remarks, *sentences((*surveys.remarks, *surveys.definitive().assumptions)))
-
-
-def _wellhead(text: str | None) -> tuple[float, float] | None:
-    if text is None:
-        return None
-    try:
-        northing, easting = (float(part) for part in text.split(","))
-    except ValueError:
-        raise ValueError(f"--wellhead {text}: expected NORTHING,EASTING in m") from None
-    return northing, easting
 
 
 def _tie_on(text: str) -> TieOn:
@@ -255,7 +246,13 @@ def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> 
     from mwd_surface.trajectory.list_comparison import difference
 
     well = dataclasses.replace(other.well, north_reference=table.surveys.well.north_reference)
-    second = _table(other.configured(well, other.rules))
+    try:
+        turned = other.configured(well, other.rules)
+    except ValueError as error:
+        raise ValueError(
+            f"--against: {error}; give --convergence, and --declination where one list is from magnetic north"
+        ) from error
+    second = _table(turned)
     found = difference(table.path, second.path, (table.covariance, second.covariance))
     _show_difference(found, names)
     return {"comparison.csv": comparison_csv(found), "comparison.png": picture(found, *names)}
@@ -289,7 +286,7 @@ def _show_difference(found: PathDifference, names: tuple[str, str]) -> None:
         sigmas = found.sigmas[k]
         table.add_row(
             f"{found.md[k]:.1f}",
-            *(f"{math.degrees(v):+.2f}" for v in found.turn[k]),
+            *(f"{math.degrees(v):+.2f}" if math.isfinite(v) else "-" for v in found.turn[k]),
             *(f"{v:+.2f}" for v in found.position[k]),
             f"{sigmas:.1f}" if math.isfinite(sigmas) else "-",
         )

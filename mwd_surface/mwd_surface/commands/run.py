@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from mwd_surface.commands.list_options import PlanSet
 from mwd_surface.commands.run_graph import RunOptions, run_graph
 from mwd_surface.commands.run_options import (
     Hold,
@@ -52,6 +54,7 @@ def run(
     hold: Hold = False,
     token: Token = None,
     plan: Plan = None,
+    plan_set: PlanSet = None,
     changes: Set = None,
     params: Params = None,
 ) -> None:
@@ -72,6 +75,7 @@ def run(
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.bags.recorder.folder import recordings_named
     from mwd_surface.commands import node, terminal
+    from mwd_surface.commands.list_options import assigned
     from mwd_surface.runs import launch_plan
 
     with node.without_ros():
@@ -102,6 +106,10 @@ def run(
         _add_link(parameters, story, folder.resolve())
     if plan is not None:
         parameters["surface"]["plan.file"] = str(plan.resolve(strict=True))
+        said = dataclasses.asdict(assigned(plan_set, "--plan-set"))
+        parameters["surface"] |= {f"plan.{name}": word for name, word in said.items() if word}
+    elif plan_set:
+        raise ValueError("--plan-set: there is no --plan to read")
     parameters["surface"] |= page_secret(token, folder)
     from_true_north = dict(parameters["surface"])
     set_parameters(parameters, changes)

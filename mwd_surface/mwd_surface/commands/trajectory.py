@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.list_options import (
+    AngleUnit,
+    Columns,
+    Confirm,
+    Decimal,
+    Dip,
+    LengthUnit,
+    NorthOption,
+    Wellhead,
+)
+
 if TYPE_CHECKING:
+    from mwd_surface.list_files.list_settings import ListSettings
     from mwd_surface.surveys.survey_list import SurveyList
     from mwd_surface.trajectory.dense_trajectory import Continuous
 
@@ -28,6 +40,22 @@ def trajectory(
         Path | None, typer.Option(help="Slide sheet, slides.jsonl; by default the one beside the list.")
     ] = None,
     step: Annotated[float, typer.Option(help="Distance of the points, m.")] = 1.0,
+    continuous_set: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--continuous-set",
+            help="How the continuous table is read, with the words of panel List. May be repeated.",
+            metavar="NAME=VALUE",
+        ),
+    ] = None,
+    columns: Columns = None,
+    length_unit: LengthUnit = "",
+    angle_unit: AngleUnit = "",
+    north: NorthOption = "",
+    decimal: Decimal = "",
+    dip: Dip = "",
+    wellhead: Wellhead = None,
+    confirm: Confirm = None,
 ) -> None:
     """
     Join the survey stations by continuous inclination and azimuth, or by the slide sheet where there are none.
@@ -41,8 +69,12 @@ def trajectory(
       mwd trajectory processed --recording bags/run_7 -o dense
       mwd trajectory list.csv --continuous continuous.las -o dense --step 0.5
     """
+    options = locals()  # first of all: the options alone, by name
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.list_options import assigned, list_settings
     from mwd_surface.exports.trajectory_files import summary, trajectory_csv, trajectory_las
+    from mwd_surface.list_files.list_file import is_list
+    from mwd_surface.list_files.list_settings import ListSettings
     from mwd_surface.plots.trajectory_plot import trajectory_plot
     from mwd_surface.surveys.survey_source import stretches_of, surveys_of
     from mwd_surface.trajectory.dense_trajectory import dense_trajectory
@@ -50,11 +82,20 @@ def trajectory(
 
     if continuous is not None and recording is not None:
         raise ValueError("--continuous and --recording: give one of them")
-    surveys, remarks = surveys_of(source)
+    said = list_settings(options)
+    if said != ListSettings() and not is_list(source):
+        raise ValueError(
+            f"{source} is a list of a run, which says itself how it is read; leave out the options of panel List"
+        )
+    surveys, remarks = surveys_of(source, said.given())
     if slides is not None and not slides.is_file():
         raise ValueError(f"--slides {slides}: no such file")
     stretches = read_stretches(slides)[0] if slides is not None else stretches_of(source)[0]
-    given = _continuous(source, surveys, continuous, recording)
+    given = (
+        _of_recording(source, surveys, recording)
+        if continuous is None
+        else _of_table(continuous, assigned(continuous_set, "--continuous-set"))
+    )
     if given is None and not stretches:
         raise ValueError(f"{source} has no slide sheet: give --slides, --continuous or --recording")
     path = surveys.definitive()
@@ -65,26 +106,37 @@ def trajectory(
         terminal.warn("nothing is known of any interval between stations: every one is an arc")
     terminal.output().print(summary(found), markup=False)
     files: dict[str, str | bytes] = {
-        "trajectory.csv": trajectory_csv(found, path.north.name.lower()),
-        "trajectory.las": trajectory_las(found, surveys.well),
+        "trajectory.csv": trajectory_csv(found, path),
+        "trajectory.las": trajectory_las(found, surveys),
         "trajectory.png": trajectory_plot(found),
     }
     terminal.write(output, files)
 
 
-def _continuous(source: Path, surveys: SurveyList, table: Path | None, recording: Path | None) -> Continuous | None:
-    """Continuous measurements of a table or of a processed recording; None where neither is given."""
-    from mwd_surface.bags.bag_reader import Bag
-    from mwd_surface.list_files.list_columns import Given
+def _of_table(table: Path, said: ListSettings) -> Continuous:
+    """Continuous measurements of a table."""
+    import dataclasses
+
+    from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_file import read_list
-    from mwd_surface.processing import run_folder
-    from mwd_surface.processing.continuous_log import continuous_log
+    from mwd_surface.list_files.list_settings import asked
     from mwd_surface.trajectory.dense_trajectory import Continuous
 
-    if table is not None:
-        # Samples lie so close together that their noise looks like a dogleg.
-        read = read_list(table, Given(confirm=("dogleg",)))
-        return Continuous(read.md, read.inclination, read.azimuth)
+    # Samples lie so close together that their noise looks like a dogleg.
+    said = dataclasses.replace(said, confirm=f"{said.confirm},dogleg")
+    try:
+        read = read_list(table, said.given())
+    except ListFileError as error:
+        raise asked(error, "--continuous-set {}={}") from error
+    return Continuous(read.md, read.inclination, read.azimuth)
+
+
+def _of_recording(source: Path, surveys: SurveyList, recording: Path | None) -> Continuous | None:
+    """Continuous measurements of a processed recording; None where none is given."""
+    from mwd_surface.bags.bag_reader import Bag
+    from mwd_surface.processing import run_folder
+    from mwd_surface.processing.continuous_log import continuous_log
+
     if recording is None:
         return None
     folder = source if source.is_dir() else source.parent

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from mwd_surface.commands.list_options import PlanSet
 from mwd_surface.commands.recording_options import Reading, given_names, input_settings, reads_recording
 
 if TYPE_CHECKING:
@@ -28,8 +29,9 @@ def view(
     rate: Annotated[float, typer.Option(help="Seconds of the recording in a second.")] = 1.0,
     paused: Annotated[bool, typer.Option("--paused", help="Do not play until the button is pressed.")] = False,
     plan: Annotated[
-        Path | None, typer.Option(help="Planned path, CSV or WITSML; by default the file named in the recording.")
+        Path | None, typer.Option(help="Planned path, any list; by default the file named in the recording.")
     ] = None,
+    plan_set: PlanSet = None,
     *,
     reading: Reading,
 ) -> None:
@@ -71,7 +73,7 @@ def view(
         bag = held.enter_context(Bag(recording))
         for note in worth_saying(bag):
             terminal.warn(note)
-        planned = _plan(bag, plan)
+        planned = _plan(bag, plan, plan_set)
         settings = recorded_well(bag, namespace_of(bag))
         if not namespace_of(bag):
             bag = held.enter_context(estimated(bag, input_settings({**reading, "start_s": None}), read))
@@ -130,18 +132,25 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
         time.sleep(0.0 if seeking else max(0.0, _PERIOD_S - (time.monotonic() - now)))
 
 
-def _plan(bag: Bag, path: Path | None) -> Plan | None:
-    """The plan of a file, or of the file that the surface node of the recording had."""
+def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
+    """The plan of a file, read as --plan-set says, or of the file that the surface node of the recording had."""
     from mwd_surface.commands import terminal
+    from mwd_surface.commands.list_options import read_plan_option
+    from mwd_surface.list_files.list_error import ListFileError
+    from mwd_surface.list_files.list_settings import asked
     from mwd_surface.runs.player import named_plan
     from mwd_surface.trajectory.plan_file import read_plan
 
-    if path is not None:
-        return read_plan(path)
+    if path is not None or said:
+        return read_plan_option(path, said)
     named = named_plan(bag)
-    if named is None:
+    if not named.file:
         return None
-    if not named.is_file():
-        terminal.remark(f"the plan of this recording, {named}, is not on this machine; --plan names it")
+    file = Path(named.file).expanduser()
+    if not file.is_file():
+        terminal.remark(f"the plan of this recording, {file}, is not on this machine; --plan names it")
         return None
-    return read_plan(named)
+    try:
+        return read_plan(file, given=named.given())
+    except ListFileError as error:
+        raise asked(error, "--plan-set {}={}") from error

@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from mwd_sensors.core.constants import CELSIUS_ZERO
 from mwd_surface.exports.survey_table import SurveyTable, degrees, fixed, plain, utc
 from mwd_surface.surveys.azimuth_source import azimuth_source
+from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.surveys.station_quality import totals
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Verdict
@@ -41,6 +42,7 @@ def definitive_csv(table: SurveyTable) -> str:
     """
     lines = [f"# {label}: {value}" for label, value in table.header]
     lines += [f"# {why}" for why in (*table.left_out, *map(plain, table.remarks))]
+    lines += [f"# {line}" for line in provenance_of(table.surveys, table.path.leg).lines()]
     nothing = dict.fromkeys(_decided(_NO_RECORD, table.surveys.north), quoted(""))
     lines.append(",".join([*(c.key for c in table.columns), "station", "coordinates", *nothing]))
     bare = nothing | {"leg": quoted(table.path.leg), "survey": ""}
@@ -53,9 +55,14 @@ def definitive_csv(table: SurveyTable) -> str:
     return "\n".join(lines) + "\n"
 
 
-def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = ()) -> str:
-    """Every survey of the list, used or not, by number: time, depth, six axes, totals, azimuths, judgements."""
+def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: Iterable[str] = ()) -> str:
+    """
+    Every survey of the list, used or not, by number: time, depth, six axes, totals, azimuths, judgements.
+
+    header, notes: label and value of the head block, and lines below it.
+    """
     lines = [f"# {label}: {value}" for label, value in header]
+    lines += [f"# {plain(note)}" for note in notes]
     ordered = sorted(surveys.records, key=lambda r: r.survey.sequence)
     methods = tuple(dict.fromkeys(a.method for r in ordered for a in r.survey.azimuths))
     lines.append(",".join(_raw(_NO_RECORD, methods)))
@@ -114,8 +121,8 @@ def _raw(record: SurveyRecord, methods: tuple[str, ...]) -> dict[str, str]:
         **_axes("magnetic_field_{}_nt", s.magnetic_field, 1, 1e9, magnetic),
         **_axes("angular_rate_{}_degph", s.angular_rate, 3, _DEG * 3600.0, s.has_readings),
         "temperature_degc": fixed(s.temperature, 2) if s.temperature > -CELSIUS_ZERO else "",
-        "duration_s": fixed(s.duration, 3),
-        "samples": str(s.samples),
+        "duration_s": fixed(s.duration, 3) if s.has_readings else "",
+        "samples": str(s.samples) if s.has_readings else "",
         "g_total_mps2": fixed(s.g_total, 6) if s.has_readings else "",
         "b_total_nt": _known(s.b_total, 1, 1e9),
         "dip_deg": fixed(s.dip * _DEG, 4) if s.b_total >= 0.0 else "",

@@ -17,6 +17,7 @@ from mwd_sensors.core.arrays import Array
 from mwd_surface.exports.survey_table import SurveyTable
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
+from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, SURVEY, TIE_ON
 
@@ -47,17 +48,18 @@ def las(table: SurveyTable) -> str:
         ("SRVC", well.service_company, "SERVICE COMPANY"),
         ("DATE", f"{moment:%Y-%m-%d}", "DATE OF THE FILE, UTC"),
     ):
-        file.well[mnemonic] = item(mnemonic, value=_value(value), descr=descr)
+        file.well[mnemonic] = item(mnemonic, value=as_value(value), descr=descr)
     file.well["NULL"].value = NULL
     for k, (label, value) in enumerate(table.header, start=1):
-        file.params.append(item(f"H{k:02d}", value=_value(value), descr=_value(label)))
+        file.params.append(item(f"H{k:02d}", value=as_value(value), descr=as_value(label)))
     for k, why in enumerate(table.left_out, start=1):
-        file.params.append(item(f"X{k:02d}", value=_value(why), descr="LEFT OUT"))
+        file.params.append(item(f"X{k:02d}", value=as_value(why), descr="LEFT OUT"))
     assumptions = sentences(table.path.assumptions)
     for k, remark in enumerate(table.remarks, start=1):
         # Only what flags the coordinates (ASMD) is called assumed.
         descr = "ASSUMED" if remark in assumptions else "REMARK"
-        file.params.append(item(f"A{k:02d}", value=_value(remark), descr=descr))
+        file.params.append(item(f"A{k:02d}", value=as_value(remark), descr=descr))
+    file.other = "\n".join(provenance_of(table.surveys, table.path.leg).lines())
     formats: dict[int, str] = {}
     for column in table.columns:
         if all(v is None for v in column.values):
@@ -81,7 +83,7 @@ def las(table: SurveyTable) -> str:
     file.append_curve("KIND", np.array([kinds[k] for k in table.path.kind]), descr=words)
     formats[len(formats)] = "%.0f"
     flag = np.full(len(table.records), float(table.path.assumed))
-    file.append_curve("ASMD", flag, descr="depths and positions, 0 measured, 1 rest on an assumption")
+    file.append_curve("ASMD", flag, descr="depths and positions, 0 measured, 1 assumed")
     text = io.StringIO()
     depth = table.column("md_m")
     # Stations stand where they were taken: a step of 0 says so.
@@ -109,6 +111,7 @@ def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
     ]
 
 
-def _value(text: str) -> str:
+def as_value(text: str) -> str:
+    """Return a text that may stand as a value in a header line of LAS."""
     # A colon before a space parts value and description; inside a time it does no harm.
     return re.sub(r"\s*:\s+", ", ", text)

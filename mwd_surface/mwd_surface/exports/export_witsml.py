@@ -19,10 +19,12 @@ import numpy as np
 from mwd_surface.exports.survey_table import SurveyTable, degrees, fixed, plain, utc
 from mwd_surface.signals.units import UNITS
 from mwd_surface.surveys.azimuth_source import azimuth_source
+from mwd_surface.surveys.imported_list import provenance_of
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
 from mwd_surface.trajectory.well_path import ASSUMED
 
 NAMESPACE = "http://www.witsml.org/schemas/1series"
+_OWN = "urn:mwd:provenance"
 _DEG = 180.0 / math.pi
 _NAME, _COMMENT, _UID = 64, 4000, 64
 # Elements of a station in the order of the schema; those between the two groups are not in every list.
@@ -67,6 +69,10 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     stations = [_station(table, k, seen) for k in rows]
     notes = [*table.left_out, *left_out, *table.remarks, f"position uncertainty: {table.covariance_note}"]
     common = _text("dTimCreation", utc(table.made_ns)) + _text("comments", "; ".join(notes), _COMMENT)
+    provenance = "".join(
+        f'<provenance xmlns="{_OWN}">{escape(line)}</provenance>'
+        for line in provenance_of(table.surveys, table.path.leg).lines()
+    )
     return "\n".join(
         [
             '<?xml version="1.0" encoding="UTF-8"?>',
@@ -75,6 +81,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
             *head,
             *stations,
             f"<commonData>{common}</commonData>",
+            f"<customData>{provenance}</customData>",
             "</trajectory>",
             "</trajectorys>",
             "",

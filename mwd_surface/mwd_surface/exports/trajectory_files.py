@@ -8,8 +8,12 @@ import math
 
 import numpy as np
 
-from mwd_surface.surveys.well import Well
+from mwd_surface.exports.export_las import as_value
+from mwd_surface.list_files.remark import sentences
+from mwd_surface.surveys.imported_list import provenance_of
+from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.trajectory.dense_trajectory import ARC, CONTINUOUS, SLIDES, STATION, DenseTrajectory
+from mwd_surface.trajectory.well_path import Definitive
 
 # Name in the CSV, mnemonic and unit in the LAS file, decimals.
 _COLUMNS = (
@@ -27,21 +31,34 @@ _SOURCES = (STATION, CONTINUOUS, SLIDES, ARC)
 _NOTE = "HIGH-DENSITY TRAJECTORY, NOT THE DEFINITIVE SURVEY"
 
 
-def trajectory_csv(found: DenseTrajectory, north: str) -> str:
-    """The trajectory as text, one line a point. north: what azimuths and axes refer to."""
-    names = ",".join([*(name for name, *_ in _COLUMNS), "azimuth_reference", "source"])
+def trajectory_csv(found: DenseTrajectory, path: Definitive) -> str:
+    """
+    The trajectory as text, one line a point.
+
+    path: between whose stations it lies; the column `coordinates` says "assumed" where the path rests on an assumption.
+    """
+    north, assumed = path.north.name.lower(), "assumed" if path.assumed else ""
+    names = ",".join([*(name for name, *_ in _COLUMNS), "azimuth_reference", "source", "coordinates"])
     lines = [names]
     for row, source in zip(_values(found), found.source, strict=True):
         cells = [f"{value:.{column[3]}f}" for value, column in zip(row, _COLUMNS, strict=True)]
-        lines.append(",".join([*cells, north, source]))
+        lines.append(",".join([*cells, north, source, assumed]))
     return "\n".join(lines) + "\n"
 
 
-def trajectory_las(found: DenseTrajectory, well: Well) -> str:
-    """The trajectory as a LAS 2.0 file; SRC: 0 station, 1 continuous, 2 slide sheet, 3 arc."""
+def trajectory_las(found: DenseTrajectory, surveys: SurveyList) -> str:
+    """
+    The trajectory as a LAS 2.0 file; SRC: 0 station, 1 continuous, 2 slide sheet, 3 arc.
+
+    surveys: the list between whose stations it lies, with its well and its remarks.
+    """
     import lasio
 
     file = lasio.LASFile()
+    well, provenance = surveys.well, provenance_of(surveys)
+    for k, remark in enumerate(sentences(provenance.remarks), start=1):
+        file.params.append(lasio.HeaderItem(f"A{k:02d}", value=as_value(remark), descr="REMARK"))
+    file.other = "\n".join(provenance.lines())
     file.well["WELL"] = lasio.HeaderItem("WELL", value=well.name or "unnamed", descr="WELL")
     file.params.append(lasio.HeaderItem("KIND", value=_NOTE, descr="CONTENT"))
     file.params.append(lasio.HeaderItem("AZREF", value=well.north_reference, descr="NORTH OF AZIMUTHS AND AXES"))

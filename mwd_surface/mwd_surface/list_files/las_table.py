@@ -12,12 +12,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from mwd_sensors.core import budgets
+from mwd_surface.list_files.grid_file import Row
 from mwd_surface.list_files.list_columns import column_of, north_of
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import Cell
-from mwd_surface.list_files.table import Row, Table
+from mwd_surface.list_files.table import Table
 
 _LINE = re.compile(r"^\s*(?P<name>[^.:\s]+)\s*\.(?P<unit>\S*)\s*(?P<value>.*?)\s*:\s*(?P<words>.*)$")
+# Curves of our own exports whose numbers stand for words, and the text column that they are.
+_CODED = {"KIND": "station", "ASMD": "coordinates"}
 _DELIMITERS = {"COMMA": ",", "TAB": "\t"}
 
 
@@ -55,17 +58,28 @@ def _curves(text: str, name: str) -> Table:
         data = np.atleast_2d(file.data)
     except Exception as error:  # lasio raises whatever its parsing meets
         raise ListFileError(f"{name}: cannot be read as LAS: {error}") from error
-    names = [curve.mnemonic for curve in file.curves]
-    # Our own export says with KIND 2 that a row is a projection to the bit.
-    kind = names.index("KIND") if "KIND" in names else None
+    # Verdicts and flags of our own exports are codes that their description spells out, not quantities.
+    texts = {
+        k: (_CODED[curve.mnemonic], dict(re.findall(r"(\d+) ([\w-]+)", str(curve.descr))))
+        for k, curve in enumerate(file.curves)
+        if curve.mnemonic in _CODED and re.search(r"\b0 [a-z]", str(curve.descr))
+    }
+    columns = [k for k, curve in enumerate(file.curves) if not str(curve.descr).startswith("verdict ")]
     rows = []
-    for k, row in enumerate(data, start=1):
-        if kind is None or str(row[kind]) not in ("2", "2.0"):
-            rows.append(Row(f"{name}, row {k}", tuple(_cell(value) for value in row)))
+    for number, row in enumerate(data, start=1):
+        cells = (texts[k][1].get(_code(row[k]), "") if k in texts else _cell(row[k]) for k in columns)
+        rows.append(Row(f"{name}, row {number}", tuple(cells)))
+    names = tuple(texts[k][0] if k in texts else file.curves[k].mnemonic for k in columns)
     head = [f"{item.descr or item.mnemonic}: {item.value}" for item in (*file.well, *file.params)]
     head += [_described(curve.mnemonic, str(curve.descr)) for curve in file.curves]
-    units = tuple(str(curve.unit or "") for curve in file.curves)
-    return Table(name, name, tuple(names), units, tuple(rows), tuple(head))
+    head += str(file.other or "").splitlines()
+    units = tuple(str(file.curves[k].unit or "") for k in columns)
+    return Table(name, name, names, units, tuple(rows), tuple(head))
+
+
+def _code(value: object) -> str:
+    """A code as its description has it."""
+    return f"{value:.0f}" if isinstance(value, (int, float, np.number)) else str(value)
 
 
 def _described(name: str, words: str) -> str:

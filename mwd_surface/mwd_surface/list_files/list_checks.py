@@ -25,13 +25,15 @@ _ARC = 60.0  # m; stations farther apart leave out others
 _IMPOSSIBLE = 100_000.0  # m; no caller can confirm more
 # A dogleg that no usual hole has, rad/m; short radius drilling, which has more, is confirmed by the caller.
 _DOGLEG = math.radians(30.0) / 30.0
+# A misfit of north and east by more, m, is explained by mixed units where these leave less than this share of it.
+_NOTICED, _CLEARLY = 0.3, 0.1
 # Two tools or two roundings may differ by this at neighbouring stations, rad.
 _ROUNDING = math.radians(1.0)
 
 
-def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
+def check_depths(md: Array, at: Sequence[str], given: Given) -> tuple[Remark, ...]:
     """
-    Refuse depths that no hole has.
+    Refuse depths that no hole has; return what was confirmed.
 
     Raises
     ------
@@ -44,12 +46,13 @@ def check_depths(md: Array, at: Sequence[str], given: Given) -> None:
         raise ListFileError(
             f"{at[k]}: measured depth {md[k]:g} m is deeper than any hole can be; check the unit and the decimal mark"
         )
-    for k in map(int, np.flatnonzero(md > DEEPEST)):
-        if "depth" not in given.confirm:
-            raise ListFileError(
-                f"{at[k]}: measured depth {md[k]:g} m is deeper than any hole; check the unit and the decimal mark, or"
-                " confirm it with --confirm depth"
-            )
+    deep = np.flatnonzero(md > DEEPEST)
+    if not deep.size:
+        return ()
+    text = f"{at[deep[0]]}: measured depth {md[deep[0]]:g} m is deeper than any hole"
+    if "depth" in given.confirm:
+        return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"depth": float(md[deep[0]])}),)
+    raise ListFileError(f"{text}; check the unit and the decimal mark, or confirm it with --confirm depth")
 
 
 def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given: Given) -> tuple[Remark, ...]:
@@ -76,7 +79,7 @@ def check_doglegs(columns: tuple[Array, Array, Array], at: Sequence[str], given:
     if sharp.size > 1:
         text += f" ({sharp.size} intervals of the list do)"
     if "dogleg" in given.confirm:
-        return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"dogleg_severity": float(severity)}),)
+        return (Remark(RemarkKind.CONFIRMED, f"{text}; confirmed", {"dogleg": float(severity)}),)
     raise ListFileError(f"{text}: check depths, units and angles, or confirm it with --confirm dogleg")
 
 
@@ -124,6 +127,37 @@ def check_positions(name: str, columns: tuple[Array, Array, Array], positions: A
             f"{at[k]}: {POSITION[axis]} {given:.2f} m does not fit the angles, which give"
             f" {given - difference[k, axis]:.2f} m; {_cause(columns, positions)}"
         )
+    _check_units(name, columns, positions, difference)
+
+
+def _check_units(name: str, columns: tuple[Array, Array, Array], positions: Array, difference: Array) -> None:
+    """
+    Refuse lengths in two units that a nearly vertical hole hides: what is allowed is more than it moves sideways.
+
+    Raises
+    ------
+    ListFileError
+        North and east fit far better where they or the depths are taken in the other unit.
+    """
+    apart = _sideways(difference)
+    if not apart > _NOTICED:
+        return
+    md, inc, azi = columns
+    for factor, words in (
+        (0.3048, "depths in feet and north and east in metres"),
+        (1.0 / 0.3048, "depths in metres and north and east in feet"),
+    ):
+        other = _sideways(misfit((md * factor, inc, azi), positions))
+        if other < _CLEARLY * apart:
+            raise ListFileError(
+                f"{name}: north and east are up to {apart:.2f} m from where the angles lead, and {other:.2f} m with"
+                f" {words}; write the unit into the name of each column, such as MD (ft) and X (m)"
+            )
+
+
+def _sideways(difference: Array) -> float:
+    """Largest distance in the map, m; 0 where north and east are not known."""
+    return float(np.nanmax(np.hypot(difference[:, 0], difference[:, 1]), initial=0.0))
 
 
 def turn_between(columns: tuple[Array, Array, Array], positions: Array) -> float:
@@ -150,7 +184,7 @@ def _cause(columns: tuple[Array, Array, Array], positions: Array) -> str:
     flat, deep = np.array([foot, foot, 1.0]), np.array([1.0, 1.0, foot])
     degrees = 180.0 / math.pi
     dips = "the inclinations are angles from the horizontal (dips): name the column dip"
-    mixed = "feet and metres are mixed:"
+    mixed = "feet and metres are mixed; write the unit into the name of each column, such as MD (ft) and X (m):"
     turned = (
         "the azimuths are from another north than the north and east columns, which are turned from them by"
         f" {math.degrees(turn):+.2f} deg"

@@ -24,7 +24,7 @@ ANGLES = (
     *("inclination", "dip", "azimuth", "sigma_inclination", "sigma_azimuth"),
     *(n for n, f in FIGURES.items() if not f),
 )
-TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station")
+TEXTS = ("azimuth_reference", "tool", "time", "verdict", "station", "coordinates", "in_use", "leg")
 NORTHS = ("true", "grid", "magnetic")
 DIPS = ("down", "up")  # where a positive angle from the horizontal points
 CONFIRMABLE = ("dogleg", "wellhead", "depth")
@@ -45,7 +45,53 @@ LENGTH_UNITS = {
         ),
         1200.0 / 3937.0,
     ),
+    **dict.fromkeys(("km", "kilometer", "kilometers", "kilometre", "kilometres", "км"), 1000.0),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
+    **dict.fromkeys(("inch", "inches"), 0.0254),
+    **dict.fromkeys(("yd", "yds", "yard", "yards"), 0.9144),
 }
+# Units of lengths and angles in WITSML that are not words of other files, m and rad. Source: Energistics Unit of
+# Measure Standard 1.0; the old feet as the EPSG dataset has them.
+ENERGISTICS_UNITS = {
+    "in": 0.0254,
+    "dm": 0.1,
+    "mi": 1609.344,
+    "fathom": 1.8288,
+    "chain": 20.1168,
+    "ftUS": 1200.0 / 3937.0,
+    "inUS": 100.0 / 3937.0,
+    "ydUS": 3600.0 / 3937.0,
+    "miUS": 5280.0 * 1200.0 / 3937.0,
+    "ftCla": 0.3047972654,
+    "ftSe": 0.304799471538676,
+    "ftSe(t)": 0.304799333333333,
+    "ftBnA": 0.304799733333333,
+    "ftBnB": 0.304799734763271,
+    "ftGC": 0.304799710181509,
+    "ftInd": 0.304799510248147,
+    "ftInd(37)": 0.30479841,
+    "ftInd(62)": 0.3047996,
+    "ftInd(75)": 0.3047995,
+    "ft[US]": 1200.0 / 3937.0,
+    "ft[Cla]": 0.3047972654,
+    "ft[Se]": 0.304799471538676,
+    "ft[Ind]": 0.304799510248147,
+    "in[US]": 100.0 / 3937.0,
+    "yd[US]": 3600.0 / 3937.0,
+    "mi[US]": 5280.0 * 1200.0 / 3937.0,
+    "mrad": 1e-3,
+    "urad": 1e-6,
+    "mina": math.pi / 10_800.0,
+    "seca": math.pi / 648_000.0,
+    "min[angl]": math.pi / 10_800.0,
+    "sec[angl]": math.pi / 648_000.0,
+    "cgr": math.pi / 20_000.0,
+    "c": math.tau,
+    "rev": math.tau,
+    "rot": math.tau,
+}
+ENERGISTICS_ANGLES = frozenset(["mrad", "urad", "mina", "seca", "min[angl]", "sec[angl]", "cgr", "c", "rev", "rot"])
 ANGLE_UNITS = {
     **dict.fromkeys(
         (
@@ -110,6 +156,8 @@ _NORTH_STEMS = {
     **dict.fromkeys(("gitter", "rutenett", "cuadricul", "quadricul", "quadrill", "дирекцион", "картограф"), "grid"),
     **dict.fromkeys(("magnet", "missweisend", "магнит"), "magnetic"),
 }
+_DENIALS = frozenset(["not", "no", "non", "never", "without", "uncorrected", "nicht", "ohne"])
+_CORRECTED = ("declin", "uncorrect", "converg", "磁偏角", "收敛角")
 _LETTERS = {"t": "true", "g": "grid", "m": "magnetic"}  # behind the unit of an azimuth
 # Words that neither say nor change what a column is.
 _FILLERS = frozenset(
@@ -117,6 +165,9 @@ _FILLERS = frozenset(
         "in",
         "survey",
         "station",
+        "bh",
+        "drillhole",
+        "drill",
         "sta",
         "stn",
         "borehole",
@@ -159,7 +210,7 @@ _WORDS = {
         "md|measured depth|meas depth|m depth|mdepth|depth|dept|depth md|along hole depth|ahd|tmd|dmd|survey depth|"
         "hole depth|mdrkb|mdkb|mdrt|mdbrt|mddf|meas d|tape depth|drilled depth|total measured depth|"
         "distance along hole|"
-        "孔深|井深|测深|斜深|深度|测量深度|测点深度|钻孔深度|measured|teufe|messteufe|bohrteufe|tiefe|messtiefe|"
+        "孔深|井深|测深|钻深|斜深|深度|测量深度|测点深度|钻孔深度|measured|teufe|messteufe|bohrteufe|tiefe|messtiefe|"
         "bohrlochlange|bohrlochtiefe|bohrlochteufe|profundidad|profundidad medida|profundidade|profundidade medida|"
         "profondeur|profondeur mesuree|profondeur foree|cote foree|profondita|profondita misurata|diepte|"
         "gemeten diepte|diepte langs boorgat|dybde|malt dybde|dybde md|dyp|malt dyp|глубина|глубина по стволу|"
@@ -171,15 +222,16 @@ _WORDS = {
         "inclinazione|inclinatie|зенитный угол|зенит|инклинация"
     ),
     "dip": (
-        "dip|dip angle|hole dip|pitch|pitch angle|plunge|elevation angle|angle from horizontal|倾角|倾斜角|仰俯角|仰角|"
-        "俯角|einfallen|fallen|buzamiento|plongement|falling angle"
+        "dip|dip angle|hole dip|pitch|pitch angle|plunge|elevation angle|angle from horizontal|倾角|倾斜角|"
+        "仰俯角|仰角|俯仰角|俯仰|俯角|einfallen|fallen|buzamiento|plongement|falling angle"
     ),
     "azimuth": (
         "azi|azim|azimuth|az|azm|azmth|azimut|hazi|direction|hole direction|bearing|方位|方位角|acimut|азимут|"
         "azimuth angle|azimute|asimut|richtung|retning|drift azimuth|drift direction|drift dir|bore azimuth"
     ),
     "tvd": (
-        "tvd|vertical depth|true vertical depth|vert depth|tv depth|v depth|vdepth|tvdrkb|tvdkb|tvdrt|tvdbrt|tvdd|垂深|"
+        "true vert depth|true vert|tvd|vertical depth|true vertical depth|"
+        "vert depth|tv depth|v depth|vdepth|tvdrkb|tvdkb|tvdrt|tvdbrt|tvdd|垂深|"
         "垂直深度|vertical|true vertical|teufe senkrecht|senkrechte teufe|vertikale teufe|vertikalteufe|seigerteufe|"
         "vertikal dybde|vertikaldybde|profondeur verticale|profundidad vertical|profundidad vertical verdadera|"
         "profundidade vertical|profondita verticale|verticale diepte|вертикальная глубина|глубина по вертикали"
@@ -194,8 +246,12 @@ _WORDS = {
         "e w offset|ew offset|departure|local easting|local eastings|east displacement|displacement east|东西位移|"
         "东位移|东坐标"
     ),
-    "map_north": "northing|northings|y|y coordinate|y coord|map north|map northing|grid northing|utm n|utm north|utm y",
-    "map_east": "easting|eastings|x|x coordinate|x coord|map east|map easting|grid easting|utm e|utm east|utm x",
+    "map_north": (
+        "northing|northings|y|y coordinate|y coord|map north|map northing|grid northing|utm n|utm north|utm y|hochwert"
+    ),
+    "map_east": (
+        "easting|eastings|x|x coordinate|x coord|map east|map easting|grid easting|utm e|utm east|utm x|rechtswert"
+    ),
     "sigma_inclination": "sigma inclination",
     "sigma_azimuth": "sigma azimuth",
     "b_reference": "b reference nt",
@@ -208,6 +264,9 @@ _WORDS = {
     "time": "time|time utc|dtim|dtim utc|dtim stn|date time|datetime|timestamp",
     "verdict": "verdict|automatic",
     "station": "station",
+    "coordinates": "coordinates",
+    "in_use": "in use",
+    "leg": "leg",
 }
 _NAMES = {name: what for what, names in _WORDS.items() for name in names.split("|")}
 _DIRECTED = {
@@ -215,10 +274,12 @@ _DIRECTED = {
     **dict.fromkeys(("磁方位", "磁方位角", "磁北方位角"), "magnetic"),
     **dict.fromkeys(("坐标方位", "坐标方位角", "网格方位", "网格方位角", "дирекционный угол"), "grid"),
 }
+# Chinese words before a quantity that do not change it: of the borehole, measured, at the station, drilled, total.
+_BEFORE = ("钻孔", "实测", "测量", "测点", "钻进", "累计", "孔")
 # Quantities that are not read although their names contain a word of a quantity that is read; no remark is made.
 _OTHERS = re.compile(
-    r"section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|tool ?face|"
-    r"magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|reference|"
+    r"\bage\b|section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|"
+    r"tool ?face|magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|reference|"
     r"method|raw|quality|status|comment|remark|note|name|number|index|declination|convergence|ellipse"
 )
 _LENGTHS = ("md", "tvd", "north", "east", "map_north", "map_east")
@@ -356,6 +417,9 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
     not be understood, but a unit and a north among them count.
     """
     base, brackets = _parted(name)
+    # "in" is an inch where it stands alone as a unit, and a preposition elsewhere.
+    brackets = ["inch" if phrase == "in" else phrase for phrase in brackets]
+    unit = "inch" if unit.strip(" .()[]").lower() == "in" else unit
     words = base.split()
     quantity, rest, north = _quantity(words)
     if chosen:
@@ -370,7 +434,7 @@ def column_of(number: int, name: str, unit: str = "", chosen: str = "") -> Colum
         strange += left
     if quantity == "inclination" and horizontal:
         quantity = "dip"
-    if quantity in _LENGTHS and (behind or (quantity == "tvd" and _SUBSEA & set(strange))):
+    if quantity in _LENGTHS and (behind or "angle" in rest or (quantity == "tvd" and _SUBSEA & set(strange))):
         # "Depth Limit", "Vertical Section", "TVD (SS)": another quantity whose name begins like ours.
         quantity = ""
     if unit.strip() and not own and quantity and quantity not in TEXTS and not strange:
@@ -398,11 +462,34 @@ def _north_word(word: str) -> str:
     return _NORTH_WORDS.get(word, stem)
 
 
-def north_of(text: str) -> str:
-    """Return the north that some words name, one of NORTHS; "" where they name none."""
+def is_datum_or_north(text: str) -> bool:
+    """Return whether some words, such as those of a line below the names of columns, are all datums or norths."""
     words = _words(text).split()
-    found = {_north_word(w) for w in words} - {""}
-    return found.pop() if len(found) == 1 else ""
+    return bool(words) and all(word in _DATUMS or _north_word(word) for word in words)
+
+
+def north_of(text: str) -> str:
+    """
+    Return the north that some words name, one of NORTHS; "" where they name none.
+
+    Of two norths, as in "from magnetic to true north", the one behind "to" counts. A north that is denied, as in "not
+    corrected to true north", is not named.
+    """
+    words = _words(text).split()
+    if _DENIALS & set(words) or any(word[0] in "未不" for word in words):
+        return ""
+    to = max((k for k, word in enumerate(words) if word in ("to", "into", "auf", "vers")), default=0)
+    for part in (words, words[to:] if to else []):
+        found = {_north_word(w) for w in part} - {""}
+        if len(found) == 1:
+            return found.pop()
+    return ""
+
+
+def mentions_north(text: str) -> bool:
+    """Return whether some words have one of the words for a north, or what turns azimuths to one, among them."""
+    words = _words(text).split()
+    return any(_north_word(word) or any(stem in word for stem in _CORRECTED) for word in words)
 
 
 def factor(column: Column, at: str, given: Given | None = None, otherwise: str = "") -> float:
@@ -425,10 +512,11 @@ def factor(column: Column, at: str, given: Given | None = None, otherwise: str =
     if said:
         return known[said]
     option = "--angle-unit" if angle else "--length-unit"
+    usual = "deg, rad or grad" if angle else "m, km, ft, usft, inch or yd"
     if column.strange and not column.unit and column.quantity != "azimuth":
         raise ListFileError(
-            f"{at}: {column.quantity} in {column.strange!r} (column {column.name!r}): not understood; expected one of"
-            f" {', '.join(list(known)[:8])} ...; say it with {option}, or name the column with --columns"
+            f"{at}: {column.quantity} in {column.strange!r} (column {column.name!r}): not understood; expected"
+            f" {usual}; say it with {option}, or name the column with --columns"
         )
     unit = column.unit or otherwise or ("deg" if angle else "")
     if not unit:
@@ -437,7 +525,7 @@ def factor(column: Column, at: str, given: Given | None = None, otherwise: str =
             f" {column.quantity}_ft, or say it with --length-unit"
         )
     if unit not in known:
-        raise ListFileError(f"{at}: {column.quantity} in {unit!r}; expected one of {', '.join(list(known)[:8])} ...")
+        raise ListFileError(f"{at}: {column.quantity} in {unit!r}; expected {usual}")
     return known[unit]
 
 
@@ -475,6 +563,11 @@ def _quantity(words: Sequence[str]) -> tuple[str, list[str], str]:
             return _NAMES[joined], list(words[size:]), ""
         if joined in _DIRECTED:
             return "azimuth", list(words[size:]), _DIRECTED[joined]
+    for word in _BEFORE:
+        if words and words[0].startswith(word) and words[0] != word:
+            found = _quantity([words[0].removeprefix(word), *words[1:]])
+            if found[0]:
+                return found
     before = next((k for k, word in enumerate(words) if not _north_word(word) and word not in _FILLERS), 0)
     if before == 0:
         return "", list(words), ""

@@ -12,13 +12,14 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files import list_columns, number_cells
+from mwd_surface.list_files.grid_file import Row, is_html, is_spreadsheet, is_spreadsheet_xml
 from mwd_surface.list_files.las_table import is_las, las_table
 from mwd_surface.list_files.list_checks import (
     check_depths,
@@ -32,9 +33,10 @@ from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_head import Head, read_head
 from mwd_surface.list_files.map_coordinates import offsets_from_wellhead
 from mwd_surface.list_files.p7_table import is_p7, p7_table
+from mwd_surface.list_files.provenance import Provenance, read_provenance
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.list_files.station_list import StationList, carried
-from mwd_surface.list_files.table import Row, Table, is_spreadsheet, read_bytes, table_of, text_of
+from mwd_surface.list_files.station_list import WITHOUT_POSITION, Start, StationList, carried
+from mwd_surface.list_files.table import Table, read_bytes, table_of, text_of
 from mwd_surface.list_files.witsml_table import witsml_table
 
 _LOCAL = ("north", "east")
@@ -70,6 +72,7 @@ _PROJECTION = re.compile(
     re.IGNORECASE,
 )
 _GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGNORECASE)
+_START_ROWS = ("tie-on", "assumed")  # in the column "station" of our exports: a row that is not a survey
 _PROJECTED_ROWS = 3  # largest number of rows after a note that announces a projection
 # Distance of the first station from its wellhead above which a convergence of 3 deg moves it by half a metre, m.
 _OFFSET = 10.0
@@ -84,6 +87,13 @@ class _Station:
     at: str
     numbers: dict[str, float]
     texts: dict[str, str]
+
+
+def _verdict(row: _Station) -> str:
+    """The verdict of a station; an export of our own says by itself which stations are in use, whoever decided so."""
+    if row.texts.get("in_use", "").lower() == "yes" or row.texts.get("station") in (*_START_ROWS, "survey"):
+        return "accept"
+    return row.texts.get("verdict", "").lower()
 
 
 def is_list(path: Path) -> bool:
@@ -119,7 +129,7 @@ def _table(data: bytes, name: str, given: Given) -> Table:
     if not is_spreadsheet(data):
         text = text_of(data, name)
         start = text.lstrip("\ufeff \t\r\n")
-        if start.startswith("<"):
+        if start.startswith("<") and not (is_html(text) or is_spreadsheet_xml(text)):
             if given.length_unit or given.angle_unit:
                 raise ListFileError(f"{name}: a WITSML document names the unit of each number; leave the unit out")
             return witsml_table(text, name)
@@ -127,6 +137,11 @@ def _table(data: bytes, name: str, given: Given) -> Table:
             return las_table(text, name)
         if is_p7(start):
             return p7_table(text, name)
+        if re.search(r"\bP7/2000\b", start[:5000]) and re.search(r"(?m)^H\d{4}", start[:5000]):
+            raise ListFileError(
+                f"{name} is UKOOA P7/2000, whose records are not read; export the list as IOGP P7/17, WITSML, LAS or"
+                " CSV"
+            )
 
     def is_header(names: Sequence[str]) -> int:
         found = list_columns.find(names, given)
@@ -143,12 +158,15 @@ def _are_units(cells: Sequence[str]) -> int:
     if any(number_cells.looks_like_number(cell) for cell in cells):
         return 0
     words = [cell.strip().strip("()[]") for cell in cells if cell.strip().strip("()[]-")]
-    return bool(words) and int(any(list_columns.unit_word(word) for word in words) or len(words) == len(cells))
+    named = any(list_columns.unit_word(word) or list_columns.is_datum_or_north(word) for word in words)
+    return bool(words) and int(named or len(words) == len(cells))
 
 
 def _stations(table: Table, given: Given) -> StationList:
     """The list in a table, read by the rules of this module."""
-    head = read_head(table.head)
+    provenance, lines = read_provenance(table.head, table.name)
+    # The head of our own exports is for people; what it says of angles and wellhead was settled when the list was read.
+    head = Head() if provenance is not None else read_head(lines)
     columns = list_columns.find(table.names, given, table.units)
     if head.horizontal and "inclination" in columns.of:
         turned = tuple(dataclasses.replace(one, quantity="dip") for one in columns.of["inclination"])
@@ -156,7 +174,7 @@ def _stations(table: Table, given: Given) -> StationList:
         columns = Columns({**of, "dip": turned}, columns.unread)
     if columns.missing:
         raise ListFileError(_missing(table, columns))
-    reader = _Reader(table, columns, head, given)
+    reader = _Reader(table, columns, head, given, provenance)
     stations = reader.stations()
     return reader.list_of(stations)
 
@@ -166,7 +184,8 @@ def _missing(table: Table, columns: Columns) -> str:
     strange = f"; {', '.join(unread)} is not understood" if unread else ""
     return (
         f"{table.at}: no column for {', '.join(columns.missing)}{strange}; expected a header such as"
-        " md_m,inclination_deg,azimuth_deg, or the columns' names (mwd path --columns); got"
+        " md_m,inclination_deg,azimuth_deg; say which columns they are with"
+        f" --columns {','.join(f'{what}=NAME' for what in columns.missing)}; got"
         f" {', '.join(name for name in table.names if name)}"
     )
 
@@ -188,14 +207,23 @@ class _Reader:
     ----------
     table, columns, head, given
         As read; `given` replaces what the file says.
+    provenance
+        The list behind the table, where it is an export of our own.
     """
 
-    def __init__(self, table: Table, columns: Columns, head: Head, given: Given) -> None:
-        self.table, self.head, self.given = table, head, given
+    def __init__(
+        self, table: Table, columns: Columns, head: Head, given: Given, provenance: Provenance | None = None
+    ) -> None:
+        confirmed = () if provenance is None else provenance.confirmed
+        given = dataclasses.replace(given, confirm=(*given.confirm, *confirmed))
+        self.table, self.head, self.given, self.provenance = table, head, given, provenance
         self.name = table.name
         self.of = dict(columns.of)
+        if provenance is not None:
+            # Our raw log has the azimuths by each method too, behind the one that the survey is.
+            self.of = {what: tuple(one for one in found if not one.strange) or found for what, found in self.of.items()}
         self.german = any(_GERMAN.search(name) for name in table.names)
-        self.remarks: list[Remark] = list(table.remarks)
+        self.remarks: list[Remark] = [*(() if provenance is None else provenance.remarks), *table.remarks]
         for one in columns.unread:
             self._say(RemarkKind.COLUMN_NOT_READ, f"{self.name}: column {one.name!r} is not understood and not read")
         self.rows = self._kept_rows(table.rows)
@@ -218,9 +246,11 @@ class _Reader:
             first = str(row.cells[0]).strip().lower().rstrip(":. ") if row.cells else ""
             word = str(cells[0]).strip().lower().rstrip(":. ")
             total = not numbers[0] and bool({first, word, *first.split()} & _TOTALS) and bool(kept)
-            worded = not any(c.isdigit() for c in word) and not number_cells.is_null(cells[0])
+            # "Bottom hole: 360 m" has a number, and is not one.
+            worded = (word[:1].isalpha() or not any(c.isdigit() for c in word)) and not number_cells.is_null(cells[0])
+            worded = worded and not number_cells.looks_like_number(cells[0])
             nothing = not any(numbers) and not (number_cells.is_null(cells[0]) and self._has_null(cells))
-            nothing = nothing or (worded and not all(numbers[1:]))
+            nothing = nothing or (worded and (":" in word or not all(numbers[1:])))
             short = bool(kept) and numbers[0] and not any(numbers[1:]) and self._is_sentence(row, kept[-1], depth)
             said = [str(cell) for cell in row.cells if not number_cells.looks_like_number(cell)]
             projected = any(_PROJECTION.search(text) for text in said)
@@ -230,6 +260,9 @@ class _Reader:
             else:
                 kept.append(row)
                 marked = marked + 1 if projected else 0
+        while len(kept) > 1 and str(kept[-1].cells[depth] if depth < len(kept[-1].cells) else "")[:1].isalpha():
+            # Figures of the whole hole, such as its closure, in the columns of a station; above the end it is a typo.
+            notes.append(kept.pop())
         below = len(kept) - announced if announced else 0
         count = max(marked, below if below <= _PROJECTED_ROWS else 0)
         if 0 < count < len(kept):
@@ -428,21 +461,35 @@ class _Reader:
         otherwise = ""
         if not (column.unit or column.strange or column.quantity in FIGURES or self._given_unit(column)):
             angle = column.quantity in ANGLES
-            otherwise = self._cell_unit(column) or (self.head.angle_unit if angle else self._length_unit())
+            otherwise = self._cell_unit(column) or (self.head.angle_unit if angle else self._length_unit(column))
         if self.german and (column.unit or otherwise) == "grad" and not self.given.angle_unit:
             # Grad are degrees in German, and 400 to the circle elsewhere.
             column = dataclasses.replace(column, unit="deg")
             text = f"{self.name}: 'Grad' in a list with German names is read as degrees; --angle-unit says otherwise"
             if all(one.text != text for one in self.remarks):
                 self._say(RemarkKind.UNIT_ASSUMED, text)
-        factor = list_columns.factor(column, self.table.at, self.given, otherwise)
+        given = (
+            self.given if self._given_unit(column) else dataclasses.replace(self.given, length_unit="", angle_unit="")
+        )
+        factor = list_columns.factor(column, self.table.at, given, otherwise)
+        known = {**list_columns.LENGTH_UNITS, **list_columns.ANGLE_UNITS}
+        if column.unit and self._given_unit(column) and known[column.unit] != factor:
+            text = (
+                f"{self.name}: column {column.name!r} states {column.unit!r}; {self._given_unit(column)} is taken, as"
+                " the caller says"
+            )
+            if all(one.text != text for one in self.remarks):
+                self._say(RemarkKind.OVERRIDDEN, text)
         if column.strange and column.unit:
             text = f"{self.name}: {column.strange!r} in the name of column {column.name!r} is not understood"
             self._say(RemarkKind.COLUMN_NOT_READ, text)
         return factor
 
     def _given_unit(self, column: Column) -> str:
-        return self.given.angle_unit if column.quantity in ANGLES else self.given.length_unit
+        """Unit that the caller says; the head's own unit of coordinates holds where no column names one."""
+        if column.quantity in ANGLES:
+            return self.given.angle_unit
+        return "" if column.quantity in (*_LOCAL, *_MAP) and self.head.map_unit else self.given.length_unit
 
     def _cell_unit(self, column: Column) -> str:
         for cell in self._cells(column):
@@ -451,13 +498,16 @@ class _Reader:
                 return list_columns.unit_word(found[1])
         return ""
 
-    def _length_unit(self) -> str:
-        """Unit of the lengths that name none: that of the head, else the one of the other lengths of the list."""
+    def _length_unit(self, column: Column) -> str:
+        """Unit of a length that names none: that of the head, else the one of the other lengths of the list."""
         if self.head.strange_unit:
             raise ListFileError(
                 f"{self.name}: the head gives depths in {self.head.strange_unit!r}, which is not understood; say the"
                 " unit with --length-unit"
             )
+        mapped = column.quantity in (*_LOCAL, *_MAP)
+        if mapped and self.head.map_unit:
+            return self.head.map_unit
         if self.head.length_unit:
             return self.head.length_unit
         said = {one.unit for found in self.of.values() for one in found if one.unit in list_columns.LENGTH_UNITS}
@@ -465,10 +515,11 @@ class _Reader:
             unit = said.pop()
             self._assumed_unit(unit, "as other lengths of the list")
             return unit
-        if self.head.hinted_unit:
-            self._assumed_unit(self.head.hinted_unit, "as other lengths in its head")
-            return self.head.hinted_unit
-        return ""
+        hint = self.head.hinted_unit or self.head.map_unit
+        if hint:
+            what = "the elevation of the depth datum" if self.head.hinted_unit else "the coordinates"
+            self._assumed_unit(hint, f"as {what} in its head")
+        return hint
 
     def _assumed_unit(self, unit: str, why: str) -> None:
         text = f"{self.name}: a length without unit is taken in {unit}, {why}"
@@ -487,12 +538,15 @@ class _Reader:
         self._refuse_radians(values, angle)
         self._name_nulls()
         texts = {what: self._cells(column) for what, column in self.columns.items() if what in TEXTS}
-        found, empty = [], []
+        found, empty, unused = [], [], 0
         for k, row in enumerate(self.rows):
             said = {what: str(cells[k]).strip() for what, cells in texts.items()}
             numbers = {what: float(v[k]) for what, v in values.items() if math.isfinite(v[k])}
             if said.get("station") == "projected":
                 # Our own exports end with a projection to the bit, which is no station.
+                continue
+            if said.get("in_use", "").lower() == "no":
+                unused += 1
                 continue
             if "md" not in numbers or angle not in numbers:
                 empty.append(row)
@@ -502,11 +556,26 @@ class _Reader:
             shown = ", ".join(one.at.rpartition(", ")[2] for one in empty[:_FEW])
             text = f"{self.name}: {len(empty)} rows without depth or inclination are left out: {shown}"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(empty)))
+        if unused:
+            text = f"{self.name}: {unused} surveys that were not in use are left out"
+            self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(unused))
         if not found:
             raise ListFileError(f"{self.name}: no station in it")
         if angle == "dip":
             found = self._from_horizontal(found)
-        return self._increasing(found)
+        return self._increasing(self._of_one_leg(found))
+
+    def _of_one_leg(self, found: list[_Station]) -> list[_Station]:
+        """The surveys of our raw log by depth: it has those of all legs, in the order in which they were taken."""
+        if self.provenance is None or "in_use" not in self.columns:
+            return found
+        legs = sorted({one.texts.get("leg", "") for one in found})
+        if len(legs) > 1:
+            raise ListFileError(
+                f"{self.name}: it has surveys of the legs {', '.join(legs)}, which are not one path; read the"
+                " definitive list of one leg instead: mwd export -f csv --leg NAME"
+            )
+        return sorted(found, key=lambda one: one.numbers["md"])
 
     def _name_nulls(self) -> None:
         """Say which null values were read as no value."""
@@ -600,15 +669,20 @@ class _Reader:
         def column(what: str) -> Array:
             return np.array([row.numbers.get(what, math.nan) for row in rows])
 
+        start = self._start(rows)
+        if start is not None and len(rows) > 1 and rows[0].texts.get("station") in _START_ROWS:
+            rows = rows[1:]
         at = [row.at for row in rows]
         md = column("md")
-        check_depths(md, at, self.given)
+        self._checked(check_depths(md, at, self.given))
         north = self._north(rows)
         azimuth = column("azimuth") % math.tau
+        if self.provenance is not None:
+            azimuth, north = self._in_own_north(azimuth, north, column)
         inclination = np.clip(column("inclination"), 0.0, math.pi)
         self._without_azimuth(md, inclination, azimuth)
         angles = md, inclination, carried(azimuth)
-        self.remarks += check_doglegs(angles, at, self.given)
+        self._checked(check_doglegs(angles, at, self.given))
         horizontal = self._horizontal(md, column)
         positions = np.column_stack([*horizontal, column("tvd")])
         if self.named_map and north in ("true", "magnetic"):
@@ -626,14 +700,57 @@ class _Reader:
             sigma_azimuth=column("sigma_azimuth"),
             tool=tuple(row.texts.get("tool", "") for row in rows),
             time=tuple(row.texts.get("time", "") for row in rows),
-            verdict=tuple(row.texts.get("verdict", "").lower() for row in rows),
-            figures={what: column(what) for what in FIGURES},
+            verdict=tuple(_verdict(row) for row in rows),
+            figures={what: self._figure(what, column(what)) for what in FIGURES},
             remarks=tuple(self.remarks),
+            start=start,
+            well={} if self.provenance is None else self.provenance.well,
         )
+
+    def _checked(self, confirmed: Iterable[Remark]) -> None:
+        """Keep what the caller confirmed; what was confirmed of the list behind an export is a remark already."""
+        known = frozenset() if self.provenance is None else self.provenance.confirmed
+        self.remarks += [one for one in confirmed if not known & set(one.values)]
+
+    def _start(self, rows: Sequence[_Station]) -> Start | None:
+        """Where the path of an export of our own starts; None where the list does not say so."""
+        if self.provenance is not None:
+            return self.provenance.start
+        first = rows[0]
+        if first.texts.get("coordinates") != "assumed" or first.texts.get("station", "tie-on") not in _START_ROWS:
+            return None
+        text = f"{self.name}: its coordinates rest on an assumption, as its column coordinates says"
+        remark = Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": first.numbers["md"]})
+        md, inclination, azimuth = (first.numbers.get(what, 0.0) for what in NEEDED)
+        north, east = (first.numbers.get(what, 0.0) for what in _LOCAL)
+        position = north, east, first.numbers.get("tvd", md)
+        return Start(md, inclination, azimuth, position, WITHOUT_POSITION, (remark,))
+
+    def _in_own_north(self, azimuth: Array, north: str, column: Callable[[str], Array]) -> tuple[Array, str]:
+        """Azimuths from the north of the well behind an export; nan where the turn is not known."""
+        own = str(self.provenance.well.get("north_reference", "")) if self.provenance is not None else ""
+        if not own or self.given.north or north in ("", own):
+            return azimuth, self.given.north or own or north
+        to_true = {"true": np.zeros_like(azimuth), "magnetic": column("declination"), "grid": column("convergence")}
+        return (azimuth + to_true[north] - to_true[own]) % math.tau, own
+
+    def _figure(self, what: str, values: Array) -> Array:
+        """A figure of the reference of each station; that of the list behind an export where the table has none."""
+        known = {} if self.provenance is None else self.provenance.reference
+        return values if np.isfinite(values).any() or what not in known else np.full_like(values, known[what])
 
     def _north(self, rows: Sequence[_Station]) -> str:
         """North of the azimuths: as the caller, the rows, the column or the head says."""
         if self.given.north:
+            stated = {list_columns.north_of(row.texts.get("azimuth_reference", "")) for row in rows}
+            stated = (stated | {self.columns["azimuth"].north}) - {""} or {self.head.north} - {""}
+            if stated - {self.given.north}:
+                words = " and ".join(sorted(stated))
+                text = (
+                    f"{self.name}: it states {words} north for its azimuths; {self.given.north} is taken, as the caller"
+                    " says"
+                )
+                self._say(RemarkKind.OVERRIDDEN, text)
             return self.given.north
         said = {row.texts.get("azimuth_reference", "") for row in rows} - {""}
         norths = {list_columns.north_of(word) for word in said}
@@ -682,6 +799,8 @@ class _Reader:
         local = all(what in self.columns for what in _LOCAL)
         charted = all(what in self.columns for what in _MAP)
         if not local and not charted:
+            return column("north"), column("east")
+        if self.provenance is not None:
             return column("north"), column("east")
         names = _LOCAL if local else _MAP
         pair = np.column_stack([column(names[0]), column(names[1])])

@@ -13,7 +13,7 @@ import dataclasses
 import re
 from collections.abc import Iterable
 
-from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS, north_of, unit_word
+from mwd_surface.list_files.list_columns import ANGLE_UNITS, LENGTH_UNITS, mentions_north, north_of, unit_word
 from mwd_surface.list_files.number_cells import decimal_mark, split, value
 
 _NORTH = re.compile(
@@ -34,6 +34,12 @@ _OF_AZIMUTHS = re.compile(
 _OF_OTHERS = re.compile(
     r"declin|conver|section|closure|field|model|coordinate|\bdip\b|wellhead|well head|slot|northing|easting|tool ?face|"
     r"target|[-=]>|磁偏角|收敛",
+    re.IGNORECASE,
+)
+# Words of a sentence that says from what azimuths count, or what was done to them.
+_SENTENCE = re.compile(
+    r"azi\w*.*\b(?:corrected|uncorrected|referenced|referred|relative|measured|given|are|is|from)\b"
+    r"|\b(?:corrected|uncorrected|referenced|referred)\b.*azi|方位.*(?:校正|修正|改正|未|不)",
     re.IGNORECASE,
 )
 _UNIT = re.compile(
@@ -57,8 +63,10 @@ _HEAD_X = re.compile(
 )
 _HEAD_Y = re.compile(_HEAD_X.pattern.replace(r"(?:x|east(?:ing)?s?)", r"(?:y|north(?:ing)?s?)"), re.IGNORECASE)
 _IN_BRACKETS = re.compile(
-    r"\b(?:KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b[^()]*\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE
+    r"\b(?P<what>KB|RKB|DATUM|ELEVATION|COORDINATE|DEPTH|MD)\b.*?\d[^()]*\((?P<said>[A-Za-z ]+)\)", re.IGNORECASE
 )
+# "DX DY ARE GIVEN IN GRID NORTH IN m-UNITS", as Petrel writes it.
+_OFFSETS = re.compile(r"\bDX\b.*\bDY\b", re.IGNORECASE)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,8 +75,9 @@ class Head:
     What a head says.
 
     north: one of NORTHS, or "". strange_north, strange_unit: words that were not understood. length_unit, angle_unit:
-    as in LENGTH_UNITS and ANGLE_UNITS, or "". hinted_unit: unit of other lengths of the head, such as the elevation of
-    the kelly bushing. horizontal: whether angles count from the horizontal. wellhead: northing and easting, m, or None.
+    as in LENGTH_UNITS and ANGLE_UNITS, or "". map_unit: unit of map coordinates and offsets. hinted_unit: unit of the
+    elevation of the depth datum, such as the kelly bushing, which is usually that of depths. horizontal: whether angles
+    count from the horizontal. wellhead: northing and easting, m, or None.
     """
 
     north: str = ""
@@ -76,6 +85,7 @@ class Head:
     length_unit: str = ""
     angle_unit: str = ""
     strange_unit: str = ""
+    map_unit: str = ""
     hinted_unit: str = ""
     horizontal: bool = False
     wellhead: tuple[float, float] | None = None
@@ -86,23 +96,33 @@ def read_head(lines: Iterable[str]) -> Head:
     head = Head()
     x = y = None
     told: dict[str, str] = {}  # north -> the line that has its word
+    strange: list[str] = []
     for line in lines:
         for part in (re.sub(r"\([^)]*\)", " ", line), *re.findall(r"\(([^)]*)\)", line)):
-            if _OF_AZIMUTHS.search(part) and not _OF_OTHERS.search(part) and (named := north_of(part)):
+            if not _OF_AZIMUTHS.search(part):
+                continue
+            if named := north_of(part) if not _OF_OTHERS.search(part) else "":
                 told[named] = line.strip()
+            elif _SENTENCE.search(part) and mentions_north(part):
+                # A sentence about azimuths and a north that is not understood is quoted, never treated as absent.
+                strange.append(line.strip())
         head = _units(_north(head, line), line)
         if _HORIZONTAL.search(line):
             head = dataclasses.replace(head, horizontal=True)
         x, y = _coordinate(_HEAD_X, line) or x, _coordinate(_HEAD_Y, line) or y
         hinted = _IN_BRACKETS.search(line)
         if hinted and unit_word(hinted["said"]) in LENGTH_UNITS:
-            head = dataclasses.replace(head, hinted_unit=unit_word(hinted["said"]))
+            unit = unit_word(hinted["said"])
+            of_map = hinted["what"].upper() == "COORDINATE"
+            head = dataclasses.replace(head, map_unit=unit) if of_map else dataclasses.replace(head, hinted_unit=unit)
     if x is not None and y is not None:
         head = dataclasses.replace(head, wellhead=(y, x))
     if not (head.north or head.strange_north) and told:
         # No line says it as a value, but lines about azimuths have the word.
         north = next(iter(told)) if len(told) == 1 else ""
         head = dataclasses.replace(head, north=north, strange_north="" if north else " / ".join(told.values()))
+    elif not (head.north or head.strange_north) and strange:
+        head = dataclasses.replace(head, strange_north=" / ".join(strange))
     return head
 
 
@@ -128,6 +148,8 @@ def _units(head: Head, line: str) -> Head:
     said = found["said"].strip(" ,;|\t.\"'")
     for part in (said, *re.split(r"[-,;/|\t]", said)):
         unit = unit_word(part)
+        if unit in LENGTH_UNITS and _OFFSETS.search(line):
+            return dataclasses.replace(head, map_unit=unit)
         if unit in LENGTH_UNITS:
             return dataclasses.replace(head, length_unit=unit, strange_unit="")
         if unit in ANGLE_UNITS:

@@ -98,18 +98,29 @@ def _shifted(
     """Map coordinates less those of the wellhead; refused where the hole cannot reach its first station."""
     shifted = pair - np.array(wellhead)
     apart = float(np.hypot(*shifted[first]))
-    if apart > depth + _SITE and "wellhead" not in given.confirm:
-        raise ListFileError(
+    remarks: tuple[Remark, ...] = ()
+    if apart > depth + _SITE:
+        far = (
             f"{name}: its first station lies {apart / 1000.0:.1f} km from the wellhead at {wellhead[0]:.2f} m N,"
-            f" {wellhead[1]:.2f} m E; check both, also that north and east are not exchanged, or confirm it with"
-            " --confirm wellhead"
+            f" {wellhead[1]:.2f} m E"
         )
+        for factor in (0.3048, 1.0 / 0.3048):
+            if np.hypot(*(pair[first] * factor - np.array(wellhead))) <= depth + _SITE:
+                raise ListFileError(
+                    f"{far}, as if they were not in one unit; write the unit into the name"
+                    " of each column, such as MD (ft) and X (m)"
+                )
+        if "wellhead" not in given.confirm:
+            raise ListFileError(
+                f"{far}; check both, also that north and east are not exchanged, or confirm it with --confirm wellhead"
+            )
+        remarks = (Remark(RemarkKind.CONFIRMED, f"{far}; confirmed", {"wellhead": apart}),)
     text = (
         f"{name}: north and east are map coordinates; the wellhead at {wellhead[0]:.2f} m N, {wellhead[1]:.2f} m E is"
         " subtracted"
     )
     values = {"northing": float(wellhead[0]), "easting": float(wellhead[1])}
-    return shifted, (Remark(RemarkKind.MAP_SHIFTED, text, values),)
+    return shifted, (*remarks, Remark(RemarkKind.MAP_SHIFTED, text, values))
 
 
 def wellhead_of(remarks: Iterable[Remark]) -> tuple[float, float] | None:

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import csv
 
+from mwd_surface.list_files.grid_file import Row
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.list_files.table import Row, Table
+from mwd_surface.list_files.table import Table
 
 # Fields of a P7 record: after table, survey, error model, name, position object: type, status, its word, then numbers.
 _SURVEY, _TYPE, _STATUS, _FIRST = 3, 7, 8, 10

@@ -34,6 +34,8 @@ class RemarkKind(enum.StrEnum):
     ROWS_LEFT_OUT = "rows_left_out"  #: rows that are not stations: nulls, footers, notes, repeated headers
     STATION_REPEATED = "station_repeated"  #: a station that stands twice in the list
     STATIONS_NOT_USED = "stations_not_used"  #: stations whose verdict is not accept
+    OVERRIDDEN = "overridden"  #: a unit or north that the file states and the caller replaces
+    TOOL_ASSUMED = "tool_assumed"  #: one tool code for a list that names several
     SPARSE = "sparse"  #: stations so far apart that the hole between them is hardly known
     CONFIRMED = "confirmed"  #: something implausible that the caller confirmed
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.remark import Remark, RemarkKind
 
+# Where a start comes from, in the words of `surveys.leg.Origin`.
+WELLHEAD, FIRST_STATION, WITHOUT_POSITION = "wellhead", "first station of the list", "given without a position"
 POSITION = ("north", "east", "tvd")
 # A first station whose own position an arc from the wellhead reaches this closely has left the wellhead vertically:
 # rounding, and what methods of calculation differ by over so short a way; m, and share of the depth.
@@ -21,6 +24,23 @@ _REACHED, _REACHED_SHARE = 0.2, 0.001
 VERTICAL = math.radians(1.0)
 # Dogleg of a hole above that is assumed to leave the wellhead vertically, rad/m; twice that of most motors.
 _SHARPEST = math.radians(20.0) / 30.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """
+    The point from which the path of a list starts.
+
+    md, inclination, azimuth: m and rad. position: north, east, down, m. source: one of the words of `leg.Origin`.
+    remarks: what is assumed.
+    """
+
+    md: float
+    inclination: float
+    azimuth: float
+    position: tuple[float, float, float]
+    source: str
+    remarks: tuple[Remark, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,6 +65,10 @@ class StationList:
         Reference of each station by the names of `list_columns.FIGURES`: T, m/s^2, rad; nan where not given.
     remarks : tuple of Remark
         Every assumption that the reader made, and everything that it left out.
+    start : Start, optional
+        Where the path starts, where the file says so itself, as our exports do.
+    well : dict
+        Settings of the well, where the file has them, as our exports do.
     """
 
     name: str
@@ -60,22 +84,8 @@ class StationList:
     verdict: tuple[str, ...]
     figures: Mapping[str, Array]
     remarks: tuple[Remark, ...] = ()
-
-
-@dataclasses.dataclass(frozen=True)
-class Start:
-    """
-    The point from which the path of a list starts.
-
-    md, inclination, azimuth: m and rad. position: north, east, down, m. source: in words. remarks: what is assumed.
-    """
-
-    md: float
-    inclination: float
-    azimuth: float
-    position: tuple[float, float, float]
-    source: str
-    remarks: tuple[Remark, ...] = ()
+    start: Start | None = None
+    well: dict[str, Any] = dataclasses.field(default_factory=dict)
 
 
 def carried(azimuth: Array) -> Array:
@@ -91,18 +101,19 @@ def start_of(stations: StationList) -> Start:
     """
     Return where the path of a list starts.
 
-    The first station, where it lies at depth 0. A list that begins below has the hole above it added: it leaves the
-    wellhead vertically, or straight towards a first station that is too near for that. Only where the list gives a
-    position of its first station that such a hole does not reach does the path start there, and nothing is known of
-    the hole above.
+    The point that the file itself names, as our exports do. Otherwise the first station, where it lies at depth 0. A
+    list that begins below has the hole above it added: it leaves the wellhead vertically, or straight towards a first
+    station that is too near for that. Only where the list gives a position of its first station that such a hole does
+    not reach does the path start there, and nothing is known of the hole above.
     """
+    if stations.start is not None:
+        return stations.start
     md, inclination = float(stations.md[0]), float(stations.inclination[0])
     azimuth = 0.0 if math.isnan(stations.azimuth[0]) else float(stations.azimuth[0])
     north, east, down = (float(v) for v in stations.positions[0])
     own = (0.0 if math.isnan(north) else north, 0.0 if math.isnan(east) else east, md if math.isnan(down) else down)
     if md <= 0.0:
-        source = "wellhead" if inclination == 0.0 else "first station of the list"
-        return Start(md, inclination, azimuth, own, source)
+        return Start(md, inclination, azimuth, own, FIRST_STATION)
     given = not math.isnan(down)
     # A hole that would have to turn too sharply left its collar in the direction of the first station.
     vertical = inclination <= _SHARPEST * md
@@ -117,7 +128,7 @@ def start_of(stations: StationList) -> Start:
             " station"
         )
         assumed = Remark(RemarkKind.HOLE_ABOVE_ASSUMED, text, {"measured_depth": md, "inclination": inclination})
-        return Start(0.0, top, 0.0 if vertical else azimuth, (0.0, 0.0, 0.0), "wellhead", (assumed,))
+        return Start(0.0, top, 0.0 if vertical else azimuth, (0.0, 0.0, 0.0), WELLHEAD, (assumed,))
     kind = RemarkKind.TIE_ON_OF_LIST
     place = f"{north:+.2f} m north, {east:+.2f} m east"
     if math.isnan(north) or math.isnan(east):
@@ -128,7 +139,8 @@ def start_of(stations: StationList) -> Start:
         " there, and the hole above is not known"
     )
     remark = Remark(kind, text, {"measured_depth": md})
-    return Start(md, inclination, azimuth, own, "first station of the list", (remark,))
+    source = FIRST_STATION if kind == RemarkKind.TIE_ON_OF_LIST else WITHOUT_POSITION
+    return Start(md, inclination, azimuth, own, source, (remark,))
 
 
 def completed(stations: StationList) -> tuple[Array, Array, Array, tuple[float, float, float], tuple[Remark, ...]]:

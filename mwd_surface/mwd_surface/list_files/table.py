@@ -2,9 +2,9 @@
 """
 One table layer for every file of rows and named columns: bytes to names, units, rows of cells with their places.
 
-Text of any usual encoding, parted by tab, semicolon, bar, comma or spaces, and spreadsheets (.xlsx) are read by what
-they contain, whatever they are called. Lines above the names and comments are kept as the head. Empty rows and columns,
-ruled lines and names that are repeated on every page change nothing.
+Text of any usual encoding, parted by tab, semicolon, bar, comma or spaces, and spreadsheets (.xlsx, Excel 2003 XML,
+HTML) are read by what they contain, whatever they are called. Lines above the names and comments are kept as the head.
+Empty rows and columns, ruled lines and names that are repeated on every page change nothing.
 """
 
 from __future__ import annotations
@@ -13,18 +13,25 @@ import codecs
 import collections
 import csv
 import dataclasses
-import datetime as dt
-import io
 import re
-import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_sensors.core.input_files import check_lines, read_file
+from mwd_surface.list_files.grid_file import (
+    Row,
+    Sheets,
+    archive_sheets,
+    html_sheets,
+    is_html,
+    is_spreadsheet,
+    is_spreadsheet_xml,
+    xml_sheets,
+)
 from mwd_surface.list_files.list_error import ListFileError
-from mwd_surface.list_files.number_cells import Cell, is_null, looks_like_number, texts
+from mwd_surface.list_files.number_cells import is_null, looks_like_number, texts
 from mwd_surface.list_files.remark import Remark, RemarkKind
 
 _HEAD = 200  # lines above the one that names the columns, as programs for people write them
@@ -43,14 +50,6 @@ _BOMS = (
 
 # How well some texts are the names of columns: 0 where they are not.
 Header = Callable[[Sequence[str]], int]
-
-
-@dataclasses.dataclass(frozen=True)
-class Row:
-    """One row: where it stands in the file, and its cells."""
-
-    at: str
-    cells: tuple[Cell, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,11 +92,6 @@ def read_bytes(path: Path) -> bytes:
         raise ListFileError(f"{path}: {error.strerror}") from error
 
 
-def is_spreadsheet(data: bytes) -> bool:
-    """Return whether the bytes are those of an .xlsx file (a zip archive)."""
-    return data.startswith(b"PK\x03\x04")
-
-
 def text_of(data: bytes, name: str) -> str:
     """
     Return the text of a file: by its byte order mark, as UTF-8, or by what the bytes can be.
@@ -108,6 +102,9 @@ def text_of(data: bytes, name: str) -> str:
         It is a file of another kind, such as PDF or an old spreadsheet, or has more lines or columns than are read.
     """
     text = _decoded(data, name)
+    if text.lstrip("\ufeff \t\r\n").startswith("<"):
+        # Markup may stand on one line; its parser does not read by lines.
+        return text
     try:
         check_lines(text, budgets.LIST)
     except BudgetError as error:
@@ -115,10 +112,27 @@ def text_of(data: bytes, name: str) -> str:
     return text
 
 
+def _old_office(data: bytes) -> str:
+    """What a compound file of Microsoft Office is, by the names of its streams, and what to do about it."""
+    for stream, what in (
+        ("Workbook", "an Excel 97 to 2003 workbook (.xls, BIFF8)"),
+        ("Book", "an Excel 5 workbook (.xls, BIFF5)"),
+        ("WordDocument", "a Word document (.doc)"),
+        ("EncryptedPackage", "an .xlsx workbook with a password"),
+    ):
+        if stream.encode("utf-16-le") in data:
+            return f"{what}, which is not read; save the list as .xlsx without a password, or as CSV"
+    return "an old document of Microsoft Office; save the list as .xlsx or CSV"
+
+
 def _decoded(data: bytes, name: str) -> str:
     for magic, what in (
         (b"%PDF", "a PDF; export the list as CSV or .xlsx"),
-        (b"\xd0\xcf\x11\xe0", "an old spreadsheet (.xls) or document; save it as .xlsx or CSV"),
+        (b"\xd0\xcf\x11\xe0", _old_office(data)),
+        (b"\x09\x08\x08\x00", "an Excel 5 workbook (.xls, BIFF5), which is not read; save it as .xlsx or CSV"),
+        (b"\x09\x04\x06\x00", "an Excel 4 sheet (.xls, BIFF4), which is not read; save it as .xlsx or CSV"),
+        (b"\x09\x02\x06\x00", "an Excel 3 sheet (.xls, BIFF3), which is not read; save it as .xlsx or CSV"),
+        (b"\x09\x00\x04\x00", "an Excel 2 sheet (.xls, BIFF2), which is not read; save it as .xlsx or CSV"),
         (b"PK\x03\x04", "an archive that is not an .xlsx spreadsheet; save the list as .xlsx or CSV"),
         (b"\x1f\x8b", "packed (gzip); unpack it first"),
     ):
@@ -200,9 +214,18 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
     ListFileError
         It is empty or of another kind, or a line cannot be parted.
     """
-    if not is_spreadsheet(data):
-        return _text_table(text_of(data, name), name, is_header, is_unit)
-    grids = _sheets(data, name)
+    if is_spreadsheet(data):
+        return _of_sheets(archive_sheets(data, name), name, is_header, is_unit)
+    text = text_of(data, name)
+    if is_spreadsheet_xml(text):
+        return _of_sheets(xml_sheets(text, name), name, is_header, is_unit)
+    if is_html(text):
+        return _of_sheets(html_sheets(text, name), name, is_header, is_unit)
+    return _text_table(text, name, is_header, is_unit)
+
+
+def _of_sheets(grids: Sheets, name: str, is_header: Header | None, is_unit: Header | None) -> Table:
+    """The table of the first sheet that has one."""
     found = []
     for sheet, grid in grids:
         where = _header_in(grid, is_header)
@@ -220,62 +243,6 @@ def table_of(data: bytes, name: str, is_header: Header | None = None, is_unit: H
         text = f"{name}: sheet {sheet!r} is read; {others} has stations too"
         return dataclasses.replace(table, remarks=(*table.remarks, Remark(RemarkKind.COLUMN_CHOSEN, text)))
     return table
-
-
-def _sheets(data: bytes, name: str) -> list[tuple[str, list[Row]]]:
-    """Rows of each sheet of a spreadsheet; numbers stay numbers."""
-    import openpyxl
-
-    _check_archive(data, name)
-    sheets, cells = [], 0
-    try:
-        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
-        for sheet in book.worksheets:
-            rows: list[Row] = []
-            sheets.append((sheet.title, rows))
-            # What a sheet says of its size may be wrong; a row then ends at its last cell.
-            sheet.reset_dimensions()
-            # A row of a few bytes may stand at any number and end at any column: the empty cells before it are made.
-            for k, row in enumerate(sheet.iter_rows(values_only=True), start=1):
-                cells += 1 + len(row)
-                budgets.SPREADSHEET.check("records", cells)
-                width = max((j for j, cell in enumerate(row, start=1) if _said(cell)), default=0)
-                budgets.SPREADSHEET.check("columns", width)
-                if width:
-                    rows.append(Row(f"{name}, sheet {sheet.title}, row {k}", tuple(map(_cell, row[:width]))))
-    except BudgetError as error:
-        raise ListFileError(f"{name} {error}") from error
-    except Exception as error:  # openpyxl raises whatever its parsing meets
-        raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
-    return sheets
-
-
-def _check_archive(data: bytes, name: str) -> None:
-    """Refuse an archive that is not a spreadsheet, or that unpacks to more than a memory holds."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            items = archive.infolist()
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
-        raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
-    unpacked = sum(item.file_size for item in items)
-    if unpacked > (budgets.SPREADSHEET.unpacked or 0):
-        raise ListFileError(f"{name}: unpacks to more than {(budgets.SPREADSHEET.unpacked or 0) / budgets.MB:g} MB")
-    if not any(item.filename.startswith("xl/") for item in items):
-        raise ListFileError(f"{name} is an archive that is not an .xlsx spreadsheet; save it as .xlsx or CSV")
-
-
-def _said(cell: object) -> bool:
-    return cell is not None and str(cell).strip() != ""
-
-
-def _cell(cell: object) -> Cell:
-    if cell is None:
-        return ""
-    if isinstance(cell, (int, float)) and not isinstance(cell, bool):
-        return float(cell)
-    if isinstance(cell, dt.datetime):
-        return cell.isoformat()
-    return str(cell).strip()
 
 
 def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header | None) -> Table:
@@ -504,7 +471,9 @@ def _assembled(
             # Empty, or a ruled line.
             continue
         if not rows and is_unit is not None and is_unit([str(cell) for cell in row.cells]):
-            units = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
+            # A second such line may give datum and north.
+            more = tuple(str(cell) for cell in row.cells[: len(names)]) + ("",) * (len(names) - len(row.cells))
+            units = tuple(f"{unit} {word}".strip() for unit, word in zip(units, more, strict=True))
             above.add(_plain(row))
         elif _plain(row) in above:
             left_out.append(row)

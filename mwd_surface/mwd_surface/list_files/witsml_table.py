@@ -6,11 +6,19 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from mwd_surface.list_files.list_columns import ANGLE_UNITS, ANGLES, LENGTH_UNITS, unit_word
+from mwd_surface.list_files.grid_file import Row
+from mwd_surface.list_files.list_columns import (
+    ANGLE_UNITS,
+    ANGLES,
+    ENERGISTICS_ANGLES,
+    ENERGISTICS_UNITS,
+    LENGTH_UNITS,
+    unit_word,
+)
 from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.number_cells import Cell, is_null
 from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.list_files.table import Row, Table
+from mwd_surface.list_files.table import Table
 
 # Quantity -> name of the element in lower case: 1.x begins it with a small letter, 2.x with a capital.
 _TAGS = {"md": "md", "inclination": "incl", "azimuth": "azi", "tvd": "tvd", "north": "dispns", "east": "dispew"}
@@ -56,14 +64,18 @@ def witsml_table(text: str, name: str) -> Table:
         at = f"{name}, line {int(station.sourceline or 0)}"
         cells = [_measure(station, what, tag, at) for what, tag in _TAGS.items()]
         tool = _text(station, "typesurveytool") or kind
-        rows.append(Row(at, (*cells, tool, _text(station, "dtimstn"))))
+        row = "tie-on" if kind.lower() == "tie in point" else ""
+        rows.append(Row(at, (*cells, tool, _text(station, "dtimstn"), row)))
     if projected:
         said = f"{name}: {projected} projections to the bit are left out"
         remarks.append(Remark(RemarkKind.ROWS_LEFT_OUT, said, {"rows": float(projected)}))
-    names, units = (*_TAGS, "tool", "time"), ("m", "rad", "rad", "m", "m", "m", "", "")
+    names, units = (*_TAGS, "tool", "time", "station"), ("m", "rad", "rad", "m", "m", "m", "", "", "")
     title = _text(trajectory, "name") or _text(trajectory, "title") or name
-    head = (f"azimuth reference: {reference}",) if reference else ()
-    return Table(title, name, names, units, tuple(rows), head, tuple(remarks))
+    head = [f"azimuth reference: {reference}"] if reference else []
+    for custom in _children(trajectory, "customdata"):
+        # Our own exports say here what the list behind them is.
+        head += [str(one.text or "") for one in custom if _tag(one) == "provenance"]
+    return Table(title, name, names, units, tuple(rows), tuple(head), tuple(remarks))
 
 
 def _tag(element: Any) -> str:
@@ -100,11 +112,21 @@ def _measure(station: Any, what: str, tag: str, at: str) -> Cell:
             raise ListFileError(f"{at}: {tag}: expected a finite number, got {text!r}")
         return ""
     uom = element.get("uom") or found[0].get("uom") or ""
-    known = ANGLE_UNITS if what in ANGLES else LENGTH_UNITS
-    unit = unit_word(uom)
-    if unit not in known:
-        raise ListFileError(f"{at}: {what} in {uom!r}; expected one of {', '.join(list(known)[:8])} ...")
+    factor = _factor(uom, angle=what in ANGLES)
+    if factor is None:
+        usual = ("dega", "rad", "gon") if what in ANGLES else ("m", "km", "ft", "ftUS", "in")
+        raise ListFileError(
+            f"{at}: {what} in {uom!r}, which is not a unit that is understood here; expected {', '.join(usual)} ...,"
+            " as in the Energistics unit dictionary"
+        )
     try:
-        return float(text) * known[unit]
+        return float(text) * factor
     except ValueError:
         raise ListFileError(f"{at}: {tag}: expected a finite number, got {text!r}") from None
+
+
+def _factor(uom: str, *, angle: bool) -> float | None:
+    """Factor of a unit to m or rad; None where it is not one of the quantity."""
+    if uom.strip() in ENERGISTICS_UNITS:
+        return ENERGISTICS_UNITS[uom.strip()] if (uom.strip() in ENERGISTICS_ANGLES) == angle else None
+    return (ANGLE_UNITS if angle else LENGTH_UNITS).get(unit_word(uom))

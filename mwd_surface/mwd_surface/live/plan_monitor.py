@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mwd_sensors.core.foreign_text import without_contents
 from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.list_settings import NODE, asked
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.settings import PlanSettings
 from mwd_surface.live.well_context import WellContext
@@ -36,21 +37,27 @@ class PlanMonitor:
             return None
         path = Path(settings.file).expanduser()
         try:
-            plan = read_plan(path)
+            given = settings.given()
+        except ValueError as error:
+            return ListFileError(f"plan: {error}")
+        try:
+            plan = read_plan(path, given=given)
         except ListFileError as error:
             # The alarm is on a page that needs no login.
             return ListFileError(without_contents(path, error, "`mwd path`"))
         try:
             return in_north(plan, path, north)
         except ListFileError as error:
-            return error
+            return asked(error, NODE)
 
     def use(self, found: Plan | ListFileError | None) -> None:
         """Use what `read` has found; a file that cannot be used raises an alarm, and there is no plan."""
         self.plan = None
         if isinstance(found, ListFileError):
             text = f"the plan is not used: {found}"
-            remedy = "correct the file, then set plan.file again"
+            remedy = (
+                "correct the file, or set plan.confirm and the other settings of the plan, then set plan.file again"
+            )
             self._alarm_log.raise_alarm("plan.file", Severity.WARNING, text, remedy)
             return
         if found is not None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 
 from mwd_sensors.core.settings import setting
+from mwd_surface.list_files.list_settings import ListSettings
 from mwd_surface.surveys.station_quality import QualityLimits
 
 
@@ -68,13 +69,13 @@ class LiveSettings:
 
 
 @dataclasses.dataclass(frozen=True)
-class PlanSettings:
-    """The planned well path."""
+class PlanSettings(ListSettings):
+    """The planned well path, and how its list is read."""
 
     file: str = setting(
         "",
-        "File of the planned path, CSV or WITSML 1.4.1.1; empty: no plan. Any change of a parameter of the node reads "
-        "it again",
+        "File of the planned path, any list that `mwd path` reads; empty: no plan. Any change of a parameter of the "
+        "node reads it again",
     )
 
 

@@ -12,10 +12,10 @@ import dataclasses
 import math
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 from mwd_sensors.core import wire
+from mwd_sensors.core.settings import changed
 from mwd_surface.bags.bag_reader import Bag, Message
 from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.live_state import LiveState
@@ -220,7 +220,8 @@ def namespace_of(bag: Bag) -> str:
     return spaces.pop() if len(spaces) == 1 else bag.find_topic(wire.ATTITUDE.type_name, "attitude")[:-8]
 
 
-def named_plan(bag: Bag) -> Path | None:
-    """File of the plan that the surface node of a recording had; None: it had none."""
-    named = dict(bag.metadata().get(SURFACE, {})).get("plan.file", "")
-    return Path(named).expanduser() if named else None
+def named_plan(bag: Bag) -> PlanSettings:
+    """Settings of the plan that the surface node of a recording had; without a file where it had none."""
+    named = {name: str(value) for name, value in dict(bag.metadata().get(SURFACE, {})).items()}
+    known = (field.name for field in dataclasses.fields(PlanSettings))
+    return changed(PlanSettings(), {n: named[f"plan.{n}"] for n in known if f"plan.{n}" in named})

@@ -14,9 +14,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from mwd_estimation.core.reference_field import Reference
-from mwd_sensors.core import utc
-from mwd_surface.list_files.remark import Remark, RemarkKind
-from mwd_surface.list_files.station_list import StationList, start_of
+from mwd_sensors.core import settings, utc
+from mwd_surface.list_files.provenance import Provenance
+from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
+from mwd_surface.list_files.station_list import Start, StationList, start_of
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Nine, Survey, SurveyRecord, Verdict
@@ -51,7 +52,8 @@ def survey_list(
     ----------
     stations : StationList
     well : Well, optional
-        Its north and error model are replaced by those of the list where the list names them.
+        Left out, the well that an export of our own names. Its north and error model are replaced by those of the list
+        where the list names them.
     tie_on : TieOn, optional
         Where the path starts, in the north of the list; stations not below it are left out.
     reference : Reference, optional
@@ -65,23 +67,28 @@ def survey_list(
         No station is left, or the path cannot be computed.
     """
     remarks = list(stations.remarks)
-    north = stations.north or (well or Well()).north_reference
+    well = well or well_of(stations) or Well()
+    north = stations.north or well.north_reference
     if not stations.north:
         text = (
             f"{stations.name} does not say from which north its azimuths are: {north} is assumed; state it with --north"
         )
         remarks.append(Remark(RemarkKind.NORTH_ASSUMED, text))
-    well = dataclasses.replace(well or Well(), north_reference=north)
-    code = tool_code(stations)
-    if code:
+    well = dataclasses.replace(well, north_reference=north)
+    codes = tool_codes_of(stations)
+    code = codes.pop() if len(codes) == 1 else ""
+    if len(codes) > 1:
+        text = (
+            f"{stations.name}: its stations name the tool codes {', '.join(sorted(codes))}; {well.error_model} is taken"
+            " for the whole list: --programme gives codes by interval, --code another one"
+        )
+        remarks.append(Remark(RemarkKind.TOOL_ASSUMED, text, {"codes": float(len(codes))}))
+    if code and not stations.well:
         well = dataclasses.replace(well, error_model=code)
     start = tie_on
     if start is None:
         first = start_of(stations)
-        origin = Origin.STATION if first.md == stations.md[0] else Origin.WELLHEAD
-        if any(one.kind == RemarkKind.TIE_ON_ASSUMED for one in first.remarks):
-            origin = Origin.WITHOUT_POSITION
-        start = TieOn(first.md, first.inclination, first.azimuth, *first.position, origin)
+        start = TieOn(first.md, first.inclination, first.azimuth, *first.position, Origin(first.source))
         remarks += first.remarks
     below = [k for k in range(stations.md.size) if stations.md[k] > start.measured_depth]
     records = [_record(stations, k, North[north.upper()], reference, every=every) for k in below]
@@ -101,6 +108,59 @@ def survey_list(
     return SurveyList.from_mapping(bare.to_mapping())
 
 
+def well_of(stations: StationList) -> Well | None:
+    """
+    Return the well that an export of our own names; None for any other list.
+
+    Raises
+    ------
+    ValueError
+        Its settings are not those of a well.
+    """
+    return settings.from_mapping(Well, stations.well, f"{stations.name}: well") if stations.well else None
+
+
+def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = True) -> Provenance:
+    """
+    Return what an export says of the list behind it, so that `survey_list` makes the same path of the export.
+
+    Parameters
+    ----------
+    surveys : SurveyList
+    leg : str, optional
+        Other than the current one.
+    whole : bool
+        Whether the export begins with the path of the parent legs, or with the surveys of the leg itself.
+    """
+    there = surveys.find_leg(leg)
+    assumptions = surveys.definitive(there.name).assumptions
+    while whole and there.parent:
+        there = surveys.find_leg(there.parent)
+    t = there.tie_on
+    reference = reference_in(surveys)
+    figures = (
+        {
+            "b_reference": reference.total,
+            "g_reference": reference.gravity,
+            "dip_reference": reference.dip,
+            "declination": reference.declination,
+            "convergence": reference.convergence,
+        }
+        if reference is not None
+        else {}
+    )
+    # Files of this machine mean nothing to whoever reads the export.
+    well = dataclasses.replace(surveys.well, programme="", offset_wells="")
+    if reference is not None and reference.source:
+        well = dataclasses.replace(well, geomagnetic_model=well.geomagnetic_model or reference.source)
+    return Provenance(
+        well=settings.to_mapping(well),
+        start=Start(t.measured_depth, t.inclination, t.azimuth, (t.north, t.east, t.vertical_depth), t.source.value),
+        reference={name: value for name, value in figures.items() if value is not None},
+        remarks=distinct((*surveys.remarks, *assumptions)),
+    )
+
+
 def reference_in(surveys: SurveyList) -> Reference | None:
     """The reference of the last survey in use that has one."""
     known = [r.survey for r in surveys.records if r.in_use and r.survey.has_reference]
@@ -117,14 +177,13 @@ def reference_in(surveys: SurveyList) -> Reference | None:
     )
 
 
-def tool_code(stations: StationList) -> str:
-    """The tool code that a list names, by itself or in words; empty where it names none or several."""
+def tool_codes_of(stations: StationList) -> set[str]:
+    """Return the tool codes that the stations of a list name, by themselves or in words."""
     from mwd_surface.uncertainty.error_terms import tool_codes
 
     named = {word.strip() for word in stations.tool} - {"", _TIE_IN}
     known = set(tool_codes())
-    codes = {word if word in known else TOOL_CODES.get(word.lower(), "") for word in named}
-    return codes.pop() if len(codes) == 1 else ""
+    return {word if word in known else TOOL_CODES.get(word.lower(), "") for word in named} - {""}
 
 
 def _record(stations: StationList, k: int, north: North, reference: Reference | None, *, every: bool) -> SurveyRecord:

@@ -14,8 +14,11 @@ from pathlib import Path
 from mwd_sensors.core import budgets
 from mwd_sensors.core.input_files import read_file
 from mwd_surface.bags.bag_reader import Bag, BagError
+from mwd_surface.list_files.list_columns import Given
+from mwd_surface.list_files.list_error import ListFileError
 from mwd_surface.list_files.list_file import is_list, read_list
 from mwd_surface.list_files.remark import sentences
+from mwd_surface.list_files.station_list import StationList
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.surveys.message_conversion import list_of
 from mwd_surface.surveys.recorded_settings import recorded_settings
@@ -34,7 +37,7 @@ _NO_WELL = (
 FILES = ("surveys.json", "surveys.previous.json")
 
 
-def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
+def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tuple[str, ...]]:
     """
     The list, and what people must know about where it comes from.
 
@@ -43,6 +46,9 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
     path : Path
         A surveys.json, a list of stations that others measured (CSV, LAS, WITSML), a folder with a surveys.json in it
         or below (the folder of a run), or a recording.
+    given : Given, optional
+        How a list of stations is read. Left out, the caller has no such options: a question of the reader then names
+        `mwd path`.
 
     Raises
     ------
@@ -54,7 +60,7 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
     if path.is_file() and path.suffix == ".json":
         return _remarked(decoded(read_file(path, budgets.JSON)))
     if is_list(path):
-        return _remarked(survey_list(read_list(path)))
+        return _remarked(survey_list(_read(path, given)))
     folders = _folders(path) if path.is_dir() else []
     if len(folders) > 1:
         raise ValueError(f"{path} has survey lists of several wells: {', '.join(str(f) for f in folders)}; name one")
@@ -62,6 +68,19 @@ def surveys_of(path: Path) -> tuple[SurveyList, tuple[str, ...]]:
         return _stored(folders[0])
     with Bag(path) as bag:
         return surveys_of_bag(bag), () if recorded_settings(bag).surface is not None else (_NO_WELL,)
+
+
+def _read(path: Path, given: Given | None) -> StationList:
+    """The stations of a list that others measured."""
+    try:
+        return read_list(path, given)
+    except ListFileError as error:
+        if given is not None or "--" not in str(error):
+            raise
+        raise ListFileError(
+            f"{error}. Options that say how a list is read are those of `mwd path`: run mwd path {path} -o DIR with"
+            " them, and give DIR here"
+        ) from error
 
 
 def stretches_of(path: Path) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:

@@ -225,6 +225,6 @@ def test_the_wellhead_of_an_offset_list_can_be_given(tmp_path):
     (tmp_path / "x.csv").write_text(f"md_m,inc_deg,azi_grid_deg,tvd_m,northing_m,easting_m\n{rows}")
     with pytest.raises(OffsetWellError, match="wellhead"):
         offset_well(OffsetWell("X", "x.csv"), tmp_path, North.GRID, REFERENCE)
-    offset = OffsetWell("X", "x.csv", wellhead_northing_m=6478300.0, wellhead_easting_m=431200.0)
+    offset = OffsetWell("X", "x.csv", wellhead="6478300,431200")
     got = offset_well(offset, tmp_path, North.GRID, REFERENCE)
     np.testing.assert_allclose(got.positions[0], [0.0, 200.0, 950.0])

@@ -50,7 +50,7 @@ def test_a_gyro_is_forecast_without_limits(plan, tmp_path):
     [
         ((), "needs the field"),
         ((*FIELD, "--code", "MWD+IFR9"), "did you mean"),
-        ((*FIELD, "--north", "up"), "--north up"),
+        ((*FIELD, "--north", "up"), "--north: 'up'"),
         ((*FIELD, "--limit", 0), "must be positive"),
         ((*FIELD, "--code", "GYRO-NS"), "is meant for inclinations from 0 to 89 deg"),
         ((*FIELD, "--north", "grid"), "need the convergence"),

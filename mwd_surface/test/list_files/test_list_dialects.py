@@ -16,6 +16,19 @@ from mwd_surface.list_files.remark import RemarkKind
 from mwd_surface.surveys.imported_list import survey_list
 from mwd_surface.trajectory.plan_file import plan_from_list
 
+DIPS = [
+    "Dip",
+    "Pitch (deg)",
+    "BH_Dip",
+    "Drill Dip (°)",
+    "Plunge",
+    "倾角(°)",
+    "钻孔倾角/°",
+    "实测倾角",
+    "俯仰角",
+    "仰角(度)",
+]
+
 
 @st.composite
 def lists(draw, least=3):
@@ -117,7 +130,7 @@ def test_path_plan_and_offset_well_have_the_same_hole(stations, dialect):
     assert plan.md[0] == 0.0
 
 
-@given(lists(), st.sampled_from([("down", -1.0), ("up", 1.0)]), st.sampled_from(["Dip", "Pitch (deg)", "倾角(°)"]))
+@given(lists(), st.sampled_from([("down", -1.0), ("up", 1.0)]), st.sampled_from(DIPS))
 def test_angles_from_the_horizontal_become_inclinations_or_are_refused(stations, way, name):
     md, inc, azi = stations
     dips = way[1] * (np.degrees(inc) - 90.0)

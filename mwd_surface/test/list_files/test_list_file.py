@@ -63,7 +63,7 @@ def test_the_north_that_the_header_names_is_kept():
         ("0,0,0\n500,0,45\n", "line 1: no column for md"),
         (GOOD.replace("md_m", "md"), "line 1: md (column 'md') has no unit; write md_m or md_ft"),
         (GOOD.replace("md_m", "md (furlong)"), "line 1: md in 'furlong'"),
-        ("md,inc,azi\nkm,deg,deg\n0,0,0\n1,0,0\n", "line 1: md in 'km'"),
+        ("md,inc,azi\nrods,deg,deg\n0,0,0\n1,0,0\n", "line 1: md in 'rods'"),
         (GOOD.replace("500,0,45", "500,x,45"), "line 3: inclination: expected a finite number, got 'x'"),
         (GOOD.replace("500,0,45", "500"), "line 3: 1 fields, the header names inclination as number 2"),
         (GOOD.replace("1000,30", "1000,300"), "line 4: inclination 300 deg is outside 0 to 180"),
@@ -189,7 +189,7 @@ def test_columns_units_and_north_can_be_named():
     np.testing.assert_allclose(got.md, [0.0, 304.8])
     np.testing.assert_allclose(np.degrees([got.inclination[1], got.azimuth[1]]), [90.0, 45.0])
     assert got.north == "grid"
-    for wrong in ({"columns": {"dept": "TDEP"}}, {"length_unit": "yard"}, {"angle_unit": "mil"}, {"north": "up"}):
+    for wrong in ({"columns": {"dept": "TDEP"}}, {"length_unit": "rod"}, {"angle_unit": "mil"}, {"north": "up"}):
         with pytest.raises(ValueError, match="is none of"):
             Given(**wrong)
 

@@ -208,3 +208,101 @@ def test_a_column_that_the_caller_names_need_not_be_understood_but_its_north_cou
     got = list_of(f"q1 (m);i;{name}\n{rows()}".encode(), "list.csv", told)
     assert_read(got)
     assert got.north == north
+
+
+@pytest.mark.parametrize("depth", ["孔深(m)", "孔深/m", "钻孔深度（米）", "累计孔深(m)", "钻深(m)", "深度（m）"])
+@pytest.mark.parametrize(
+    ("azimuth", "north"),
+    [
+        ("方位角(°)", ""),
+        ("实测方位角/°", ""),
+        ("真方位", "true"),
+        ("真方位角（°）", "true"),
+        ("磁方位(度)", "magnetic"),
+        ("磁方位角", "magnetic"),
+        ("方位角（磁北）", "magnetic"),
+        ("坐标方位角", "grid"),
+    ],
+)
+def test_chinese_names_of_depth_and_azimuth_are_read_with_their_north(depth, azimuth, north):
+    read = list_of(f"{depth},倾角(°),{azimuth}\n0,90,30\n30,87,31\n".encode(), given=Given(dip="down"))
+    assert read.north == north
+    np.testing.assert_allclose(read.md, [0.0, 30.0])
+    np.testing.assert_allclose(np.degrees(read.inclination), [0.0, 3.0], atol=1e-9)
+    np.testing.assert_allclose(np.degrees(read.azimuth), [30.0, 31.0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name", ["设计倾角", "磁倾角", "Magnetic Dip", "Tilt", "Slope", "Vertical angle", "开孔倾角", "孔斜角"]
+)
+def test_an_angle_that_may_be_another_is_never_taken_for_an_inclination(name):
+    with pytest.raises(ListFileError, match="no column for inclination"):
+        list_of(f"md_m,{name},azi\n0,20,30\n30,21,31\n".encode())
+
+
+ROWS = "md_m,inc,azi\n0,0,0\n300,0,0\n330,3,79\n360,6,79\n"
+
+
+@pytest.mark.parametrize(
+    ("line", "north"),
+    [
+        ("Azimuths corrected from magnetic to true north", "true"),
+        ("All azimuths in this report are referenced to Grid North (UTM 31N); declination -1.2 deg.", "grid"),
+        ("azimuths to True North unless stated otherwise", "true"),
+    ],
+)
+def test_the_north_behind_to_is_the_north_of_a_sentence(line, north):
+    assert list_of(f"{line}\n{ROWS}".encode()).north == north
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "Note: Azimuth readings are NOT corrected for declination.",
+        "Azimuth Reference: not magnetic",
+        "Azimuths have been corrected for declination and convergence",
+        "Azimuths are given uncorrected, magnetic",
+        "方位角未作磁偏角校正",
+    ],
+)
+def test_a_sentence_about_azimuths_that_is_not_understood_is_a_question(line):
+    with pytest.raises(ListFileError) as caught:
+        list_of(f"{line}\n{ROWS}".encode())
+    assert line.partition(": ")[2] in str(caught.value) or line in str(caught.value)
+    assert "--north" in str(caught.value)
+    assert list_of(f"{line}\n{ROWS}".encode(), given=Given(north="magnetic")).north == "magnetic"
+
+
+@pytest.mark.parametrize(
+    "footer",
+    [
+        "Bottom hole: 360 m,6 deg,79 deg",
+        "Closure,12.3,45.6",
+        "TD at 360 m",
+        "Surveyed by: J. Doe",
+        "Closure: 3.1 m,79,",
+    ],
+)
+def test_figures_of_the_whole_hole_below_a_list_are_quoted_and_no_station(footer):
+    read = list_of(f"{ROWS}\n{footer}\n".encode())
+    assert read.md[-1] == 360.0
+    assert any(footer.split(",")[0] in one.text for one in read.remarks if one.kind == RemarkKind.ROWS_LEFT_OUT)
+
+
+def test_a_depth_that_is_a_typo_between_stations_is_refused():
+    with pytest.raises(ListFileError, match="expected a finite number"):
+        list_of(ROWS.replace("330,3", "l330,3").encode())
+
+
+def test_a_line_of_datum_and_north_below_the_units_counts():
+    read = list_of(b"md,inc,azi\nm,deg,deg\nRKB,,GN\n0,0,0\n300,0,0\n330,3,79\n")
+    assert read.north == "grid"
+    assert read.md.size == 3
+
+
+def test_a_unit_or_north_that_the_caller_replaces_is_a_remark():
+    data = b"md_m,inc_deg,azi_true_deg\n0,0,0\n300,0,0\n330,3,79\n"
+    assert list_of(data, given=Given(length_unit="m", angle_unit="deg", north="true")).remarks == ()
+    read = list_of(data, given=Given(length_unit="ft", north="grid"))
+    assert read.md[-1] == pytest.approx(330 * 0.3048)
+    assert [one.kind for one in read.remarks] == [RemarkKind.OVERRIDDEN] * 2

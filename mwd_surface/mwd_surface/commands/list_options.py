@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Options that say how a list is read: one by one for the list of a command, as NAME=VALUE for its plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from mwd_surface.list_files.list_settings import ListSettings
+    from mwd_surface.trajectory.plan import Plan
+
+_LIST = "List"
+#: Names of the options, which are those of `ListSettings`.
+NAMES = ("columns", "length_unit", "angle_unit", "north", "decimal", "dip", "wellhead", "confirm")
+
+Columns = Annotated[
+    str | None,
+    typer.Option(help="Which column is what, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.", rich_help_panel=_LIST),
+]
+LengthUnit = Annotated[
+    str, typer.Option(help="Unit of lengths that the list does not name: m, ft or ftus.", rich_help_panel=_LIST)
+]
+AngleUnit = Annotated[str, typer.Option(help="deg, rad or grad.", rich_help_panel=_LIST)]
+NorthOption = Annotated[
+    str,
+    typer.Option("--north", help="North of the list's azimuths: magnetic, true or grid.", rich_help_panel=_LIST),
+]
+Decimal = Annotated[
+    str, typer.Option(help="Decimal mark, point or comma, where 1,000 may be either.", rich_help_panel=_LIST)
+]
+Dip = Annotated[
+    str, typer.Option(help="Where positive angles from the horizontal point: down or up.", rich_help_panel=_LIST)
+]
+Wellhead = Annotated[
+    str | None,
+    typer.Option(
+        help="Northing and easting of the wellhead in the map coordinates of the list, m.",
+        rich_help_panel=_LIST,
+        metavar="NORTHING,EASTING",
+    ),
+]
+Confirm = Annotated[
+    list[str] | None,
+    typer.Option(
+        help="Value that is correct although it looks implausible: dogleg, wellhead or depth. May be repeated.",
+        rich_help_panel=_LIST,
+    ),
+]
+PlanSet = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--plan-set",
+        help="How the plan is read, with the words of `mwd path`, e.g. confirm=dogleg, north=grid or"
+        " wellhead=6478300,431200. May be repeated.",
+        metavar="NAME=VALUE",
+    ),
+]
+
+
+def list_settings(options: Mapping[str, Any], option: str = "--") -> ListSettings:
+    """
+    Return the settings of a list by the options of a command.
+
+    option: what stands before the name of a setting on the command line, for messages.
+
+    Raises
+    ------
+    SettingsError
+        A word that does not exist.
+    """
+    from mwd_sensors.core import settings
+    from mwd_surface.list_files.list_settings import ListSettings
+
+    given = {name: options[name] for name in NAMES if options[name]}
+    words = {name: value if isinstance(value, str) else ",".join(value) for name, value in given.items()}
+    try:
+        return settings.changed(ListSettings(), {n: v if n == "columns" else v.lower() for n, v in words.items()})
+    except settings.SettingsError as error:
+        raise settings.SettingsError(f"{option}{error}") from error
+
+
+def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
+    """
+    Return the settings of a list by NAME=VALUE texts; confirm may be given several times.
+
+    Raises
+    ------
+    SettingsError
+        A text without an equals sign, or a name or word that does not exist.
+    """
+    from mwd_sensors.core.settings import SettingsError, unknown_key
+
+    table: dict[str, Any] = dict.fromkeys(NAMES)
+    for change in changes or ():
+        name, equals, value = change.partition("=")
+        name = name.strip().replace("-", "_")
+        if not equals:
+            raise SettingsError(f"{option} {change}: write it as NAME=VALUE, for example {option} confirm=dogleg")
+        if name not in NAMES:
+            raise SettingsError(unknown_key(name, NAMES, option))
+        table[name] = [*(table[name] or ()), value] if name == "confirm" else value
+    return list_settings(table, f"{option} ")
+
+
+def read_plan_option(path: Path | None, changes: Sequence[str] | None, north: str = "") -> Plan | None:
+    """
+    Return the plan that --plan names, read as --plan-set says; None where none is named.
+
+    north: from which its azimuths must be; empty: any.
+
+    Raises
+    ------
+    ListFileError
+        As `read_plan`; a question of the reader names --plan-set.
+    """
+    from mwd_surface.list_files.list_error import ListFileError
+    from mwd_surface.list_files.list_settings import asked
+    from mwd_surface.trajectory.plan_file import read_plan
+
+    given = assigned(changes, "--plan-set").given()
+    if path is None:
+        if changes:
+            raise ValueError("--plan-set: there is no --plan to read")
+        return None
+    try:
+        return read_plan(path, north, given)
+    except ListFileError as error:
+        raise asked(error, "--plan-set {}={}") from error

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+Files that are sheets of cells: .xlsx, Excel 2003 XML (SpreadsheetML), and HTML tables, which Excel also names .xls.
+
+Each reader returns the rows of every sheet with their place in the file; empty rows are left out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime as dt
+import io
+import re
+import zipfile
+from collections.abc import Iterator
+from typing import Any
+
+from mwd_sensors.core import budgets
+from mwd_sensors.core.budgets import BudgetError
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.number_cells import Cell
+
+_SPREADSHEETML = "urn:schemas-microsoft-com:office:spreadsheet"
+_MOST_SPAN = 100  # columns that one cell of an HTML table may cover
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One row: where it stands in the file, and its cells."""
+
+    at: str
+    cells: tuple[Cell, ...]
+
+
+Sheets = list[tuple[str, list[Row]]]
+
+
+def is_spreadsheet(data: bytes) -> bool:
+    """Return whether the bytes are those of an .xlsx file (a zip archive)."""
+    return data.startswith(b"PK\x03\x04")
+
+
+def is_html(text: str) -> bool:
+    """Return whether a text begins as an HTML document or as an HTML table does."""
+    return bool(
+        re.match(
+            r"\s*(?:<\?xml[^>]*>\s*)?(?:<!--.*?-->\s*)*<(?:!doctype\s+html|html|head|body|meta|table)\b",
+            text[:5000],
+            re.IGNORECASE | re.DOTALL,
+        )
+    )
+
+
+def is_spreadsheet_xml(text: str) -> bool:
+    """Return whether a text is an Excel 2003 XML workbook."""
+    return _SPREADSHEETML in text[:5000] and bool(re.search(r"<(?:\w+:)?Workbook\b", text[:5000]))
+
+
+def archive_sheets(data: bytes, name: str) -> Sheets:
+    """
+    Return the rows of each sheet of an .xlsx file; numbers stay numbers.
+
+    Raises
+    ------
+    ListFileError
+        It is another archive, cannot be read, or unpacks to more than the budget.
+    """
+    import openpyxl
+
+    _check_archive(data, name)
+    sheets: Sheets = []
+    cells = 0
+    try:
+        book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+        for sheet in book.worksheets:
+            rows: list[Row] = []
+            sheets.append((sheet.title, rows))
+            # What a sheet says of its size may be wrong; a row then ends at its last cell.
+            sheet.reset_dimensions()
+            # A row of a few bytes may stand at any number and end at any column: the empty cells before it are made.
+            for k, row in enumerate(sheet.iter_rows(values_only=True), start=1):
+                cells += 1 + len(row)
+                budgets.SPREADSHEET.check("records", cells)
+                width = max((j for j, cell in enumerate(row, start=1) if _said(cell)), default=0)
+                budgets.SPREADSHEET.check("columns", width)
+                if width:
+                    rows.append(Row(f"{name}, sheet {sheet.title}, row {k}", tuple(map(_cell, row[:width]))))
+    except BudgetError as error:
+        raise ListFileError(f"{name} {error}") from error
+    except Exception as error:  # openpyxl raises whatever its parsing meets
+        raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
+    return sheets
+
+
+def _check_archive(data: bytes, name: str) -> None:
+    """Refuse an archive that is not a spreadsheet, or that unpacks to more than a memory holds."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            items = archive.infolist()
+    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError) as error:
+        raise ListFileError(f"{name}: cannot be read as .xlsx: {error}") from error
+    unpacked = sum(item.file_size for item in items)
+    if unpacked > (budgets.SPREADSHEET.unpacked or 0):
+        raise ListFileError(f"{name}: unpacks to more than {(budgets.SPREADSHEET.unpacked or 0) / budgets.MB:g} MB")
+    names = {item.filename for item in items}
+    if "xl/workbook.bin" in names:
+        raise ListFileError(f"{name} is a binary Excel workbook (.xlsb), which is not read; save it as .xlsx or CSV")
+    if "content.xml" in names:
+        raise ListFileError(f"{name} is an OpenDocument file (.ods), which is not read; save it as .xlsx or CSV")
+    if not any(item.startswith("xl/") for item in names):
+        raise ListFileError(f"{name} is an archive that is not an .xlsx spreadsheet; save the list as .xlsx or CSV")
+
+
+def html_sheets(text: str, name: str) -> Sheets:
+    """
+    Return the rows of each table of an HTML document that has no table inside.
+
+    Raises
+    ------
+    ListFileError
+        It cannot be read, has no table, or more cells than the budget.
+    """
+    from lxml import etree, html
+
+    try:
+        root = html.document_fromstring(re.sub(r"^\s*<\?xml[^>]*>", "", text))
+    except (etree.ParserError, etree.XMLSyntaxError, ValueError) as error:
+        raise ListFileError(f"{name}: cannot be read as HTML: {error}") from error
+    sheets: Sheets = []
+    budget = _Cells(name)
+    for k, table in enumerate(
+        (one for one in root.iter("table") if not any(True for _ in one.iterdescendants("table"))), start=1
+    ):
+        rows = []
+        for row in table.iter("tr"):
+            cells: list[Cell] = []
+            for cell in row.iterchildren("td", "th"):
+                span = cell.get("colspan", "1")
+                budget.add()
+                cells += [" ".join("".join(cell.itertext()).split())]
+                cells += [""] * (min(int(span), _MOST_SPAN) - 1 if span.isdecimal() else 0)
+            rows += _row(f"{name}, table {k}, line {row.sourceline}", cells)
+        sheets.append((f"table {k}", rows))
+    if not sheets:
+        raise ListFileError(f"{name} is an HTML document without a table; save the list as .xlsx or CSV")
+    return sheets
+
+
+def xml_sheets(text: str, name: str) -> Sheets:
+    """
+    Return the rows of each sheet of an Excel 2003 XML workbook; numbers stay numbers.
+
+    Raises
+    ------
+    ListFileError
+        It is not well-formed, or has more cells than the budget.
+    """
+    from lxml import etree
+
+    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
+    try:
+        root = etree.fromstring(re.sub(r"^\s*<\?xml[^>]*\?>", "", text.lstrip("\ufeff")).encode(), parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise ListFileError(f"{name}: not well-formed XML: {error}") from error
+    ss = f"{{{_SPREADSHEETML}}}"
+    sheets: Sheets = []
+    budget = _Cells(name)
+    for sheet in root.iter(f"{ss}Worksheet"):
+        rows = []
+        for row in sheet.iter(f"{ss}Row"):
+            cells: list[Cell] = []
+            for place, cell in _placed(row, ss):
+                budget.add(max(1, place - len(cells)), place)
+                cells += [""] * (place - len(cells))
+                cells.append(_typed(cell.find(f"{ss}Data"), ss))
+            rows += _row(f"{name}, sheet {sheet.get(f'{ss}Name', '')}, line {row.sourceline}", cells)
+        sheets.append((str(sheet.get(f"{ss}Name", "")), rows))
+    return sheets
+
+
+def _placed(row: Any, ss: str) -> Iterator[tuple[int, Any]]:
+    """Cells of a row with their column from 0: a cell may say its number, and cover several columns."""
+    place = 0
+    for cell in row.iterchildren(f"{ss}Cell"):
+        said = cell.get(f"{ss}Index", "")
+        place = int(said) - 1 if said.isdecimal() and int(said) > place else place
+        yield place, cell
+        across = cell.get(f"{ss}MergeAcross", "")
+        place += 1 + (int(across) if across.isdecimal() else 0)
+
+
+def _typed(data: Any, ss: str) -> Cell:
+    if data is None:
+        return ""
+    text = "".join(data.itertext()).strip()
+    if data.get(f"{ss}Type") == "Number":
+        try:
+            return float(text)
+        except ValueError:
+            return text
+    return text
+
+
+class _Cells:
+    """Cells of a file that have been made, against the budget of spreadsheets."""
+
+    def __init__(self, name: str) -> None:
+        self._name, self._count = name, 0
+
+    def add(self, count: int = 1, column: int = 0) -> None:
+        """Count cells; ListFileError where there are too many."""
+        self._count += count
+        try:
+            budgets.SPREADSHEET.check("records", self._count)
+            budgets.SPREADSHEET.check("columns", column)
+        except BudgetError as error:
+            raise ListFileError(f"{self._name} {error}") from error
+
+
+def _row(at: str, cells: list[Cell]) -> list[Row]:
+    """The row without empty cells at its end; nothing where it is empty."""
+    width = max((j for j, cell in enumerate(cells, start=1) if _said(cell)), default=0)
+    return [Row(at, tuple(cells[:width]))] if width else []
+
+
+def _said(cell: object) -> bool:
+    return cell is not None and str(cell).strip() != ""
+
+
+def _cell(cell: object) -> Cell:
+    if cell is None:
+        return ""
+    if isinstance(cell, (int, float)) and not isinstance(cell, bool):
+        return float(cell)
+    if isinstance(cell, dt.datetime):
+        return cell.isoformat()
+    return str(cell).strip()

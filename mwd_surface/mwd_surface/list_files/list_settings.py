@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+How a list is read where its file does not say so: one set of words for commands, settings of the node and YAML files.
+
+A question of the reader names an option of `mwd path`, such as "--confirm dogleg". Where the list is named elsewhere,
+as a plan or an offset well, `asked` puts the same word as it is written there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+from mwd_sensors.core.settings import setting
+from mwd_surface.list_files.list_columns import CONFIRMABLE, DIPS, NORTHS, Given, columns_of
+from mwd_surface.list_files.list_error import ListFileError
+
+# An option with the value that a message proposes, if it proposes one.
+_OPTION = re.compile(
+    r"--(?P<name>columns|length-unit|angle-unit|north|decimal|dip|wellhead|confirm)\b"
+    r"(?: (?P<value>[a-z_]+=[^\s;,]*(?:,[a-z_]+=[^\s;,]*)*|NORTHING,EASTING|point|comma|down|up|rad|deg|grad|ftus|ft|m|"
+    rf"{'|'.join(CONFIRMABLE)})(?![\w]))?"
+)
+#: How the word of an option is written elsewhere; the first field is its name, the second its value.
+OFFSET_WELL, NODE = "{}: {} in the entry of the offset well", "plan.{}={}"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ListSettings:
+    """What the caller says of a list; each replaces what the file says."""
+
+    columns: str = setting("", "columns of the list by quantity, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI")
+    length_unit: str = setting("", "unit of the lengths where the list does not state it: m, ft or ftus")
+    angle_unit: str = setting("", "unit of the angles where the list does not state it: deg, rad or grad")
+    north: str = setting(
+        "",
+        "north of the azimuths where the list does not state it; empty: the north that the list states",
+        choices=("", *NORTHS),
+    )
+    decimal: str = setting("", "decimal mark where 1,000 may be either", choices=("", "point", "comma"))
+    dip: str = setting("", "where positive angles from the horizontal point", choices=("", *DIPS))
+    wellhead: str = setting(
+        "", "northing and easting of the wellhead in the map coordinates of the list, m, e.g. 6478300,431200"
+    )
+    confirm: str = setting(
+        "", "values of the list that are correct although they look implausible: dogleg, wellhead, depth"
+    )
+
+    def given(self) -> Given:
+        """
+        Return the settings for the reader.
+
+        Raises
+        ------
+        ValueError
+            A word that does not exist, or a wellhead that is not two numbers.
+        """
+        return Given(
+            columns=columns_of(self.columns),
+            length_unit=self.length_unit.lower(),
+            angle_unit=self.angle_unit.lower(),
+            north=self.north,
+            decimal=self.decimal,
+            dip=self.dip,
+            wellhead=_wellhead(self.wellhead),
+            confirm=tuple(word.strip() for word in self.confirm.split(",") if word.strip()),
+        )
+
+
+def _wellhead(text: str) -> tuple[float, float] | None:
+    if not text.strip():
+        return None
+    try:
+        northing, easting = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ValueError(f"wellhead {text}: expected NORTHING,EASTING in m, e.g. 6478300,431200") from None
+    return northing, easting
+
+
+def asked(error: ListFileError, form: str) -> ListFileError:
+    """
+    Return an error whose options of `mwd path` are written as the caller of the reader can give them.
+
+    form: with fields for name and value, such as "plan.{}={}".
+    """
+
+    def written(found: re.Match[str]) -> str:
+        return form.format(found["name"].replace("-", "_"), found["value"] or "...")
+
+    return ListFileError(_OPTION.sub(written, str(error)))

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The list behind an export of our own: its well, tie-on, reference and remarks, as lines beside the table of stations.
+
+The lines are written for programs and read back by the reader of every list, so that an exported list has the same
+place and the same assumptions as the list that was exported. Each line is "mwd", the part, a colon and JSON.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+from collections.abc import Iterable
+from typing import Any
+
+from mwd_sensors.core import settings
+from mwd_sensors.core.input_files import load_json
+from mwd_surface.list_files.list_columns import FIGURES
+from mwd_surface.list_files.list_error import ListFileError
+from mwd_surface.list_files.remark import Remark, RemarkKind
+from mwd_surface.list_files.station_list import Start
+
+_MARK, _REMARK = "mwd ", "remark"
+# A spreadsheet that saves the file again puts quotes and a comment sign in front.
+_LINE = re.compile(r'^[\s"#]*mwd (?P<part>well|start|reference|remark): ?(?P<json>.*)$', re.DOTALL)
+
+
+@dataclasses.dataclass(frozen=True)
+class Provenance:
+    """
+    The list behind an export.
+
+    Attributes
+    ----------
+    well : dict
+        Settings of the well by name, as `surveys.well.Well` has them.
+    start : Start
+        Where the path starts, in the north of the well; its remarks are among `remarks`.
+    reference : dict of float
+        Reference of the last survey in use by the names of `list_columns.FIGURES`: T, m/s^2, rad.
+    remarks : tuple of Remark
+        Every assumption behind the list.
+    """
+
+    well: dict[str, Any]
+    start: Start
+    reference: dict[str, float]
+    remarks: tuple[Remark, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse a figure of the reference that does not exist."""
+        if strange := set(self.reference) - set(FIGURES):
+            raise ValueError(f"reference: unknown {', '.join(sorted(strange))}")
+
+    @property
+    def confirmed(self) -> frozenset[str]:
+        """Words of `list_columns.CONFIRMABLE` that the caller confirmed when the list was first read."""
+        return frozenset(word for one in self.remarks if one.kind == RemarkKind.CONFIRMED for word in one.values)
+
+    def lines(self) -> list[str]:
+        """Return the lines to write beside the table of stations."""
+        table = settings.to_mapping(self)
+        parts = [(name, table[name]) for name in ("well", "start", "reference")]
+        parts += [(_REMARK, one) for one in table["remarks"]]
+        return [f"{_MARK}{part}: {json.dumps(value, separators=(',', ':'))}" for part, value in parts]
+
+
+def read_provenance(head: Iterable[str], name: str) -> tuple[Provenance | None, list[str]]:
+    """
+    Return the list behind a table, by the lines of its head, and the other lines; None where it is not our export.
+
+    name: of the file, for messages.
+
+    Raises
+    ------
+    ListFileError
+        Such a line was changed and cannot be read.
+    """
+    table: dict[str, Any] = {"remarks": []}
+    others = []
+    for line in head:
+        found = _LINE.match(line)
+        if found is None:
+            others.append(line)
+            continue
+        try:
+            value = load_json(found["json"])
+        except ValueError as error:
+            raise ListFileError(_changed(name, found["part"], error)) from error
+        if found["part"] == _REMARK:
+            table["remarks"].append(value)
+        else:
+            table[found["part"]] = value
+    if len(table) == 1 and not table["remarks"]:
+        return None, others
+    try:
+        made = settings.from_mapping(Provenance, table)
+    except ValueError as error:
+        raise ListFileError(_changed(name, "...", error)) from error
+    return made, others
+
+
+def _changed(name: str, part: str, error: Exception) -> str:
+    return (
+        f"{name}: the line '{_MARK}{part}' cannot be read, as if a program or person had changed it after `mwd export`:"
+        f" {error}; export the list again, or delete all lines that begin with '{_MARK.strip()}' and read the table"
+        " alone"
+    )
