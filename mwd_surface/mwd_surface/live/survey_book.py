@@ -55,6 +55,7 @@ class SurveyBook:
         )
         self._plan = plan
         self._covariance: Any = None
+        self._path: Definitive = surveys.definitive()
         self._shown_bit: float | None = None
 
     def definitive(self) -> Definitive:
@@ -164,29 +165,32 @@ class SurveyBook:
         self._outlet.on_surveys(surveys, path)
         self._live.on_records(surveys.records, self._clock.now, surveys.remarks)
         self._covariance, self._shown_bit = None, self.bit_depth
-        self._live.on_trajectory(path, self._clock.now)
-        self._plan.show_offset(path)
+        self._show_path(path)
         made_ns = self._alarm_log.now_ns()
         self._outlet.run(
-            lambda: table_of(surveys, path, made_ns).covariance, lambda job: self._show_ellipses(path, job)
+            lambda: table_of(surveys, path, made_ns).covariance, lambda job: self._show_ellipses(surveys, job)
         )
 
-    def _show_ellipses(self, path: Definitive, job: concurrent.futures.Future[Any]) -> None:
+    def _show_path(self, path: Definitive) -> None:
+        self._path = path
+        self._live.on_trajectory(path, self._clock.now, self._covariance)
+        self._plan.show_offset(path)
+
+    def _show_ellipses(self, surveys: SurveyList, job: concurrent.futures.Future[Any]) -> None:
         covariance = job.result()
-        if covariance is not None:
+        # Meanwhile the bit may have moved, and another list may have come into force, which computes its own.
+        if covariance is not None and surveys is self.surveys:
             measured = np.isfinite(covariance).all(axis=(1, 2))
             self._covariance = covariance[measured]
-            self._live.on_trajectory(path, self._clock.now, self._covariance)
+            self._live.on_trajectory(self._path, self._clock.now, self._covariance)
 
-    def update_projection(self, now: float) -> None:
-        """Show projection and offset to the plan again when the bit has moved; called once a second. now: s."""
+    def update_projection(self) -> None:
+        """Show projection and offset to the plan again when the bit has moved; called once a second."""
         bit = self.bit_depth
         if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
             return
         self._shown_bit = bit
-        path = self.definitive()
-        self._live.on_trajectory(path, now, self._covariance)
-        self._plan.show_offset(path)
+        self._show_path(self.definitive())
 
 
 def outcome(survey: Survey, record: SurveyRecord) -> str:

@@ -46,6 +46,8 @@ class RecordingServer:
         Returns named tables of strings; they become metadata of every file.
     attachments : callable
         Returns the files that are attached to a recording when it ends.
+    on_start : callable
+        Called when a recording has begun, before its first message.
 
     Raises
     ------
@@ -60,10 +62,11 @@ class RecordingServer:
         *,
         tables: Callable[[], Mapping[str, Mapping[str, str]]],
         attachments: Callable[[], Iterable[Attachment]],
+        on_start: Callable[[], None],
     ) -> None:
         self._context, self._node, self._settings = context, context.node, settings.record
         self._live, self._alarm_log = context.live, context.alarm_log
-        self._attachments = attachments
+        self._attachments, self._on_start = attachments, on_start
         self._wanted = False
         self._tried_at = -_RETRY_S
         # Why the recording that is wanted has not started, and the remedy.
@@ -96,13 +99,18 @@ class RecordingServer:
             return
         self._tried_at = time.monotonic()
         try:
-            self._recorder.start(self._settings.name)
+            self._start(self._settings.name)
         except RecorderError as error:
             self._refusal = str(error), f"{error.remedy}; it is tried every {_RETRY_S:g} s"
             self._alarm_log.raise_alarm("recording.start", Severity.CRITICAL, *self._refusal)
             return
         self._wanted, self._refusal = False, ("", "")
         self._alarm_log.clear_alarm("recording.start")
+
+    def _start(self, name: str) -> Path:
+        path = self._recorder.start(name)
+        self._on_start()
+        return path
 
     def deactivate(self) -> None:
         """Finish the recording."""
@@ -142,7 +150,7 @@ class RecordingServer:
 
     def start(self, request: Any, response: Any) -> Any:
         """Start a recording (service)."""
-        return self._respond(response, lambda: self._recorder.start(request.name), "recording into")
+        return self._respond(response, lambda: self._start(request.name), "recording into")
 
     def stop(self, _request: Any, response: Any) -> Any:
         """Stop the recording (service)."""
