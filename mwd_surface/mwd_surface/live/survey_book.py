@@ -11,6 +11,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.exports.survey_table import table_of
+from mwd_surface.list_files.remark import RemarkKind, distinct
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.well_context import WellContext
@@ -21,6 +22,24 @@ from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
 from mwd_surface.trajectory.well_path import Definitive
 
 _BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
+
+_AGAIN = "and put the surveys.json that it writes into the folder `surveys` of the well while the surface is stopped"
+_TIE_ON = (
+    "leg.tie_on_depth, leg.tie_on_inclination_deg, leg.tie_on_azimuth_deg, leg.tie_on_north, leg.tie_on_east and"
+    " leg.tie_on_vertical_depth"
+)
+# How each assumption about the coordinates of a path ends.
+_REMEDIES = {
+    RemarkKind.HOLE_ABOVE_ASSUMED: f"give the last station of the hole above with its position: {_TIE_ON}",
+    RemarkKind.TIE_ON_ASSUMED: f"give the tie-on together with its whole position: {_TIE_ON}",
+    RemarkKind.NORTH_ASSUMED: f"read the list again, with its north: `mwd path LIST --north NORTH -o DIR`, {_AGAIN}",
+    RemarkKind.UNIT_ASSUMED: (
+        f"read the list again, with its unit: `mwd path LIST --length-unit UNIT --angle-unit UNIT -o DIR`, {_AGAIN}"
+    ),
+    RemarkKind.NUMBERS_ASSUMED: (
+        f"read the list again, with its decimal mark: `mwd path LIST --decimal point -o DIR`, or comma, {_AGAIN}"
+    ),
+}
 
 
 class SurveyBook:
@@ -137,10 +156,16 @@ class SurveyBook:
 
     def _alarm_assumptions(self, path: Definitive) -> None:
         """Raise an alarm while the coordinates of the path rest on an assumption."""
-        remedy = "give the last station of the hole above: leg.tie_on_depth and the rest of leg.tie_on_*"
+        texts: dict[RemarkKind, list[str]] = {}
+        for one in distinct(path.assumptions):
+            texts.setdefault(one.kind, []).append(one.text)
         causes = {
-            f"path.assumed.{one.kind}": (int(Severity.WARNING), f"coordinates are assumed: {one.text}", remedy)
-            for one in path.assumptions
+            f"path.assumed.{kind}": (
+                int(Severity.WARNING),
+                f"coordinates are assumed: {'; '.join(said)}",
+                _REMEDIES[kind],
+            )
+            for kind, said in texts.items()
         }
         self._alarm_log.set_alarms("path.assumed.", causes)
 
