@@ -14,11 +14,11 @@ NOT_RECORDED = ("downlink.choices",)
 STRIPS = ("history", "depth_log")
 
 
-def differences(live, viewed, *, within_s=0.0, except_for=()):
+def differences(live, viewed, *, except_for=()):
     """
     Return the paths of all members that differ between the sections of two states of the page.
 
-    within_s: largest difference of times and ages, s. except_for: paths that are not compared, or their beginnings.
+    except_for: paths that are not compared, or their beginnings.
     """
     found = []
     live, viewed = dict(live), dict(viewed)
@@ -45,13 +45,13 @@ def differences(live, viewed, *, within_s=0.0, except_for=()):
                 found.append(f"{path}: {len(one)} and {len(other)} rows")
             for k, (a, b) in enumerate(zip(one, other, strict=False)):
                 compare(f"{path}[{k}]", a, b)
-        elif one != other and not _near(one, other, within_s):
+        elif one != other and not _near(one, other):
             found.append(f"{path}: {one!r} and {other!r}")
 
     compare("", live, viewed)
     return found
 
 
-def _near(one, other, within_s):
+def _near(one, other):
     numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (one, other))
-    return numbers and math.isclose(one, other, rel_tol=1e-9, abs_tol=max(within_s, 1e-12))
+    return numbers and math.isclose(one, other, rel_tol=1e-9, abs_tol=1e-12)

@@ -14,13 +14,18 @@ import pytest
 
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.live.said import SAID
-from mwd_surface.runs.player import Player, namespace_of
+from mwd_surface.page.state_json import StateJson
+from mwd_surface.runs.player import Player, named_plan, namespace_of
+from mwd_surface.trajectory.plan_file import read_plan
+from page_states import differences
 from running_graph import until
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 TOKEN = "look-twice-first"  # noqa: S105
-RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10")}
+# The ellipses are computed in the background, on a busy machine for seconds.
+EXCEPT = ("path.ellipses",)
+RUNS = {"demo": ("--rate", "1"), "telemetry_deep": ("--rate", "10"), "curve_and_lateral": ("--rate", "5")}
 SECONDS = 30.0
 
 
@@ -76,6 +81,28 @@ def run(request, tmp_path_factory):
         graph.wait(120)
     (bag,) = (folder / "out/well_1/bags").glob("well_1_*")
     return bag, states
+
+
+def test_the_viewer_shows_what_the_page_showed(run):
+    path, states = run
+    compared = 0
+    with Bag(path) as bag:
+        named = named_plan(bag)
+        player = Player(bag, namespace_of(bag), plan=named and read_plan(named))
+        page = StateJson(player.well.live.settings)
+        for state in states:
+            at = told(state)
+            at_s = -1.0 if at is None else at - player.well.clock.seconds(bag.start_ns)
+            if not 2.0 <= at_s <= player.length_s:
+                continue
+            player.seek(at_s)
+            viewed = page.snapshot(player.state())
+            compared += 1
+            found = differences(state["sections"], viewed["sections"], except_for=EXCEPT)
+            assert not found, f"{at_s:.2f} s: " + "\n".join(found[:20])
+        assert compared >= 15
+        events = [row["text"] for row in viewed["sections"]["events"]["rows"]]
+        assert any(text.endswith("by Ann") and text.startswith("bit depth") for text in events)
 
 
 # Alarms of the machine that recorded, which are in a recording only as the surface said them.

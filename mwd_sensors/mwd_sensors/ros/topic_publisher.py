@@ -28,9 +28,12 @@ class TopicPublisher(LifecyclePublisher):
     ----------
     on_refusal : callable
         Called with the error of each message that was not sent.
+    on_published : callable or None
+        Called with each message that was handed to `publish` while the publisher is active.
     """
 
     on_refusal: Callable[[Exception], None]
+    on_published: Callable[[Any], None] | None = None
 
     def publish(self, msg: Any) -> None:
         """Publish a message, at a second try if need be; an inactive publisher publishes nothing."""
@@ -41,6 +44,8 @@ class TopicPublisher(LifecyclePublisher):
                 super().publish(msg)
             except RCLError as error:
                 self.on_refusal(error)
+        if self.on_published is not None and self.is_activated:
+            self.on_published(msg)
 
     def publish_rows(self, rows: wire.Rows) -> None:
         """Publish each row of serialised bytes as a message, in order; an inactive publisher publishes nothing."""

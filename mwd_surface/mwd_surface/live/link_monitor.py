@@ -25,7 +25,10 @@ from mwd_surface.surveys.message_conversion import stamp_of
 
 _STROKES = 30  # over which the rate of a pump is taken
 _SLOWEST_NS = 6_000_000_000  # a pump makes ten strokes a minute at least, or stands
-_FIELDS = (
+# Fields of the states of word, pass and link that are those of their messages.
+_WORD_FIELDS = ("name", "value", "sigma", "unit", "confidence", "status", "kind", "frame", "place", "revision")
+_FRAME_FIELDS = ("kind", "frame", "words", "believed", "ebn0_db", "reason")
+_QUALITY_FIELDS = (
     *("link", "state", "reason", "has_signal", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
     *("mode", "words_done", "words_expected", "toolface_age", "survey_age"),
     *("inclination_age", "azimuth_age"),
@@ -67,16 +70,7 @@ class LinkMonitor:
             return
         collector.on_word(
             LinkWordState(
-                name=word.name,
-                value=word.value,
-                sigma=word.sigma,
-                unit=word.unit,
-                confidence=word.confidence,
-                status=word.status,
-                kind=word.kind,
-                frame=word.frame,
-                place=word.place,
-                revision=word.revision,
+                **{name: getattr(word, name) for name in _WORD_FIELDS},
                 start_ns=stamp_of(word.start),
                 end_ns=stamp_of(word.header.stamp),
                 pulses=tuple(word.pulses.tolist()),
@@ -92,14 +86,9 @@ class LinkMonitor:
             return
         collector.on_frame(
             LinkFrameState(
-                kind=frame.kind,
-                frame=frame.frame,
-                words=frame.words,
-                believed=frame.believed,
-                ebn0_db=frame.ebn0_db,
+                **{name: getattr(frame, name) for name in _FRAME_FIELDS},
                 start_ns=stamp_of(frame.start),
                 end_ns=stamp_of(frame.header.stamp),
-                reason=frame.reason,
             )
         )
         self._show()
@@ -109,7 +98,7 @@ class LinkMonitor:
         if self._collector(quality.link) is None:
             return
         self._qualities[quality.link] = LinkStatus(
-            **{name: getattr(quality, name) for name in _FIELDS},
+            **{name: getattr(quality, name) for name in _QUALITY_FIELDS},
             stamp_ns=stamp_of(quality.header.stamp),
             at=self._clock.now,
             pump_lines=self._stroke_rates(stamp_of(quality.header.stamp)),

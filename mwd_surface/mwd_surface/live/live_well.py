@@ -157,6 +157,7 @@ class LiveWell:
         self._said = SaidByTheSurface(context, self.inputs, book, self.diagnostics.survey_ended, said)
         self._shown_alarms: tuple[int, tuple[str, ...]] = (-1, ())
         self._waiting: list[Message] = []
+        self._in_cell = False
         self._handlers = self._handlers_of(over_link=over_link)
         self.topics = frozenset({*self._handlers, *self._supervision.topics})
 
@@ -196,20 +197,43 @@ class LiveWell:
 
     # What comes in.
 
+    def on_depth_by_hand(self, bit_depth: float) -> None:
+        """Accept a bit depth that a person has set, m; the list of inputs shows and tells it at once."""
+        self.inputs.on_depth_by_hand(bit_depth)
+        self.inputs.update(self.clock.now)
+
     def put(self, topic: str, data: bytes, arrived_ns: int) -> None:
         """Hand in a serialised message of a topic, relative to the well, with its time of arrival, ns."""
         self._waiting.append((arrived_ns, topic, data))
 
+    @property
+    def next_arrival_ns(self) -> int:
+        """
+        The earliest time of arrival, ns, of a message that still comes in time for its cell.
+
+        A message that the surface itself publishes now has this time: between two cells, that of the next one; while a
+        cell is processed, the end of that cell.
+        """
+        return self.clock.now_ns + (0 if self._in_cell else 1)
+
     def advance(self, until_ns: int) -> None:
         """Process the messages that arrived up to a time, ns, in whole cells; later messages wait."""
-        last = until_ns - until_ns % CELL_NS
+        self._in_cell = True
+        try:
+            self._advance(until_ns - until_ns % CELL_NS)
+        finally:
+            self._in_cell = False
+
+    def _advance(self, last: int) -> None:
         self._waiting.sort(key=_ARRIVED)
         waiting, self._waiting, taken = self._waiting, [], 0
         while self.clock.now_ns < last:
             end = self._next_end(waiting[taken][0] if taken < len(waiting) else last, last)
             self.clock.now_ns = end
             while taken < len(waiting) and waiting[taken][0] <= end:
-                _, topic, data = waiting[taken]
+                arrived_ns, topic, data = waiting[taken]
+                # What the surface publishes between two cells, its page shows from the end of the former on.
+                self._said.shown_ns = arrived_ns - arrived_ns % CELL_NS
                 self._take(topic, data)
                 taken += 1
             self.decoder.decode_all(self.clock.now)
@@ -274,7 +298,7 @@ class LiveWell:
         self._supervision.update(now, book.depth.clock_difference, depths, self._outlet.readings())
         self._link.update()
         self.decoder.update(now)
-        book.update_projection(now)
+        book.update_projection()
         self._clearance.update(book.surveys, book.bit_depth)
         self.slides.update(now, book.surveys)
         if not self._said.advises:

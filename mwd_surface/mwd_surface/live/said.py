@@ -35,7 +35,7 @@ SAID = frozenset(
     }
 )
 _MOST_EVENTS = 1000
-_AGAIN = 1.5  # s; two lists of inputs that place a depth by hand closer than this mean the same one
+_AGAIN_NS = 1_500_000_000  # two lists of inputs that place a depth by hand closer than this mean the same one
 
 
 class SaidByTheSurface:
@@ -58,6 +58,8 @@ class SaidByTheSurface:
     ----------
     handlers : dict
         From topic to the function that takes its messages.
+    shown_ns : int
+        When the page showed the message that comes next, ns since the epoch.
     alarms, lists, advises, tells_inputs : bool
         Whether alarms, the survey list, the advice on steering, and the inputs come as messages.
     """
@@ -72,7 +74,9 @@ class SaidByTheSurface:
     ) -> None:
         self._clock, self._live, self._inputs, self._book = context.clock, context.live, inputs, book
         self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
-        self._by_hand_at = float("-inf")
+        self.shown_ns = self._clock.now_ns
+        self._alarms: tuple[tuple[Alarm, ...], int, tuple[str, ...]] | None = None
+        self._by_hand_ns: int | None = None
         self._on_outcome = on_outcome
         self._awaited: Survey | None = None
         every: dict[str, Callable[[Any], None]] = {
@@ -80,10 +84,10 @@ class SaidByTheSurface:
             "events": self._on_event,
             "surveys": self._on_list,
             "inputs": self._on_inputs,
-            "steering/advice": lambda message: self._live.on_advice(advice_of(message), self._clock.now),
-            "recorder": lambda message: self._live.on_recorder(recorder_status_of(message), self._clock.now),
-            "control/state": lambda message: self._live.on_control(control_status_of(message), self._clock.now),
-            "downlink/state": lambda message: self._live.on_downlink(downlink_status_of(message), self._clock.now),
+            "steering/advice": lambda message: self._live.on_advice(advice_of(message), self._now),
+            "recorder": lambda message: self._live.on_recorder(recorder_status_of(message), self._now),
+            "control/state": lambda message: self._live.on_control(control_status_of(message), self._now),
+            "downlink/state": lambda message: self._live.on_downlink(downlink_status_of(message), self._now),
         }
         self.handlers = {topic: take for topic, take in every.items() if topic in topics}
         self.alarms, self.lists = "alarms" in topics, "surveys" in topics
@@ -105,16 +109,27 @@ class SaidByTheSurface:
                 return
 
     def _on_alarms(self, message: Any) -> None:
-        alarms = [alarm_of(one) for one in message.alarms]
-        now, stamp_ns = self._clock.now, stamp_of(message.header.stamp)
+        stamp_ns = stamp_of(message.header.stamp)
         # A graph with simulated time stamps its alarms with that time.
-        now_ns = stamp_ns if abs(stamp_ns - self._clock.now_ns) > NANOSECONDS else self._clock.now_ns
+        now_ns = stamp_ns if abs(stamp_ns - self.shown_ns) > NANOSECONDS else self.shown_ns
         missing = tuple(str(one) for one in message.not_evaluated)
-        self._live.on_alarms(alarms, tuple(reversed(self._events)), now, now_ns, missing)
+        self._alarms = tuple(alarm_of(one) for one in message.alarms), now_ns - self.shown_ns, missing
+        self._show_alarms()
+
+    def _show_alarms(self) -> None:
+        if self._alarms is not None:
+            alarms, ahead_ns, missing = self._alarms
+            now_ns = self.shown_ns + ahead_ns
+            self._live.on_alarms(alarms, tuple(reversed(self._events)), self._now, now_ns, missing)
+
+    @property
+    def _now(self) -> float:
+        return self._clock.seconds(self.shown_ns)
 
     def _on_event(self, message: Any) -> None:
         stamp_ns, severity = stamp_of(message.header.stamp), int(message.severity)
         self._events.append(Event(stamp_ns, str(message.kind), str(message.source), str(message.text), severity))
+        self._show_alarms()
 
     def _on_list(self, message: Any) -> None:
         here = self._book.surveys
@@ -123,15 +138,17 @@ class SaidByTheSurface:
 
     def _on_inputs(self, message: Any) -> None:
         table = input_table_of(message)
-        self._live.on_inputs(table, self._clock.now)
+        self._live.on_inputs(table, self._now)
         hand = table.named(HAND)
         if hand is None or hand.bit_depth is None or hand.data_age is None:
             return
-        at = self._clock.now - hand.data_age
-        if at - self._by_hand_at > _AGAIN:
+        set_ns = stamp_of(message.header.stamp) - round(hand.data_age * NANOSECONDS)
+        # A depth is told at the moment at which it is set; a recording that begins later has its age.
+        known = self._by_hand_ns is not None and abs(set_ns - self._by_hand_ns) <= _AGAIN_NS
+        if hand.data_age == 0.0 or not known:
             self._inputs.on_depth_by_hand(hand.bit_depth)
-            self._book.depth.set_by_hand(self._clock.now_ns, hand.bit_depth)
-        self._by_hand_at = at
+            self._book.depth.set_by_hand(set_ns, hand.bit_depth)
+        self._by_hand_ns = set_ns
 
 
 def _known(value: float) -> float | None:

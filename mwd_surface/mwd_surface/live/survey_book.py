@@ -11,6 +11,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.exports.survey_table import table_of
+from mwd_surface.list_files.remark import RemarkKind, distinct
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.well_context import WellContext
@@ -21,6 +22,24 @@ from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, V
 from mwd_surface.trajectory.well_path import Definitive
 
 _BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
+
+_AGAIN = "and put the surveys.json that it writes into the folder `surveys` of the well while the surface is stopped"
+_TIE_ON = (
+    "leg.tie_on_depth, leg.tie_on_inclination_deg, leg.tie_on_azimuth_deg, leg.tie_on_north, leg.tie_on_east and"
+    " leg.tie_on_vertical_depth"
+)
+# How each assumption about the coordinates of a path ends.
+_REMEDIES = {
+    RemarkKind.HOLE_ABOVE_ASSUMED: f"give the last station of the hole above with its position: {_TIE_ON}",
+    RemarkKind.TIE_ON_ASSUMED: f"give the tie-on together with its whole position: {_TIE_ON}",
+    RemarkKind.NORTH_ASSUMED: f"read the list again, with its north: `mwd path LIST --north NORTH -o DIR`, {_AGAIN}",
+    RemarkKind.UNIT_ASSUMED: (
+        f"read the list again, with its unit: `mwd path LIST --length-unit UNIT --angle-unit UNIT -o DIR`, {_AGAIN}"
+    ),
+    RemarkKind.NUMBERS_ASSUMED: (
+        f"read the list again, with its decimal mark: `mwd path LIST --decimal point -o DIR`, or comma, {_AGAIN}"
+    ),
+}
 
 
 class SurveyBook:
@@ -55,6 +74,7 @@ class SurveyBook:
         )
         self._plan = plan
         self._covariance: Any = None
+        self._path: Definitive = surveys.definitive()
         self._shown_bit: float | None = None
 
     def definitive(self) -> Definitive:
@@ -146,10 +166,16 @@ class SurveyBook:
 
     def _alarm_assumptions(self, path: Definitive) -> None:
         """Raise an alarm while the coordinates of the path rest on an assumption."""
-        remedy = "give the last station of the hole above: leg.tie_on_depth and the rest of leg.tie_on_*"
+        texts: dict[RemarkKind, list[str]] = {}
+        for one in distinct(path.assumptions):
+            texts.setdefault(one.kind, []).append(one.text)
         causes = {
-            f"path.assumed.{one.kind}": (int(Severity.WARNING), f"coordinates are assumed: {one.text}", remedy)
-            for one in path.assumptions
+            f"path.assumed.{kind}": (
+                int(Severity.WARNING),
+                f"coordinates are assumed: {'; '.join(said)}",
+                _REMEDIES[kind],
+            )
+            for kind, said in texts.items()
         }
         self._alarm_log.set_alarms("path.assumed.", causes)
 
@@ -174,29 +200,32 @@ class SurveyBook:
         self._outlet.on_surveys(surveys, path)
         self._live.on_records(surveys.records, self._clock.now, surveys.remarks)
         self._covariance, self._shown_bit = None, self.bit_depth
-        self._live.on_trajectory(path, self._clock.now)
-        self._plan.show_offset(path)
+        self._show_path(path)
         made_ns = self._alarm_log.now_ns()
         self._outlet.run(
-            lambda: table_of(surveys, path, made_ns).covariance, lambda job: self._show_ellipses(path, job)
+            lambda: table_of(surveys, path, made_ns).covariance, lambda job: self._show_ellipses(surveys, job)
         )
 
-    def _show_ellipses(self, path: Definitive, job: concurrent.futures.Future[Any]) -> None:
+    def _show_path(self, path: Definitive) -> None:
+        self._path = path
+        self._live.on_trajectory(path, self._clock.now, self._covariance)
+        self._plan.show_offset(path)
+
+    def _show_ellipses(self, surveys: SurveyList, job: concurrent.futures.Future[Any]) -> None:
         covariance = job.result()
-        if covariance is not None:
+        # Meanwhile the bit may have moved, and another list may have come into force, which computes its own.
+        if covariance is not None and surveys is self.surveys:
             measured = np.isfinite(covariance).all(axis=(1, 2))
             self._covariance = covariance[measured]
-            self._live.on_trajectory(path, self._clock.now, self._covariance)
+            self._live.on_trajectory(self._path, self._clock.now, self._covariance)
 
-    def update_projection(self, now: float) -> None:
-        """Show projection and offset to the plan again when the bit has moved; called once a second. now: s."""
+    def update_projection(self) -> None:
+        """Show projection and offset to the plan again when the bit has moved; called once a second."""
         bit = self.bit_depth
         if bit is None or (self._shown_bit is not None and abs(bit - self._shown_bit) < _BIT_STEP):
             return
         self._shown_bit = bit
-        path = self.definitive()
-        self._live.on_trajectory(path, now, self._covariance)
-        self._plan.show_offset(path)
+        self._show_path(self.definitive())
 
 
 def outcome(survey: Survey, record: SurveyRecord) -> str:

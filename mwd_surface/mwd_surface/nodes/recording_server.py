@@ -51,6 +51,8 @@ class RecordingServer:
         Returns named tables of strings; they become metadata of every file.
     attachments : callable
         Returns the files that are attached to a recording when it ends.
+    on_start : callable
+        Called when a recording has begun, before its first message.
 
     Raises
     ------
@@ -65,10 +67,11 @@ class RecordingServer:
         *,
         tables: Callable[[], Mapping[str, Mapping[str, str]]],
         attachments: Callable[[], Iterable[Attachment]],
+        on_start: Callable[[], None],
     ) -> None:
         self._context, self._node, self._settings = context, context.node, settings.record
         self._live, self._alarm_log = context.live, context.alarm_log
-        self._attachments = attachments
+        self._attachments, self._on_start = attachments, on_start
         self._wanted = False
         self._tried_at = -_RETRY_S
         # Why the recording that is wanted has not started, and the remedy.
@@ -84,21 +87,6 @@ class RecordingServer:
         self._first_ns: dict[str, int] = {}
         self._unheard: dict[str, tuple[str, str]] = {}
         self._heard = False
-
-    def _begin(self, name: str) -> Path:
-        """Begin a recording."""
-        path = self._recorder.start(name)
-        over_link = self._live.over_link
-        resolve = self._node.resolve_topic_name
-        recorded = {resolve(topic) for topic in self._settings.topics}
-        every = {**{name: name for name in SAMPLES}, **burst.TOPICS}
-        self._unheard = {
-            resolve(topic): (topic, resolve(single))
-            for topic, single in every.items()
-            if resolve(topic) in recorded and not over_link
-        }
-        self._first_ns = {single: 0 for _, single in self._unheard.values()}
-        return path
 
     def put(self, topic: str, type_name: str, data: bytes, log_ns: int, qos: str = "") -> bool:
         """Record a message, as `Recorder.put`."""
@@ -140,13 +128,29 @@ class RecordingServer:
             return
         self._tried_at = time.monotonic()
         try:
-            self._begin(self._settings.name)
+            self._start(self._settings.name)
         except RecorderError as error:
             self._refusal = str(error), f"{error.remedy}; it is tried every {_RETRY_S:g} s"
             self._alarm_log.raise_alarm("recording.start", Severity.CRITICAL, *self._refusal)
             return
         self._wanted, self._refusal = False, ("", "")
         self._alarm_log.clear_alarm("recording.start")
+
+    def _start(self, name: str) -> Path:
+        """Begin a recording."""
+        path = self._recorder.start(name)
+        over_link = self._live.over_link
+        resolve = self._node.resolve_topic_name
+        recorded = {resolve(topic) for topic in self._settings.topics}
+        every = {**{name: name for name in SAMPLES}, **burst.TOPICS}
+        self._unheard = {
+            resolve(topic): (topic, resolve(single))
+            for topic, single in every.items()
+            if resolve(topic) in recorded and not over_link
+        }
+        self._first_ns = {single: 0 for _, single in self._unheard.values()}
+        self._on_start()
+        return path
 
     def deactivate(self) -> None:
         """Finish the recording."""
@@ -186,7 +190,7 @@ class RecordingServer:
 
     def start(self, request: Any, response: Any) -> Any:
         """Start a recording (service)."""
-        return self._respond(response, lambda: self._begin(request.name), "recording into")
+        return self._respond(response, lambda: self._start(request.name), "recording into")
 
     def stop(self, _request: Any, response: Any) -> Any:
         """Stop the recording (service)."""

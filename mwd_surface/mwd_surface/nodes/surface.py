@@ -55,7 +55,7 @@ from mwd_surface.ros.parameter_tables import ParameterTables
 from mwd_surface.ros.topics import OF_TOOL, TOPICS
 from mwd_surface.ros.worker import Answer, BackgroundWorker, RequestQueue
 from mwd_surface.surveys.survey_store import StoreError
-from mwd_surface.trajectory.slide_file import NAME, read_stretches
+from mwd_surface.trajectory.slide_file import NAME, SLIDES, read_stretches, stretch_table
 
 _LIVE_PERIOD = 0.05  # s between updates of page and toolface
 _SLOW_PERIOD = 1.0  # s between updates of everything else
@@ -67,6 +67,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
     def __init__(self, **node_options: Any) -> None:
         super().__init__("surface", SurfaceSettings(), **node_options)
         self._closers: list[Callable[[], Any]] = []
+        # Once a second the page is updated whether or not a browser is connected.
+        self._page_due = True
 
     def changeable_at_runtime(self, name: str) -> bool:
         """Well, leg, plan, advisory and rules of the list can change at run time; folders and ports cannot."""
@@ -139,11 +141,17 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._closers.append(self._well.slides.finish)
         self._surveys.slide_sheet, self._surveys.on_depth_by_hand = (
             self._well.slides.stretches,
-            self._well.inputs.on_depth_by_hand,
+            self._well.on_depth_by_hand,
         )
         self._parameter_tables = ParameterTables(self, ("sonde", "estimator") if direct else ("receiver",))
         self._recording = self._closed_on_cleanup(
-            RecordingServer(context, settings, tables=self._tables, attachments=self._surveys.attachments)
+            RecordingServer(
+                context,
+                settings,
+                tables=self._tables,
+                attachments=self._surveys.attachments,
+                on_start=self._on_recording_started,
+            )
         )
         outlet.recorder = self._recording.status
         self._page = self._closed_on_cleanup(PageBridge(context, settings))
@@ -166,6 +174,11 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._closers.append(part.close)
         return part
 
+    def _on_recording_started(self) -> None:
+        """Write what was said and drilled before into a recording that begins, for whoever plays it."""
+        self._router.repeat_latched()
+        self._recording.add_tables({SLIDES: stretch_table(self._well.slides.stretches())})
+
     def _tables(self) -> Mapping[str, Mapping[str, str]]:
         versions = {
             "version": __version__,
@@ -186,8 +199,8 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
             record=self._recording.put,
             foxglove=self._foxglove,
             handlers={**self._control.handlers, **self._downlink.handlers},
-            put=lambda topic, data, received_ns: self._well.put(topic, data, self._time.of(received_ns)),
-            wanted=self._well.topics,
+            well=self._well,
+            steady=self._time,
         )
         self._router.open(self.settings.record.topics, () if direct else OF_TOOL)
         self._survey_client: Any = None
@@ -279,12 +292,15 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._shared.worker.run_callbacks()
         self._router.take_streams()
         self._recording.tell_streams()
-        now = time.monotonic()
+        now, before_ns = time.monotonic(), self._well.clock.now_ns
         self._rig.update(now)
         self._well.advance(until_ns)
+        # The page gets states at the end of a cell, which a recording played to the same time has too.
+        if self._well.clock.now_ns > before_ns:
+            self._page.update(without_clients=self._page_due)
+            self._page_due = False
         self._downlink.update(now)
         self._control.update(now)
-        self._page.update()
         self._foxglove.update()
 
     def _update_slow(self) -> None:
@@ -298,7 +314,7 @@ class SurfaceNode(GraphNode[SurfaceSettings]):
         self._well.vertical_limit = None if limit is None else math.radians(float(limit))
         self._recording.update()
         self._surveys.retry_save()
-        self._page.update(without_clients=True)
+        self._page_due = True
 
     def diagnostics(self) -> Sequence[Diagnostic]:
         """Report on recorder, page, Foxglove, inputs, rig, control, survey list, messages and topics to record."""

@@ -1,27 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Subscriptions of the surface node: each message is recorded, forwarded to Foxglove and handed to the well.
+Messages of the surface node: each one that it receives is recorded, forwarded to Foxglove and handed to the well.
 
 Streams wait in buffers and are taken twenty times a second; a message of any other topic is handled at once, after the
-stream messages received before it.
+stream messages received before it. A message that the node itself publishes is recorded as it is published. Recording
+and well get the same messages in the same order with the same times, so that a recording played into a well gives the
+state that the live page showed.
 """
 
 from __future__ import annotations
 
 import operator
 import time
+from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
 
 from mwd_sensors.ros.diagnostics import WARN, Diagnostic
 from mwd_sensors.ros.message_buffer import MessageBuffer
 from mwd_sensors.ros.qos import STATE, buffered
+from mwd_sensors.ros.topic_publisher import TopicPublisher
 from mwd_surface.live.alarms import Severity
+from mwd_surface.live.live_well import LiveWell
 from mwd_surface.nodes.foxglove_bridge import FoxgloveBridge
-from mwd_surface.ros.context import SurfaceContext
-from mwd_surface.ros.topics import TOPICS, message_class, profile_yaml, type_name
+from mwd_surface.ros.context import SteadyTime, SurfaceContext
+from mwd_surface.ros.topics import OF_SURFACE, TOPICS, message_class, profile_yaml, type_name
 
 _RECEIVED_NS = operator.itemgetter(0)
 
@@ -42,10 +48,10 @@ class TopicRouter:
         Gets every message, where it is switched on.
     handlers : mapping
         From topic to the function that is called at once with each serialised message.
-    put : callable
-        `put(topic, data, received_ns)`, called with the messages of all other topics of the contract too.
-    wanted : collection of str
-        Topics that are subscribed to for `put`, recorded or not.
+    well : LiveWell
+        Gets the messages of its topics, recorded or not.
+    steady : SteadyTime
+        The time of the well.
     """
 
     def __init__(
@@ -55,14 +61,16 @@ class TopicRouter:
         record: Callable[..., None],
         foxglove: FoxgloveBridge,
         handlers: Mapping[str, Handler],
-        put: Callable[[str, bytes, int], None],
-        wanted: Collection[str],
+        well: LiveWell,
+        steady: SteadyTime,
     ) -> None:
         self._node, self._alarm_log = context.node, context.alarm_log
         self._record, self._foxglove, self._handlers = record, foxglove, handlers
-        self._put, self._wanted = put, wanted
+        self._well, self._steady = well, steady
         self._streams: list[tuple[MessageBuffer, Callable[[bytes, int], None]]] = []
         self._missing: set[str] = set()
+        # Own topics that late subscribers receive: their last messages, and what records one.
+        self._latched: list[tuple[deque[bytes], Callable[[bytes], None]]] = []
 
     def open(self, recorded_topics: list[str], excluded: Collection[str] = ()) -> None:
         """
@@ -71,13 +79,17 @@ class TopicRouter:
         excluded: topics that are not subscribed to, whoever asks for them.
         """
         node = self._node
+        own = {one.topic_name: one for one in node.publishers if isinstance(one, TopicPublisher)}
         recorded = {node.resolve_topic_name(name): name for name in recorded_topics}
         for name, (msg_type, profile) in TOPICS.items():
             if name in excluded:
                 recorded.pop(node.resolve_topic_name(name), None)
                 continue
             is_recorded = recorded.pop(node.resolve_topic_name(name), None) is not None
-            if is_recorded or self._foxglove.put is not None or name in self._handlers or name in self._wanted:
+            publisher = own.get(node.resolve_topic_name(name)) if name in OF_SURFACE else None
+            if publisher is not None:
+                self._keep_published(publisher, name, is_recorded=is_recorded)
+            elif is_recorded or self._foxglove.put is not None or name in self._handlers or name in self._well.topics:
                 self._subscribe(name, msg_type, profile, is_recorded=is_recorded)
         self._missing = set(recorded)
 
@@ -87,16 +99,18 @@ class TopicRouter:
         record = self._record if is_recorded else None
         self._foxglove.advertise(full_name, typed)
         forward = self._foxglove.put
-        put = self._put if name in self._wanted else None
+        put = self._well.put if name in self._well.topics else None
         latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
         def route(data: bytes, received_ns: int) -> None:
+            arrived_ns = max(self._steady.of(received_ns), self._well.next_arrival_ns)
+            received_ns = self._steady.wall_of(arrived_ns)
             if record is not None:
                 record(full_name, typed, data, received_ns, qos=offered)
             if forward is not None:
                 forward(full_name, typed, data, received_ns, latched=latched)
             if put is not None:
-                put(name, data, received_ns)
+                put(name, data, arrived_ns)
             if handler is not None:
                 handler(data)
 
@@ -110,6 +124,36 @@ class TopicRouter:
             self._streams.append((buffer, route))
         else:
             self._node.add_subscription(msg_type, name, on_event, buffered(profile), raw=True)
+
+    def _keep_published(self, publisher: TopicPublisher, name: str, *, is_recorded: bool) -> None:
+        """Record and forward a topic of this node as it is published, with the time at which the page shows it."""
+        msg_type, profile = TOPICS[name]
+        full_name, typed, offered = publisher.topic_name, type_name(msg_type), profile_yaml(profile)
+        record, forward = self._record if is_recorded else None, self._foxglove.put
+        self._foxglove.advertise(full_name, typed)
+        latched = profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+
+        def keep(data: bytes) -> None:
+            if record is not None:
+                record(full_name, typed, data, self._steady.wall_of(self._well.next_arrival_ns), qos=offered)
+
+        last: deque[bytes] = deque(maxlen=profile.depth if latched else 0)
+        self._latched.append((last, keep))
+
+        def on_published(message: Any) -> None:
+            data = serialize_message(message)
+            keep(data)
+            last.append(data)
+            if forward is not None:
+                forward(full_name, typed, data, time.time_ns(), latched=latched)
+
+        publisher.on_published = on_published
+
+    def repeat_latched(self) -> None:
+        """Record again what a late subscriber receives of the own topics: a recording that has just begun needs it."""
+        for last, keep in self._latched:
+            for data in last:
+                keep(data)
 
     def take_streams(self) -> None:
         """Route the stream messages that wait, in the order in which they were received."""

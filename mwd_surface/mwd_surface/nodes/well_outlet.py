@@ -111,7 +111,7 @@ class NodeOutlet(WellOutlet):
     def on_inputs(self, table: InputTable) -> None:
         """Publish the inputs."""
         message = messages.inputs_message(table)
-        message.header.stamp = self._now()
+        message.header.stamp = stamp(self.alarm_log.now_ns())
         message.header.frame_id = self._node.frame(wire.RIG_FRAME)
         self._inputs.publish(message)
 

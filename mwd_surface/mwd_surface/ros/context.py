@@ -31,8 +31,15 @@ class SteadyTime:
 
     def of(self, wall_ns: int) -> int:
         """Return the time of a moment just past, ns, that the wall clock had as `wall_ns`."""
+        return wall_ns + self._shift_ns()
+
+    def wall_of(self, steady_ns: int) -> int:
+        """Return what the wall clock had at a moment just past, ns, given in this time."""
+        return steady_ns - self._shift_ns()
+
+    def _shift_ns(self) -> int:
         shift = self.now_ns() - time.time_ns()
-        return wall_ns + shift if abs(shift) > _JUMP_NS else wall_ns
+        return shift if abs(shift) > _JUMP_NS else 0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -73,6 +73,14 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 }
 
 
+# Topics that the surface node alone publishes.
+OF_SURFACE = frozenset(
+    {
+        *("toolface", "survey/accepted", "surveys", "trajectory", "path", "steering/advice", "alarms", "events"),
+        *("recorder", "inputs", "control/state", "downlink/state"),
+    }
+)
+
 # Topics of the tool; a surface that hears the tool through a telemetry link does not subscribe to them.
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),

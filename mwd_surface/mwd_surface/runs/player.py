@@ -19,7 +19,7 @@ from mwd_sensors.core.settings import changed
 from mwd_surface.bags.bag_reader import Bag, Message
 from mwd_surface.live.alarm_log import AlarmLog
 from mwd_surface.live.live_state import LiveState
-from mwd_surface.live.live_well import CELL_NS, LiveWell, live_settings
+from mwd_surface.live.live_well import LiveWell, live_settings
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.said import SAID
 from mwd_surface.live.settings import LinkSettings, LiveSettings, PlanSettings
@@ -36,13 +36,11 @@ from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.advice import AdvisorySettings
 from mwd_surface.trajectory.plan import Plan
+from mwd_surface.trajectory.slide_file import SLIDES, recorded_stretches
 from mwd_surface.trajectory.slide_sheet import SlideRules
 
 _LINK_ATTITUDE = "link/attitude"
 _STEP_S = 5.0  # of the recording that are read at a time
-# The page showed a message of the surface this long before it was recorded, because the recorder gets the message
-# through the middleware.
-_SAID_BEFORE_NS = 2 * CELL_NS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,12 +136,20 @@ class Player:
         begun = arranged(SurveyList(well=settings.well, rules=settings.rules, plan=self._plan), settings.leg)
         book = SurveyBook(context, planned, begun, settings.depth)
         full_name = f"{self._namespace}surface"
+        tables = self._bag.metadata()
         self.well = LiveWell(
-            context, settings, self._decode, book=book, plan=planned, full_name=full_name, said=self._said
+            context,
+            settings,
+            self._decode,
+            book=book,
+            plan=planned,
+            full_name=full_name,
+            stretches=recorded_stretches(tables.get(SLIDES, {})),
+            said=self._said,
         )
-        limit = dict(self._bag.metadata().get(ESTIMATOR, {})).get("attitude.vertical_deg")
+        limit = dict(tables.get(ESTIMATOR, {})).get("attitude.vertical_deg")
         self.well.vertical_limit = None if limit is None else math.radians(float(limit))
-        self.well.live.well_given = SURFACE in self._bag.metadata() or self._settings.well != Well()
+        self.well.live.well_given = SURFACE in tables or self._settings.well != Well()
         self.well.diagnostics.show_well(settings.well)
         planned.show_plan()
         book.show()
@@ -178,10 +184,9 @@ class Player:
         """Play on by so many seconds of the recording, at most to its end."""
         self.at_s = min(self.at_s + max(seconds, 0.0), self.length_s)
         until_ns = self._bag.start_ns + round(self.at_s * 1e9)
-        while self._next is not None and self._next[0] <= until_ns + _SAID_BEFORE_NS:
+        while self._next is not None and self._next[0] <= until_ns:
             log_ns, name, _, data = self._next
-            topic = self._names[name]
-            self.well.put(topic, data, log_ns - _SAID_BEFORE_NS if topic in self._said else log_ns)
+            self.well.put(self._names[name], data, log_ns)
             self._next = next(self._messages, None)
         self.well.advance(until_ns)
 

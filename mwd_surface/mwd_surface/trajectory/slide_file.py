@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The slide sheet on disk: a line of JSON for each stretch that ended, durable before the next one matters."""
+"""
+The slide sheet on disk: a line of JSON for each stretch that ended, durable before the next one matters.
+
+A recording has the sheet with which it began as a table of such lines.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from mwd_sensors.core import budgets, settings
@@ -12,13 +17,29 @@ from mwd_sensors.core.input_files import load_json, read_file
 from mwd_surface.trajectory.slide_sheet import Stretch
 
 NAME = "slides.jsonl"
+SLIDES = "slide_sheet"  # name of the table in a recording
+_ROWS = "stretches"
 
 
 def read_stretches(path: Path) -> tuple[tuple[Stretch, ...], int]:
     """Stretches of a file, and how many of its lines were no such; no file is an empty sheet."""
+    text = read_file(path, budgets.JSON).decode(errors="replace") if path.is_file() else ""
+    return _stretches(text)
+
+
+def stretch_table(stretches: Iterable[Stretch]) -> dict[str, str]:
+    """Return the table of a recording that begins with these stretches."""
+    return {_ROWS: "\n".join(json.dumps(settings.to_mapping(one)) for one in stretches)}
+
+
+def recorded_stretches(table: Mapping[str, str]) -> tuple[Stretch, ...]:
+    """Return the stretches of the table of a recording; none where it has no such table."""
+    return _stretches(table.get(_ROWS, ""))[0]
+
+
+def _stretches(text: str) -> tuple[tuple[Stretch, ...], int]:
     found, bad = [], 0
-    lines = read_file(path, budgets.JSON).decode(errors="replace").splitlines() if path.is_file() else []
-    for line in lines:
+    for line in text.splitlines():
         try:
             found.append(settings.from_mapping(Stretch, load_json(line), "stretch"))
         except ValueError:

@@ -23,7 +23,7 @@ def server(folder, name="", **recorder):
     node = SimpleNamespace(resolve_topic_name=lambda topic: f"/{topic}")
     settings = SimpleNamespace(record=RecordSettings(name=name), recorder=RecorderSettings(**recorder))
     context = SimpleNamespace(node=node, folder=folder, live=SimpleNamespace(over_link=False), alarm_log=alarm_log)
-    return RecordingServer(context, settings, tables=dict, attachments=tuple), book
+    return RecordingServer(context, settings, tables=dict, attachments=tuple, on_start=lambda: None), book
 
 
 @pytest.mark.fault_case(62)
