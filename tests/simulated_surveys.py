@@ -18,7 +18,7 @@ from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator.scenario import Scenario
 from mwd_sensors.simulator.sonde import Sonde
-from mwd_surface.runs.launch_plan import reference_parameters
+from mwd_surface.runs.launch_plan import estimator_parameters
 
 _BLOCK_S = 10.0
 
@@ -57,7 +57,7 @@ def revised_surveys(story: Scenario) -> tuple[list[Beside], list[Beside]]:
 
 def _played(story: Scenario, settings: Mapping[str, Any] | None) -> tuple[list[Beside], list[Beside]]:
     sonde = Sonde(story)
-    pipeline = Pipeline(changed(EstimatorSettings(), {**reference_parameters(story), **(settings or {})}))
+    pipeline = Pipeline(changed(EstimatorSettings(), {**estimator_parameters(story), **(settings or {})}))
     found: list[Survey] = []
     truth = []
 

@@ -11,14 +11,15 @@ import numpy as np
 
 from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.settings.place import Place
+from mwd_estimation.survey.survey import STATIC
 from mwd_sensors.core.frames import wrap_pi
 from mwd_sensors.core.settings import changed
 from mwd_sensors.simulator import scenario
 from mwd_sensors.simulator.sonde import Sonde
+from mwd_surface.runs.launch_plan import estimator_parameters
 from project import SCENARIOS
 
-HEAD = "| case | stations | rms deg | mean deg | sigma deg | NEES | within 2 deg | magnetic off by deg |"
+HEAD = "| case | surveys | accepted | rms deg | mean deg | sigma deg | NEES | within 2 deg | magnetic off by deg |"
 _GYRO = "tool.precision.gyro"
 
 
@@ -71,17 +72,19 @@ CASES = (
 
 
 def case_row(case: Case, seeds: int) -> str:
-    """Row of a case: a survey is requested at the end of each station's rest."""
-    error, sigma, magnetic = [], [], []
+    """
+    Row of a case: a survey is requested at the end of each station's rest.
+
+    Those that the tool takes by itself meanwhile count, too, the first of all among them. Errors are of the accepted.
+    """
+    error, sigma, magnetic, taken = [], [], [], 0
     path = SCENARIOS / f"{case.scenario}.yaml"
     for seed in range(1, seeds + 1):
         changes: dict[str, Any] = {"seed": seed}
         if case.unit:
             changes["precision"] = {"grade": "tactical_north", "changes": {"gyro": case.unit}}
         plan = scenario.read(path, changes)
-        place = plan.place
-        field = Place(field="model", lat_deg=place.latitude_deg, lon_deg=place.longitude_deg, height_m=place.height_m)
-        pipeline = Pipeline(changed(EstimatorSettings(place=field), case.parameters))
+        pipeline = Pipeline(changed(EstimatorSettings(), estimator_parameters(plan) | case.parameters))
         rest, rests = 0, 0
         for block in Sonde(plan).blocks(1.0):
             truth = block["truth"]
@@ -94,13 +97,16 @@ def case_row(case: Case, seeds: int) -> str:
             pipeline.push_mag(block["imu/mag"])
             pipeline.push_precision(block["gyro/data_raw"])
             for survey in pipeline.push_imu(block["imu/data_raw"]).surveys:
-                if survey.requested:
-                    azimuth = float(truth["azimuth"][-1])
+                if survey.kind != STATIC:
+                    continue
+                taken += 1
+                azimuth = float(truth["azimuth"][-1])
+                raw = survey.station.by_method("raw")
+                magnetic.append(abs(float(wrap_pi(raw.azimuth - azimuth))) if raw else math.nan)
+                if survey.station.verdicts.azimuth == "accept":
                     error.append(float(wrap_pi(survey.station.azimuth - azimuth)))
                     sigma.append(survey.station.sigma_azimuth)
-                    raw = survey.station.by_method("raw")
-                    magnetic.append(abs(float(wrap_pi(raw.azimuth - azimuth))) if raw else math.nan)
     e, s = np.degrees(error), np.degrees(sigma)
     off = f"{np.sqrt(np.mean(e**2)):.2f} | {e.mean():+.2f} | {s.mean():.2f} | {np.mean((e / s) ** 2):.2f}"
     within = 100.0 * np.mean(np.abs(e) <= 2.0)
-    return f"| {case.title} | {len(e)} | {off} | {within:.0f} % | {np.degrees(np.max(magnetic)):.1f} |"
+    return f"| {case.title} | {taken} | {len(e)} | {off} | {within:.0f} % | {np.degrees(np.max(magnetic)):.1f} |"

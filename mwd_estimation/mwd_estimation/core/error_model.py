@@ -28,6 +28,7 @@ class SensorErrors:
     magnetometer_scale: float = 0.0016  #: magnetometer scale error of each axis
     #: Axial field of the drill string above and below, expected with a proper collar, nT.
     axial_interference_nt: float = 220.0
+    cross_interference_nt: float = 0.0  #: field of the drill string across the axis, each way, nT
     misalignment_deg: float = 0.1  #: tool axis against hole axis, each way, the same all along (XYM1, XYM2), deg
     #: Hole axis at the station against the mean hole, other at each station (XYM3E, XYM4E), deg.
     course_misalignment_deg: float = 0.3

@@ -132,6 +132,8 @@ WORDS: dict[Code, str] = {
     Code.UNCERTAIN_REFERENCE: _UNCERTAIN + "the field does not fit the reference; "
     "check place, date and magnetic storms",
     Code.UNCERTAIN_SENSOR: _UNCERTAIN + "a sensor may be out of calibration; check the tool at surface",
+    Code.UNCERTAIN_FOR_ANY_TOOL: "azimuth known to {value:.0f deg} only, and to {limit:.0f deg} by any magnetic tool "
+    "here: the horizontal field is weak, or the string is of steel; use a gyro",
     Code.GYRO_DISAGREES: "gyro and magnetic azimuth disagree ({value:.0f %} probable that the gyro is wrong): "
     "let the tool rest and survey again, at another toolface if it can be turned",
     Code.PROPAGATED_DISAGREES: "azimuth is {value:+.1f deg} ({values[0]:.1f sigma}) from that propagated by the gyros "

@@ -64,6 +64,7 @@ class ReasonCode(StrEnum):
     UNCERTAIN_EXTERNAL = "uncertain_external"
     UNCERTAIN_REFERENCE = "uncertain_reference"
     UNCERTAIN_SENSOR = "uncertain_sensor"
+    UNCERTAIN_FOR_ANY_TOOL = "uncertain_for_any_tool"
     GYRO_ONLY_UNCERTAIN = "gyro_only_uncertain"
     GYRO_NORTH_UNKNOWN = "gyro_north_unknown"
     GYRO_DISAGREES = "gyro_disagrees"

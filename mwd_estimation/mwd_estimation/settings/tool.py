@@ -308,11 +308,19 @@ class Tool:
         high=5.0,
         expert=True,
     )
-    axial_interference_nt: float = setting(
-        220.0,
-        "Axial field of the drill string at the magnetometer, 1 sigma, expected with enough non-magnetic collar. "
-        "Raising it widens the sigma of uncorrected azimuths, calls for the axial correction sooner and lets it "
-        "explain a stronger string: samples are read with up to nine times as much. Set it from the collar's length.",
+    string: str = setting(
+        "non_magnetic",
+        "What the magnetometer lies in: non_magnetic (enough non-magnetic collars: 220 nT along the axis, 1 sigma), "
+        "short (too few of them: 1500 nT), steel (none, as around a probe in steel pipe: 3000 nT along the axis, 1000 "
+        "nT across it, and at one station in three a field that is turned). In a string of steel a magnetic azimuth "
+        "is not accepted by itself: take a gyro.",
+        choices=("non_magnetic", "short", "steel"),
+    )
+    axial_interference_nt: float | None = setting(
+        None,
+        "Axial field of the drill string at the magnetometer, 1 sigma; not given: by the kind of string. Raising it "
+        "widens the sigma of uncorrected azimuths, calls for the axial correction sooner and lets it explain a "
+        "stronger string: samples are read with up to nine times as much. Set it from the collar's length.",
         unit="nT",
         low=0.0,
         high=50000.0,

@@ -107,7 +107,7 @@ class MagneticFeedback:
         model = FieldModel(
             interference=(axial, 0.0, 0.0),
             sigma_axial=sigma_axial,
-            sigma_cross=settings.errors.magnetometer_bias_nt * 1e-9,
+            sigma_cross=math.hypot(settings.errors.magnetometer_bias_nt, settings.errors.cross_interference_nt) * 1e-9,
             north_correction=correction,
             sigma_north=math.hypot(math.sqrt(variance), self._left_open),
         )

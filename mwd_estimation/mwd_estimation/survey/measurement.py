@@ -129,7 +129,9 @@ def _unjudged(readings: Readings, reference: Reference | None, settings: Station
     azimuth = toolface_north = math.nan
     methods: tuple[MethodAzimuth, ...] = ()
     if readings.has_field:
-        covariance[1] += readings.jacobian[:, 3] * readings.jacobian[1, 3] * settings.axial_sigma(reference) ** 2
+        across = settings.errors.cross_interference_nt * 1e-9
+        string = readings.jacobian[:, 3:] * np.square([settings.axial_sigma(reference), across, across])
+        covariance[1] += string @ readings.jacobian[1, 3:]
         covariance[:, 1] = covariance[1]
         covariance[1, 1] += north.variance
         azimuth = to_north(float(magnetic_geometry.raw_azimuth(readings.f_h, readings.b_h)), north.turn)

@@ -2,18 +2,21 @@
 """
 What every station of a run says once all the others are known: those below it, and the gyro readings taken since.
 
-No station counts for itself twice, nor does a seek of the gyro: it goes on while the tool is turned in place, so that
-what it found in the end holds for every survey taken meanwhile, and is one reading. The others of each station are
-taken in by halves, so that n stations need some n log2(n) steps.
+The others of a station are taken in from the far ones to the near ones, because the string may be another one from some
+station on. No station counts for itself twice, nor does a seek of the gyro: it goes on while the tool is turned in
+place, so that what it found in the end holds for every survey taken meanwhile, and is one reading. The run is halved
+again and again, so that n stations need some n log2(n) steps.
 """
 
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 from collections.abc import Sequence
 
 from mwd_estimation.survey.finding import Finding
+from mwd_estimation.survey.posterior import hypotheses
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
 from mwd_estimation.survey.run_model import RunModel, Taken
 from mwd_estimation.survey.station_record import Station
@@ -21,6 +24,8 @@ from mwd_estimation.survey.station_settings import StationSettings
 
 # Probability of an external field from which the others of the run speak against a station.
 _OUTLIER = 0.5
+# A run is divided where the hazard of another string is larger than this, rather than in the middle.
+_GAP = 0.1
 # An azimuth that moves by less, rad, is no revision worth a word.
 _MOVED = math.radians(0.05)
 
@@ -36,7 +41,8 @@ def findings(
     """
     found, begin = dict(enumerate(first)), 0 if newest is None else max(len(taken) - newest, 0)
     repeated = {k for k, one in found.items() if one is not None and one.repeats is not None}
-    new = {k: one for k, one in enumerate(with_last_readings(taken)) if k not in repeated}
+    dated = _with_hazards(with_last_readings(taken), settings)
+    new = {k: one for k, one in enumerate(dated) if k not in repeated}
     seeks, model = _seeks(new), RunModel(settings)
     for seek in seeks:
         if max(seek) < begin:
@@ -50,6 +56,13 @@ def with_last_readings(taken: Sequence[Taken]) -> list[Taken]:
     last = {one.gyro.began_ns: one.gyro for one in taken if one.gyro is not None and one.gyro.answers}
     last.pop(None, None)
     return [one if one.gyro is None else one._replace(gyro=last.get(one.gyro.began_ns, one.gyro)) for one in taken]
+
+
+def _with_hazards(taken: Sequence[Taken], settings: StationSettings) -> list[Taken]:
+    """Stations, each with the cumulative hazard of another string, which holds in whatever order they are taken in."""
+    hours = [one.hours for one in taken]
+    steps = [hypotheses.hazard(settings.priors, now - then) for then, now in itertools.pairwise(hours)]
+    return [one._replace(hazard=at) for one, at in zip(taken, itertools.accumulate([0.0, *steps]), strict=False)]
 
 
 def is_outlier(finding: Finding | None) -> bool:
@@ -88,12 +101,20 @@ def _without_each(model: RunModel, seeks: list[dict[int, Taken]], found: dict[in
     if len(seeks) == 1:
         _of_seek(model, seeks[0], found)
         return
-    half = len(seeks) // 2
-    for mine, others in ((seeks[:half], seeks[half:]), (seeks[half:], seeks[:half])):
+    middle = _divided(seeks)
+    before, after = seeks[:middle], seeks[middle:]
+    for mine, others in ((before, after[::-1]), (after, before)):
         aware = copy.deepcopy(model)
         for seek in others:
             _learn(aware, seek)
         _without_each(aware, mine, found)
+
+
+def _divided(seeks: list[dict[int, Taken]]) -> int:
+    """Where to divide: at the gap nearest to the middle after which the string may well be another, else there."""
+    hazards = [next(iter(seek.values())).hazard for seek in seeks]
+    gaps = [k for k in range(1, len(seeks)) if hazards[k] - hazards[k - 1] > _GAP]
+    return min(gaps, key=lambda k: abs(2 * k - len(seeks)), default=len(seeks) // 2)
 
 
 def _of_seek(model: RunModel, seek: dict[int, Taken], found: dict[int, Finding | None]) -> None:

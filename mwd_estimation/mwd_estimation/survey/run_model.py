@@ -21,7 +21,7 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.finding import Finding, GyroParts, gyro_share
 from mwd_estimation.survey.measurement import Measured, Readings
-from mwd_estimation.survey.posterior import circle, field_model
+from mwd_estimation.survey.posterior import circle, field_model, hypotheses
 from mwd_estimation.survey.posterior.evidence import Evidence
 from mwd_estimation.survey.posterior.field_model import Row, Shared
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
@@ -65,6 +65,9 @@ class Taken(NamedTuple):
     hours: float = math.nan
     gyro: Solution | None = None
     turning: Turning | None = None
+    #: Cumulative hazard of another string up to here (`hypotheses.hazard`), which makes stations in any order known to
+    #: each other; nan: the station follows the last one taken.
+    hazard: float = math.nan
 
 
 class RunModel:
@@ -85,6 +88,8 @@ class RunModel:
         self._last: _Last | None = None
         self._count, self._agreed = 0, False
         self._told: dict[str, Across] = {}
+        # When the last station was taken, h, and the cumulative hazard of another string there.
+        self._reached = math.nan, 0.0
 
     def take(self, taken: Taken, *, learn: bool = True) -> Finding | None:
         """
@@ -92,7 +97,7 @@ class RunModel:
 
         learn: whether the station counts for those after it.
         """
-        measured, hours, gyro, turning = taken
+        measured, hours, gyro, turning, hazard = taken
         readings, station = measured.readings, measured.station
         if readings is None:
             return None
@@ -104,9 +109,9 @@ class RunModel:
         place, seek = self._lay_before(one), self._back_in_seek(model, began_ns)
         # Measured again at rest: what the tool showed here a moment ago is nothing new of its lasting errors.
         again = place is not None and place == len(self._lay) - 1
+        model.pass_time(hours, self._hazard_at(hours) if math.isnan(hazard) else hazard)
         if turning is not None:
             self._take_turning(model, turning)
-        model.pass_time(hours)
         if seek is not None:
             # A seek is one reading of the gyro, which does not bear itself out.
             self._last = seek = seek._replace(before=copy.deepcopy(model.state))
@@ -125,6 +130,12 @@ class RunModel:
         outside = found.hypotheses.get(Hypothesis.EXTERNAL, 1.0)
         self._agreed |= learn and found.of_gyro is not None and found.gyro_wrong < _AGREES and outside < _AGREES
         return found
+
+    def _hazard_at(self, hours: float) -> float:
+        """Cumulative hazard of another string at a station that follows the last one taken."""
+        before, hazard = self._reached
+        self._reached = hours, hazard + hypotheses.hazard(self._settings.priors, hours - before)
+        return self._reached[1]
 
     def _back_in_seek(self, model: RunFilter, began_ns: int | None) -> _Last | None:
         """Go back to before the last station, where it is of the seek of the gyro that began then; else None."""
@@ -229,9 +240,8 @@ class RunModel:
         turn: float,
         repeats: int | None,
     ) -> Finding:
-        share, (doubted, shown) = evidence.share, doubts
-        whole = share.sum(axis=(1, 2))
-        right, stepped, wrong = whole.T
+        doubted, shown = doubts
+        right, stepped, wrong = evidence.by_angle.T
         width = circle.widths(evidence.angles)
         mass, by_gyro, gyro_wrong, parts = right + stepped + wrong, 0.0, 0.0, None
         angles = wrap_tau(evidence.angles + turn)
@@ -253,7 +263,7 @@ class RunModel:
         return Finding(
             angles=angles[order],
             density=(mass / width)[order],
-            hypotheses=model.probabilities(share) if known else {},
+            hypotheses=model.probabilities(evidence.by_kind) if known else {},
             nominal=model.nominal_sigma(one, peak),
             misfit=evidence.misfit,
             by_gyro=by_gyro,

@@ -119,6 +119,8 @@ def deviations(
         # Gravity is not known here, but nowhere on Earth is it that.
         delta_g = g_total - STANDARD_GRAVITY
     b_earth = b_h - np.array([interference, 0.0, 0.0])
+    across = (errors.cross_interference_nt * 1e-9) ** 2
+    covariance_s = covariance_s + np.diag([0.0, 0.0, 0.0, 0.0, across, across])
     covariance = deviation_covariance(
         f_h,
         b_earth if has_field else np.array([1e-5, 2e-5, 3e-5]),

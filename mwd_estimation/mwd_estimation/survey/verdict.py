@@ -32,6 +32,9 @@ from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 _DISTURBED = 0.5
 # An attitude determines the azimuth where a sound tool errs by the angle of `QualitySettings.far_deg` at so many sigma.
 _DETERMINED = 6.0
+# An azimuth that is not determined leaves the direction of the hole open by its sigma times the sine of the
+# inclination: by less than this, rad, near the vertical, where the station is accepted for its inclination.
+_DIRECTION = math.radians(3.0)
 # A larger 1 sigma of the inclination by accelerometers that may be turned in their mount, rad, makes it doubtful.
 _TURNED = math.radians(0.3)
 # Chi-square of three degrees of freedom exceeded by chance once in 10 000: nothing explains the field.
@@ -197,7 +200,10 @@ def _judge_posterior(azimuth: _Findings, station: Station, finding: Finding, set
         # A string magnetised along its axis is no defect of a vertical hole; of a field that something else disturbs,
         # the totals tell how far.
         if azimuth.verdict == ACCEPT:
-            azimuth.verdict = NOT_DETERMINED
+            if min(station.sigma_azimuth, 1.0) * math.sin(station.inclination) < _DIRECTION:
+                azimuth.verdict = NOT_DETERMINED
+            else:
+                azimuth.add(DOUBTFUL, Reason(Code.UNCERTAIN_FOR_ANY_TOOL, station.sigma_azimuth, sound))
         else:
             _judge_totals(azimuth, station, settings)
         return

@@ -126,7 +126,7 @@ def test_what_the_turning_string_showed_during_a_seek_is_kept():
             model.take(station(0.8, 0.3 + 1.3 * k, seek(of_seek))._replace(turning=turning if k else None))
         at = Shared.FIELD_BIAS + 1
         sigmas.append(np.sqrt(np.diag(model.shared()[1])[at : at + 2]))
-    np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=0.1)
+    np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=0.3)
 
 
 def test_a_seek_without_a_beginning_is_that_of_its_station_alone():

@@ -107,6 +107,11 @@ class Scenario:
     precision: Unit | None = setting(Unit(grade="tactical_north"), "high-precision unit: gyros, accelerometers")
     temperature: Temperature = setting(Temperature, "of the sensors")
     clock: Clock = setting(Clock, "of the sonde")
+    string: str = setting(
+        "non_magnetic",
+        "what the sonde lies in, as stated to the estimator (tool.string)",
+        choices=("non_magnetic", "short", "steel"),
+    )
     interference: Interference = setting(Interference, "what disturbs the field")
     faults: tuple[Fault, ...] = setting((), "what fails and when")
     link: Link = setting(Link, "what the link does to samples")

@@ -149,7 +149,7 @@ def _parameters(
     }
     return {
         "surface": {**launch_plan.surface_parameters(story), "strict": True},
-        "estimator": launch_plan.reference_parameters(story) | ({"gravity.method": method} if method else {}),
+        "estimator": launch_plan.estimator_parameters(story) | ({"gravity.method": method} if method else {}),
         "sonde": sonde | ({"seed": seed} if seed is not None else {}),
     }
 

@@ -86,6 +86,11 @@ def reference_parameters(scenario: Scenario) -> dict[str, Any]:
     }
 
 
+def estimator_parameters(scenario: Scenario) -> dict[str, Any]:
+    """Parameters of the estimator that follow from a scenario: place, day or field, and the string around the tool."""
+    return {**reference_parameters(scenario), "tool.string": scenario.string}
+
+
 def surface_parameters(scenario: Scenario) -> dict[str, Any]:
     """
     Parameters of the surface that follow from a scenario: place of the well, tie-on, sensor to bit.

@@ -90,7 +90,7 @@ def _parameters(scenario: Scenario, namespace: str) -> dict[str, dict[str, Any]]
     surface = launch_plan.surface_parameters(scenario)
     if namespace.strip("/"):
         surface["well.name"] = namespace.strip("/")
-    return {ESTIMATOR: launch_plan.reference_parameters(scenario), SURFACE: surface}
+    return {ESTIMATOR: launch_plan.estimator_parameters(scenario), SURFACE: surface}
 
 
 class _LinkWriter:

@@ -15,7 +15,7 @@ from mwd_sensors.core.settings import from_mapping
 from mwd_sensors.simulator.link_channels import Heard, OnAir
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import TelemetryLink
-from mwd_surface.runs.launch_plan import reference_parameters
+from mwd_surface.runs.launch_plan import estimator_parameters
 
 # The channel follows the samples so far behind: by then a word that goes on air is known.
 _LAG_S = 2.0
@@ -115,7 +115,7 @@ class SimulatedTool:
 def estimator_settings(sonde: Sonde) -> EstimatorSettings:
     """Settings of the estimator that name the place and day of a run."""
     nested: dict[str, dict[str, object]] = {}
-    for name, value in reference_parameters(sonde.scenario).items():
+    for name, value in estimator_parameters(sonde.scenario).items():
         block, _, key = name.partition(".")
         nested.setdefault(block, {})[key] = value
     return from_mapping(EstimatorSettings, nested)

@@ -21,8 +21,10 @@ from stations.tool_code import DEG
 
 STATIONS = 30
 _BETWEEN_S = 1800
-_SECOND = np.arange(STATIONS) * _BETWEEN_S
+_HOURS = np.arange(STATIONS) * _BETWEEN_S / 3600.0
 _ALONG = np.linspace(0.0, 1.0, STATIONS)
+# The first station after a trip out of the hole and back, h, and the stations of a landing.
+_TRIP, _TRIP_HOURS, _LANDING = 10, 30.0, slice(8, 23)
 # Stations with steel nearby; those whose readings are played again in place of new ones, and what is played.
 STEEL, REPLAYED, PLAYED = slice(12, 18), slice(20, 23), 10
 # A gyro at the equator, rad: errs anew at each station, alike at all; azimuth propagated between two stations.
@@ -32,6 +34,8 @@ _DISAGREES = 3.0
 
 Attitudes = Callable[[np.random.Generator], tuple[Array, Array]]
 Outside = Callable[[np.random.Generator], Array]
+# Field of the string at each station beside that of `of_tool`, tool axes, T, shape (30, 3).
+OfString = Callable[[np.random.Generator], Array]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +77,10 @@ class Kind:
         At some stations the readings of an earlier one come again, though the tool has moved.
     parts : dict of slice
         What of the run is judged, by the words its row has.
+    of_string : callable or None
+        Field of the string at each station where it changes within the run, tool axes, T, shape (30, 3).
+    hours : ndarray, shape (30,)
+        When each station was taken, h.
     """
 
     attitudes: Attitudes
@@ -82,6 +90,8 @@ class Kind:
     twice: bool = False
     replayed: bool = False
     parts: dict[str, slice] = dataclasses.field(default_factory=lambda: {"": slice(None)})
+    of_string: OfString | None = None
+    hours: Array = dataclasses.field(default_factory=_HOURS.copy)
 
 
 def _curve(rng: np.random.Generator) -> tuple[Array, Array]:
@@ -95,6 +105,50 @@ def _east_west(rng: np.random.Generator) -> tuple[Array, Array]:
 
 def _near_vertical(rng: np.random.Generator) -> tuple[Array, Array]:
     return (1.0 + 5.0 * _ALONG) * DEG, rng.uniform(0.0, math.tau) + 30.0 * DEG * _ALONG
+
+
+def _build_and_lateral(rng: np.random.Generator) -> tuple[Array, Array]:
+    """Built to 45 deg towards the east before a trip, then an east-west lateral."""
+    inclination, azimuth = 90.0 + 1.5 * np.sin(8.0 * _ALONG), 90.0 + 4.0 * np.sin(5.0 * _ALONG)
+    inclination[:_TRIP], azimuth[:_TRIP] = np.linspace(5.0, 45.0, _TRIP), np.linspace(40.0, 85.0, _TRIP)
+    return inclination * DEG, azimuth * DEG
+
+
+def _landed(rng: np.random.Generator) -> tuple[Array, Array]:
+    """From 30 deg, landed to an east-west lateral."""
+    place = np.clip((np.arange(STATIONS) - 4) / 16.0, 0.0, 1.0)
+    return (30.0 + 60.0 * place) * DEG, (60.0 + 30.0 * place + 3.0 * np.sin(6.0 * _ALONG)) * DEG
+
+
+def _after_trip() -> Array:
+    hours = _HOURS.copy()
+    hours[_TRIP:] += _TRIP_HOURS
+    return hours
+
+
+def _other_string(low: float, high: float, cross: float = 0.0) -> OfString:
+    """The string another from the trip on: its field before and after, along and across, T."""
+
+    def of(rng: np.random.Generator) -> Array:
+        field = np.zeros((STATIONS, 3))
+        field[_TRIP:] = disturbances.along(disturbances.between(low, high, rng), rng)
+        if cross:
+            field[_TRIP:] += disturbances.across(rng.uniform(0.2, 1.0) * cross, rng)
+        return field
+
+    return of
+
+
+def _growing(low: float, high: float) -> OfString:
+    """Remanence along the axis that grows evenly through a landing, T."""
+
+    def of(rng: np.random.Generator) -> Array:
+        grown = np.zeros(STATIONS)
+        grown[_LANDING] = np.linspace(0.0, 1.0, _LANDING.stop - _LANDING.start)
+        grown[_LANDING.stop :] = 1.0
+        return np.outer(grown, disturbances.along(disturbances.between(low, high, rng), rng))
+
+    return of
 
 
 def _steel_in_the_middle(rng: np.random.Generator) -> Array:
@@ -146,6 +200,31 @@ KINDS = {
     "readings of an earlier station again": Kind(_curve, replayed=True, parts={"those": REPLAYED}),
     "hot collar, .1-3 uT across": Kind(_curve, disturbances.cross_axial),
     "string and hot collar, .3-5 uT along, .1-3 uT across": Kind(_curve, disturbances.axial_and_cross),
+    "build, trip of 30 h, east-west lateral, .3-5 uT along from then on": Kind(
+        _build_and_lateral,
+        of_string=_other_string(0.3e-6, 5e-6),
+        hours=_after_trip(),
+        parts={"build": slice(0, _TRIP), "lateral": slice(_TRIP, None)},
+    ),
+    "the same, 300-1500 nT along before it, .2-.7 uT across from then on": Kind(
+        _build_and_lateral,
+        disturbances.magnetised(300e-9, 1500e-9),
+        of_string=_other_string(0.3e-6, 5e-6, 0.7e-6),
+        hours=_after_trip(),
+        parts={"build": slice(0, _TRIP), "lateral": slice(_TRIP, None)},
+    ),
+    "the same trip, the string as it was, 300-1500 nT along": Kind(
+        _build_and_lateral,
+        disturbances.magnetised(300e-9, 1500e-9),
+        hours=_after_trip(),
+        parts={"build": slice(0, _TRIP), "lateral": slice(_TRIP, None)},
+    ),
+    "curve to east-west, another string at the tenth station, .3-5 uT along": Kind(
+        _curve, of_string=_other_string(0.3e-6, 5e-6), parts={"before": slice(0, _TRIP), "after": slice(_TRIP, None)}
+    ),
+    "landing east-west, remanence growing by .2-1 uT": Kind(_landed, of_string=_growing(0.2e-6, 1e-6)),
+    "landing east-west, remanence growing by 1-3 uT": Kind(_landed, of_string=_growing(1e-6, 3e-6)),
+    "landing east-west, the string as it was": Kind(_landed, disturbances.magnetised(300e-9, 1500e-9)),
 }
 # What the table's row of disturbed runs pools, of each kind one part: the disturbances of `singles.POOLED`. The others
 # have no disturbance, one along the axis alone or weaker than these, a gyro, or a fault of a sensor or of the data.
@@ -168,18 +247,19 @@ def run(kind: Kind, rng: np.random.Generator) -> list[Judged]:
         inclination, azimuth = inclination[source], azimuth[source]
     now = kind.of_tool(tool_code.drawn_tool(rng), earth, rng)
     outside = np.zeros((STATIONS, 3)) if kind.outside is None else kind.outside(rng)
+    of_string = now.of_string + (np.zeros((STATIONS, 3)) if kind.of_string is None else kind.of_string(rng))
     readings = []
     for k in range(STATIONS):
         here = now.earth.drawn(tool_code.OF_STATION, rng)
         mat_tn = truth.tool_attitude(inclination[k], azimuth[k], rng.uniform(0.0, math.tau), now.tool, rng).T
-        b_t = mat_tn @ (here.field_n + now.outside_n + outside[k]) + now.of_string
+        b_t = mat_tn @ (here.field_n + now.outside_n + outside[k]) + of_string[k]
         readings.append(now.tool.read(mat_tn @ np.array([0.0, 0.0, -here.gravity]), b_t, rng))
     if kind.twice:
         readings = [readings[2 * k] for k in source]
     if kind.replayed:
         readings[REPLAYED] = [readings[PLAYED]] * (REPLAYED.stop - REPLAYED.start)
     gyros = kind.gyro.seek(azimuth, earth.latitude, rng) if kind.gyro else [None] * STATIONS
-    return decided(readings, inclination, azimuth, reference, gyros, rng)
+    return decided(readings, inclination, azimuth, reference, gyros, rng, kind.hours)
 
 
 def decided(
@@ -189,12 +269,17 @@ def decided(
     reference: Reference,
     gyros: list[Solution | None],
     rng: np.random.Generator,
+    hours: Array = _HOURS,
 ) -> list[Judged]:
-    """Readings of a run, m/s^2 and T, through one decision; with a gyro the azimuth is propagated between stations."""
+    """
+    Readings of a run, m/s^2 and T, taken at these hours, through one decision.
+
+    With a gyro the azimuth is propagated between stations.
+    """
     decision, found = judge.new_decision(), []
     propagated, disagreed = judge.UNKNOWN, False
     for k, (f_t, b_t) in enumerate(readings):
-        begun = decision.begin(judge.still(f_t, b_t, int(_SECOND[k])), k + 1, reference, gyros[k])
+        begun = decision.begin(judge.still(f_t, b_t, round(3600.0 * hours[k])), k + 1, reference, gyros[k])
         found.append(judge.judged(decision.complete(begun, propagated), inclination[k], azimuth[k]))
         if gyros[k] is None or k + 1 == STATIONS:
             continue

@@ -9,6 +9,7 @@ about the vertical is that evidence smeared over the azimuth.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -39,11 +40,49 @@ class Evidence:
     log: Array
     misfit: float  #: least chi-square of the field under the widest hypothesis
 
+    @functools.cached_property
+    def _probable(self) -> tuple[Array, Array, Array]:
+        """Probabilities by point, by angle and state of the gyro, and by filter and external field."""
+        n, k, h, _ = self.log.shape
+        share, by_angle, by_kind = np.zeros_like(self.log), np.zeros((n, 3)), np.zeros((k, h))
+        _probabilities(self.log, circle.widths(self.angles), share, by_angle, by_kind)
+        return share, by_angle, by_kind
+
     @property
     def share(self) -> Array:
         """Probability of each point, shape of `log`."""
-        share = np.exp(self.log - self.log.max()) * circle.widths(self.angles)[:, None, None, None]
-        return np.asarray(share / share.sum())
+        return self._probable[0]
+
+    @property
+    def by_angle(self) -> Array:
+        """Probability of each angle and state of the gyro, shape (n, 3)."""
+        return self._probable[1]
+
+    @property
+    def by_kind(self) -> Array:
+        """Probability of each filter and external field, shape (k, h)."""
+        return self._probable[2]
+
+
+@compiled
+def _probabilities(log: Array, width: Array, share: Array, by_angle: Array, by_kind: Array) -> None:
+    """Fill what a density (its logarithm, of any size) and the width of each angle give: `Evidence`; all begin at 0."""
+    top, whole = log.max(), 0.0
+    for n in range(log.shape[0]):
+        for k in range(log.shape[1]):
+            for h in range(log.shape[2]):
+                for j in range(log.shape[3]):
+                    below = log[n, k, h, j] - top
+                    # The exponential of what is farther below takes long, and is nothing.
+                    if below > -300.0:
+                        value = math.exp(below) * width[n]
+                        share[n, k, h, j] = value
+                        by_angle[n, j] += value
+                        by_kind[k, h] += value
+                        whole += value
+    share /= whole
+    by_angle /= whole
+    by_kind /= whole
 
 
 @compiled
@@ -59,18 +98,32 @@ def _spread(phi: Array, S: Array, out: Array) -> None:
 
 
 @compiled
-def fill_evidence(phi: Array, gyro: Array, r: Array, S: Array, extra: Array, log: Array, misfit: Array) -> None:
+def fill_evidence(
+    phi: Array,
+    gyro: Array,
+    r: Array,
+    S: Array,
+    extra: Array,
+    weights: tuple[Array, Array],
+    log: Array,
+    misfit: Array,
+) -> None:
     """
-    Fill the log evidence of every angle, filter and hypothesis.
+    Fill the log evidence of every angle, filter and hypothesis, but for the last, a turned field.
 
     phi (n, 3) and gyro (n,): basis and gyro residual of each angle; r (k, 3, 4) and S (k, 3, 3, 4, 4): residual and its
     covariance as factors of the basis; extra (h + 1,): variances of each external field (`EXTERNAL_UT`), uT^2, and of a
-    step of the gyro, rad^2. Filled: log (n, k, h or more, 3), misfit (n,).
+    step of the gyro, rad^2; weights: logarithms of those of filter and field (k, h + 1) and of the gyro's state (n, 3).
+    Filled: log (n, k, h + 1, 3), misfit (n,).
     """
+    prior, states = weights
     s, e, x = np.zeros((4, 4)), np.zeros(4), np.zeros(3)
     for n in range(len(phi)):
         misfit[n] = 1e300
         for k in range(len(r)):
+            if prior[k, 0] == -math.inf:
+                log[n, k] = -math.inf
+                continue
             _spread(phi[n], S[k], s)
             for a in range(4):
                 e[a] = phi[n, 0] * r[k, 0, a] + phi[n, 1] * r[k, 1, a] + phi[n, 2] * r[k, 2, a]
@@ -85,8 +138,9 @@ def fill_evidence(phi: Array, gyro: Array, r: Array, S: Array, extra: Array, log
                 x[2] = (i02 * e[0] + i12 * e[1] + i22 * e[2]) / det
                 chi = x[0] * e[0] + x[1] * e[1] + x[2] * e[2]
                 misfit[n] = min(misfit[n], chi)
-                value = -0.5 * (chi + math.log(det))
-                log[n, k, h, 0] = log[n, k, h, 1] = log[n, k, h, 2] = value
+                value = prior[k, h] - 0.5 * (chi + math.log(det))
+                log[n, k, h, 0] = log[n, k, h, 1] = -math.inf
+                log[n, k, h, 2] = value + states[n, 2]
                 if gyro[n] == gyro[n]:
                     u, v, w = s[0, 3], s[1, 3], s[2, 3]
                     off = gyro[n] + e[3] - (u * x[0] + v * x[1] + w * x[2])
@@ -95,7 +149,67 @@ def fill_evidence(phi: Array, gyro: Array, r: Array, S: Array, extra: Array, log
                     variance = max(s[3, 3] - known / det, 1e-12)
                     for j in range(2):
                         wide = variance + j * extra[-1]
-                        log[n, k, h, j] = value - 0.5 * (off * off / wide + math.log(wide * 6.283185307179586))
+                        of_gyro = states[n, j] - 0.5 * (off * off / wide + math.log(wide * 6.283185307179586))
+                        log[n, k, h, j] = value + of_gyro
+
+
+@compiled
+def moments(
+    phi: Array, gyro: Array, r: Array, S: Array, extra: Array, weight: Array, mean: Array, spread: Array
+) -> None:
+    """
+    Moments of the gains of a filter, M (basis x inverse innovation), over some points.
+
+    phi (p, 3), gyro (p,): basis and gyro residual of each point; r (3, 4), S (3, 3, 4, 4): as `fill_evidence`, of one
+    filter; extra (p, 2): variance that each point adds to the field, uT^2, and to the gyro, rad^2; weight (p,): sum 1.
+    Filled: mean (12,), that of basis x inverse innovation; spread (12, 12), its covariance less the mean inverse.
+    """
+    s, i, e, x = np.zeros((4, 4)), np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+    mean[:], spread[:] = 0.0, 0.0
+    for p in range(len(phi)):
+        _spread(phi[p], S, s)
+        _inverse(s, extra[p, 0], extra[p, 1], i)
+        for a in range(4):
+            e[a] = phi[p, 0] * r[0, a] + phi[p, 1] * r[1, a] + phi[p, 2] * r[2, a]
+        e[3] += gyro[p]
+        for a in range(4):
+            x[a] = i[a, 0] * e[0] + i[a, 1] * e[1] + i[a, 2] * e[2] + i[a, 3] * e[3]
+        for m in range(3):
+            for a in range(4):
+                mean[4 * m + a] += weight[p] * phi[p, m] * x[a]
+            for q in range(3):
+                both = weight[p] * phi[p, m] * phi[p, q]
+                for a in range(4):
+                    for b in range(4):
+                        spread[4 * m + a, 4 * q + b] += both * (x[a] * x[b] - i[a, b])
+    for a in range(12):
+        for b in range(12):
+            spread[a, b] -= mean[a] * mean[b]
+
+
+@compiled
+def _inverse(s: Array, field: float, gyro: float, out: Array) -> None:
+    """Inverse of symmetric s, shape (4, 4), with `field` added to its first three diagonals, `gyro` to its last."""
+    a, b, c = s[0, 0] + field, s[1, 1] + field, s[2, 2] + field
+    d, f, g = s[0, 1], s[0, 2], s[1, 2]
+    out[0, 0], out[0, 1], out[0, 2] = b * c - g * g, f * g - d * c, d * g - f * b
+    out[1, 1], out[1, 2], out[2, 2] = a * c - f * f, d * f - a * g, a * b - d * d
+    out[1, 0], out[2, 0], out[2, 1] = out[0, 1], out[0, 2], out[1, 2]
+    det = a * out[0, 0] + d * out[0, 1] + f * out[0, 2]
+    for m in range(3):
+        for q in range(3):
+            out[m, q] /= det
+    # Schur complement of the field's block.
+    rest = s[3, 3] + gyro
+    for m in range(3):
+        out[m, 3] = out[m, 0] * s[0, 3] + out[m, 1] * s[1, 3] + out[m, 2] * s[2, 3]
+        rest -= s[m, 3] * out[m, 3]
+    out[3, 3] = 1.0 / rest
+    for m in range(3):
+        for q in range(3):
+            out[m, q] += out[m, 3] * out[q, 3] / rest
+    for m in range(3):
+        out[m, 3] = out[3, m] = -out[m, 3] / rest
 
 
 def gyro_residual(one: Row, angles: Array) -> Array:
@@ -115,21 +229,22 @@ def wrong_gyro(residual: Array) -> Array:
     return np.log((1.0 - rho * rho) / math.tau / (1.0 + rho * rho - 2.0 * rho * np.cos(residual)))
 
 
-def turned_field(angles: Array, log: Array, gyro: Array, own: tuple[Array, Array, float]) -> Array:
+def turned_field(angles: Array, log: Array, gyro: Array, states: Array, own: tuple[Array, Array, float]) -> Array:
     """
     Log evidence, shape (n, k, 3), where the whole field is turned about the vertical: that of the field smeared.
 
-    log (n, k): of the field as it is; gyro (n,): its residual; own: what each filter takes off that, and its variance,
-    shape (k,), and the variance of a step.
+    log (n, k): of the field as it is; gyro (n,): its residual; states (n, 3): log weights of the gyro's state; own:
+    what each filter takes off that, and its variance, shape (k,), and the variance of a step.
     """
     # What is smeared so wide needs few angles.
     apart = wrap_pi(_FEW[:, None] - angles)
     smear = np.exp(-0.5 * (apart / TURNED) ** 2) * circle.widths(angles) / (TURNED * math.sqrt(math.tau))
     top = log.max(axis=0)
+    top = np.where(np.isfinite(top), top, 0.0)
     # Numbers below the normal ones make the product many times slower.
     few = np.log(smear @ np.exp(np.maximum(log - top, -300.0)) + 1e-300) + top
     every = [np.interp(angles, _FEW, one, period=math.tau) for one in few.T]
-    found = np.repeat(np.stack(every, axis=1)[:, :, None], 3, axis=2)
+    found = np.stack(every, axis=1)[:, :, None] + states[:, None, :]
     if math.isfinite(gyro[0]):
         off = gyro[:, None] + own[0]
         for j in range(2):

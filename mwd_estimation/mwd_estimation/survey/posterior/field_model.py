@@ -139,8 +139,9 @@ _MOST_OWN = 0.5
 def nominal_sigmas(sensors: SensorErrors, reference: Reference | None, magnetic: bool) -> Sigmas:
     """Nominal sigmas; magnetic: azimuths count from magnetic north, which the declination does not change."""
     sigma, own = np.zeros(SIZE), np.zeros(3)
-    bias, axial = sensors.magnetometer_bias_nt * 1e-3, sensors.axial_interference_nt * 1e-3
-    sigma[Shared.FIELD_BIAS : Shared.FIELD_BIAS + 3] = math.hypot(bias, axial), bias, bias
+    along, across = sensors.axial_interference_nt, sensors.cross_interference_nt
+    string = np.hypot(sensors.magnetometer_bias_nt, [along, across, across]) * 1e-3
+    sigma[Shared.FIELD_BIAS : Shared.FIELD_BIAS + 3] = string
     sigma[Shared.FIELD_SCALE : Shared.FIELD_SCALE + 3] = sensors.magnetometer_scale
     sigma[Shared.FORCE_BIAS : Shared.FORCE_BIAS + 3] = sensors.accelerometer_bias_mps2
     sigma[Shared.FORCE_SCALE : Shared.FORCE_SCALE + 3] = sensors.accelerometer_scale

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from mwd_estimation.survey.posterior.evidence import (
     fill_evidence,
     gyro_residual,
     gyro_step,
+    moments,
     turned_field,
     wrong_gyro,
 )
@@ -36,6 +38,8 @@ from mwd_sensors.core.arrays import Array
 _FLOOR = 1e-3
 # Points with a smaller share of a filter's evidence do not move its states.
 _LEAST = 1e-4
+# A filter with a smaller probability on a coarse grid is left out of the fine one.
+_HOPELESS = 1e-9
 # Variance that leaves an observation out, in its own units squared.
 _OUT = 1e8
 # Share of a field from outside at one station that is there at the next.
@@ -44,6 +48,7 @@ _GOES_ON = 0.5
 _BELIEVED = 20.0
 # A kind that is more probable than this is counted.
 _DECIDED = 0.9
+_BIAS = slice(Shared.FIELD_BIAS, Shared.FIELD_BIAS + 3)
 _REFERENCE = slice(Shared.TOTAL, Shared.OUTSIDE)
 _OUTSIDE = slice(Shared.OUTSIDE, Shared.OUTSIDE + 3)
 
@@ -57,6 +62,8 @@ class State:
     covariance: Array
     log_weight: Array  #: shape (k,)
     hours: float = math.nan  #: of the last station; nan before the first
+    hazard: float = math.nan  #: cumulative hazard of another string there; nan before the first
+    changed: float = 0.0  #: probability that the string is another one than at the last station learned from
     #: shape (h,), or None; probabilities of each external field at the last station: steel goes on along the hole.
     outside: Array | None = None
     #: shape (h,); sum of them over all stations.
@@ -84,15 +91,20 @@ class RunFilter:
         covariance[:, range(SIZE), range(SIZE)] = self.filters.variance
         self.state = State(np.zeros((k, SIZE)), covariance, np.log(np.maximum(self.filters.weight, 1e-300)))
 
-    def pass_time(self, hours: float) -> None:
-        """Let the field from outside drift up to this time, h."""
+    def pass_time(self, hours: float, hazard: float = 0.0) -> None:
+        """Let the field from outside drift up to this time, h, and the string change (`hypotheses.hazard`)."""
         state = self.state
+        if math.isfinite(state.hazard):
+            state.changed += (1.0 - state.changed) * -math.expm1(-abs(hazard - state.hazard))
+        state.hazard = hazard
         apart = abs(hours - state.hours) if math.isfinite(hours - state.hours) else 0.0
         keep, at = hypotheses.kept(apart), range(_OUTSIDE.start, _OUTSIDE.stop)
         state.mean[:, _OUTSIDE] *= keep
         state.covariance[:, _OUTSIDE, :] *= keep
         state.covariance[:, :, _OUTSIDE] *= keep
         state.covariance[:, at, at] += (1.0 - keep * keep) * self.filters.variance[:, _OUTSIDE]
+        at = range(_BIAS.start, _BIAS.stop)
+        state.covariance[:, at, at] += hypotheses.walked(apart) / np.maximum(self.sigma[_BIAS], 1e-9) ** 2
         if math.isfinite(hours):
             state.hours = hours
 
@@ -102,48 +114,87 @@ class RunFilter:
 
         H, shape (n, 22): slopes by the errors in nominal sigmas; value, shape (n,), and its covariance, shape (n, n).
         """
-        state = self.state
-        for k, (mean, P) in enumerate(zip(state.mean, state.covariance, strict=True)):
+        branched, log_weight, every = self._branched(self.state), [], []
+        for mean, P, log in zip(branched.mean, branched.covariance, branched.log_weight, strict=True):
             gain = P @ H.T
             S, e = H @ gain + covariance, value - H @ mean
             x = np.linalg.solve(S, e)
-            state.log_weight[k] -= 0.5 * (float(e @ x) + float(np.linalg.slogdet(S)[1]))
-            state.mean[k] = mean + gain @ x
-            state.covariance[k] = P - gain @ np.linalg.solve(S, gain.T)
-        weight = np.exp(state.log_weight - state.log_weight.max())
-        state.log_weight = self._floored(weight / weight.sum())
+            log_weight.append(log - 0.5 * (float(e @ x) + float(np.linalg.slogdet(S)[1])))
+            every.append((mean + gain @ x, P - gain @ np.linalg.solve(S, gain.T)))
+        weight = np.exp(np.array(log_weight) - max(log_weight))
+        self._join(weight / weight.sum(), every)
 
     def evidence(self, one: Row, state: State | None = None) -> Evidence:
         """Evidence of a station, a record of `field_model.GEOMETRY`, given what the run has shown (or a state)."""
-        state = self.state if state is None else state
+        state = self._branched(self.state if state is None else state)
         r, S, _ = self._terms(one, state)
-        angles = circle.coarse()
-        log, _ = self._logs(one, r, S, state, angles)
-        top = log.max()
-        density = np.log(np.exp(log - top).sum(axis=(1, 2, 3)) + 1e-300)
+        angles, prior = circle.coarse(), self._log_prior(state)
+        first = Evidence(angles, self._logs(one, r, S, state, angles, prior)[0], 0.0)
+        density = np.log(first.by_angle.sum(axis=1) + 1e-300)
+        # A hopeless filter is left out.
+        prior[first.by_kind.sum(axis=1) < _HOPELESS] = -math.inf
         angles = circle.refined(density, float(one["gyro"]), float(one["gyro_other"]))
-        log, misfit = self._logs(one, r, S, state, angles)
+        log, misfit = self._logs(one, r, S, state, angles, prior, turned=True)
         return Evidence(angles, log, misfit if one["has_field"] else 0.0)
 
     def learn(self, one: Row, evidence: Evidence) -> None:
         """Take over what a station shows of the shared errors; evidence: as `evidence` of the state as it is."""
-        state, share = self.state, evidence.share
-        r, S, M = self._terms(one, state)
-        of_filter = share.sum(axis=(0, 2, 3))
-        for k, weight in enumerate(of_filter):
-            if weight > 0.0:
-                self._update(k, share[:, k] / weight, one, evidence, (r[k], S[k], M[k]))
+        state = self.state
+        branched = self._branched(state)
+        r, S, M = self._terms(one, branched)
+        of_branch = evidence.by_kind.sum(axis=1)
+        # Of a filter and its second one, a hopeless one needs no update.
+        both = np.tile(of_branch.reshape(-1, len(state.mean)).sum(axis=0), len(of_branch) // len(state.mean))
+        circle_of = field_model.basis(evidence.angles), gyro_residual(one, evidence.angles)
+        if not math.isfinite(one["gyro"]):
+            circle_of[1][:] = 0.0
+        every = [
+            self._updated((mean, P), evidence.share[:, k], one, circle_of, (r[k], S[k], M[k]))
+            if of_branch[k] > _LEAST * both[k]
+            else (mean, P)
+            for k, (mean, P) in enumerate(zip(branched.mean, branched.covariance, strict=True))
+        ]
+        self._join(of_branch, every)
         if math.isfinite(one["gyro"]):
             # What is not decided is no experience with the gyro.
-            state.of_gyro = state.of_gyro + (share.sum(axis=(0, 1, 2)) > _DECIDED)
-        state.outside = share.sum(axis=(0, 1, 3))
+            state.of_gyro = state.of_gyro + (evidence.by_angle.sum(axis=0) > _DECIDED)
+        state.outside = evidence.by_kind.sum(axis=0)
         state.of_outside = state.of_outside + state.outside
-        state.log_weight = self._floored(of_filter)
 
-    def _floored(self, weight: Array) -> Array:
-        """Logarithms of the filters' weights, none of which loses its prior for ever."""
-        weight = np.maximum(weight, _FLOOR * self.filters.weight)
-        return np.asarray(np.log(weight / weight.sum()))
+    def _branched(self, state: State) -> State:
+        """
+        The filters, and where the string may have changed since the last station a second one of each.
+
+        In the second the string's field is drawn anew and all else is known as before; a string of one kind becomes one
+        of any kind, with the kind's own prior.
+        """
+        if not state.changed > 0.0:
+            return state
+        weight, strings, prior = np.exp(state.log_weight), self.filters.of_string, self.filters.weight
+        mean, covariance, anew = state.mean.copy(), state.covariance.copy(), weight.copy()
+        known = zip(weight[strings], mean[strings], covariance[strings], strict=True)
+        mean[strings], covariance[strings] = _merged(list(known))
+        anew[strings] = weight[strings].sum() * prior[strings] / prior[strings].sum()
+        at = range(_BIAS.start, _BIAS.stop)
+        mean[:, _BIAS] = covariance[:, _BIAS, :] = covariance[:, :, _BIAS] = 0.0
+        covariance[:, at, at] = self.filters.variance[:, _BIAS]
+        weights = np.concatenate([(1.0 - state.changed) * weight, state.changed * anew])
+        return dataclasses.replace(
+            state,
+            mean=np.concatenate([state.mean, mean]),
+            covariance=np.concatenate([state.covariance, covariance]),
+            log_weight=np.log(np.maximum(weights, 1e-300)),
+        )
+
+    def _join(self, weight: Array, every: Sequence[tuple[Array, Array]]) -> None:
+        """Take over the filters, each with its second one, of these weights, means and covariances."""
+        state, count = self.state, len(self.filters.weight)
+        for k in range(count):
+            both = range(k, len(every), count)
+            state.mean[k], state.covariance[k] = _merged([(weight[j], *every[j]) for j in both])
+        # No filter loses its prior for ever.
+        joined = np.maximum(weight.reshape(-1, count).sum(axis=0), _FLOOR * self.filters.weight)
+        state.log_weight, state.changed = np.log(np.maximum(joined / joined.sum(), 1e-300)), 0.0
 
     def gyro_shares(self, state: State) -> Array:
         """Probabilities that a gyro is right, its bias steps, and it is wrong: with what the run has shown of them."""
@@ -155,9 +206,9 @@ class RunFilter:
         doubted = 1.0 - float(self.gyro_shares(state)[0])
         return doubted, float(state.of_gyro[1:].sum()) / (_BELIEVED + float(state.of_gyro.sum()))
 
-    def probabilities(self, share: Array) -> dict[Hypothesis, float]:
-        """Probability of each hypothesis at a station; share: as `Evidence.share`."""
-        quiet = share[:, :, 0].sum(axis=(0, 2))
+    def probabilities(self, by_kind: Array) -> dict[Hypothesis, float]:
+        """Probability of each hypothesis at a station; by_kind: as `Evidence.by_kind`."""
+        quiet = by_kind[:, 0].reshape(-1, len(self.filters.kinds)).sum(axis=0)
         found = dict.fromkeys(Hypothesis, 0.0)
         for kind, value in zip(self.filters.kinds, quiet, strict=True):
             found[kind] += float(value)
@@ -198,80 +249,83 @@ class RunFilter:
         S = 0.5 * (S + np.transpose(S, (0, 2, 1, 4, 3)))
         return residual - np.einsum("iax,kx->kia", slopes, state.mean), S, np.swapaxes(M, 2, 3)
 
-    def _logs(self, one: Row, r: Array, S: Array, state: State, angles: Array) -> tuple[Array, float]:
-        """Log evidence with all prior weights, as `Evidence.log`, and the misfit."""
-        log = np.empty((len(angles), len(r), len(self._external), 3))
-        misfit = np.empty(len(angles))
-        gyro = gyro_residual(one, angles)
-        sizes = EXTERNAL_UT**2 if one["has_field"] else np.zeros(len(EXTERNAL_UT))
-        extra = np.append(sizes, gyro_step(one) ** 2)
-        fill_evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, log, misfit)
-        log[:, :, -1] = turned_field(angles, log[:, :, 0, 2], gyro, (r[:, 0, 3], S[:, 0, 0, 3, 3], extra[-1]))
+    def _log_prior(self, state: State) -> Array:
+        """Logarithms of the prior probabilities of each filter and external field, shape (k, h)."""
         outside = _learnt(self._external, state.of_outside)
         if state.outside is not None:
             outside = (1.0 - _GOES_ON) * outside + _GOES_ON * state.outside
-        log += state.log_weight[None, :, None, None] + np.log(np.maximum(outside, 1e-300))[None, None, :, None]
+        return np.asarray(state.log_weight[:, None] + np.log(np.maximum(outside, 1e-300)))
+
+    def _logs(
+        self, one: Row, r: Array, S: Array, state: State, angles: Array, prior: Array, *, turned: bool = False
+    ) -> tuple[Array, float]:
+        """Log evidence with all prior weights, as `Evidence.log`, and the misfit; turned: with a turned field, too."""
+        log = np.empty((len(angles), len(r), len(self._external), 3))
+        misfit = np.empty(len(angles))
+        gyro, states = gyro_residual(one, angles), np.full((len(angles), 3), -math.inf)
+        states[:, 2] = 0.0
         if math.isfinite(one["gyro"]):
-            log += np.log(np.maximum(self.gyro_shares(state), 1e-300))
-            log[..., 2] += wrong_gyro(gyro)[:, None, None]
-        else:
-            log[..., :2] = -math.inf
+            states[:] = np.log(np.maximum(self.gyro_shares(state), 1e-300))
+            states[:, 2] += wrong_gyro(gyro)
+        sizes = EXTERNAL_UT**2 if one["has_field"] else np.zeros(len(EXTERNAL_UT))
+        extra = np.append(sizes, gyro_step(one) ** 2)
+        weights = prior, states
+        fill_evidence(field_model.basis(angles), gyro, r, np.ascontiguousarray(S), extra, weights, log, misfit)
+        log[:, :, -1] = -math.inf
+        at = np.flatnonzero(np.isfinite(prior[:, 0])) if turned else ()
+        if len(at):
+            field = log[:, at, 0, 2] - states[:, 2, None] - prior[at, 0] + prior[at, -1]
+            own = r[at, 0, 3], S[at, 0, 0, 3, 3], extra[-1]
+            log[:, at, -1] = turned_field(angles, field, gyro, states, own)
         return log, float(misfit.min())
 
-    def _update(self, k: int, points: Array, one: Row, evidence: Evidence, terms: tuple[Array, Array, Array]) -> None:
-        """Moments of filter k over all points (n, h, 3): where the gyro's bias stepped, of a wider prior."""
-        r, S, M = terms
-        at = np.argwhere(points > _LEAST * points.max())
-        share = points[at[:, 0], at[:, 1], at[:, 2]]
-        share = share / share.sum()
-        phi = field_model.basis(evidence.angles[at[:, 0]])
-        e = phi @ r
-        if math.isfinite(one["gyro"]):
-            e[:, 3] += gyro_residual(one, evidence.angles)[at[:, 0]]
-        s = ((phi[:, :, None] * phi[:, None, :]).reshape(-1, 9) @ S.reshape(9, 16)).reshape(-1, 4, 4)
-        stepped = at[:, 2] == 1
+    def _updated(
+        self,
+        before: tuple[Array, Array],
+        points: Array,
+        one: Row,
+        circle_of: tuple[Array, Array],
+        terms: tuple[Array, Array, Array],
+    ) -> tuple[Array, Array]:
+        """
+        Mean and covariance of a filter over all points (n, h, 3): where the gyro's bias stepped, of a wider prior.
+
+        before: mean and covariance; circle_of: basis and gyro residual of each angle; terms: `_terms` of one filter.
+        """
+        (mean, P), (phi, gyro), (r, S, M) = before, circle_of, terms
+        n, h, j = np.nonzero(points > _LEAST * points.max())
+        if not len(n):
+            return before
+        share, step = points[n, h, j], gyro_step(one)
         # A field that is turned says nothing of what is shared.
-        s[:, range(3), range(3)] += np.append(EXTERNAL_UT**2, _OUT)[at[:, 1]][:, None]
-        s[:, 3, 3] += np.array([0.0, gyro_step(one) ** 2, _OUT])[at[:, 2]]
+        extra = np.stack([np.append(EXTERNAL_UT**2, _OUT)[h], np.array([0.0, step**2, _OUT])[j]], axis=1)
         M = np.transpose(M, (1, 0, 2)).reshape(SIZE, 12)
-        P, mean = self.state.covariance[k], self.state.mean[k]
-        parts = [_moments(mean, P, M, phi[~stepped], s[~stepped], e[~stepped], share[~stepped])]
-        if stepped.any():
-            P, M = P.copy(), M.copy()
-            P[-1, -1] += (gyro_step(one) / one["gyro_lasting"]) ** 2
-            M[-1, 3] += gyro_step(one) ** 2 / one["gyro_lasting"]
-            parts.append(_moments(mean, P, M, phi[stepped], s[stepped], e[stepped], share[stepped]))
-        mean = sum(weight * of_part for weight, of_part, _ in parts)
-        self.state.mean[k] = mean
-        self.state.covariance[k] = sum(w * (C + np.outer(m - mean, m - mean)) for w, m, C in parts)
+        parts = []
+        for at in (np.flatnonzero(j != 1), np.flatnonzero(j == 1)):
+            weight = float(share[at].sum())
+            if not len(at):
+                continue
+            if j[at[0]] == 1:
+                P, M = P.copy(), M.copy()
+                P[-1, -1] += (step / one["gyro_lasting"]) ** 2
+                M[-1, 3] += step**2 / one["gyro_lasting"]
+            moved, spread = np.empty(12), np.empty((12, 12))
+            moments(phi[n[at]], gyro[n[at]], r, S, extra[at], share[at] / weight, moved, spread)
+            C = P + M @ spread @ M.T
+            parts.append((weight, mean + M @ moved, 0.5 * (C + C.T)))
+        return _merged(parts)
+
+
+def _merged(parts: Sequence[tuple[float, Array, Array]]) -> tuple[Array, Array]:
+    """Mean and covariance of Gaussians of these weights, means and covariances."""
+    weight = np.array([part[0] for part in parts])
+    weight = weight / weight.sum() if weight.sum() > 0.0 else np.full(len(parts), 1.0 / len(parts))
+    mean = sum(w * m for w, (_, m, _) in zip(weight, parts, strict=True))
+    off = [m - mean for _, m, _ in parts]
+    return mean, sum(w * (C + np.outer(d, d)) for w, d, (_, _, C) in zip(weight, off, parts, strict=True))
 
 
 def _learnt(prior: Array, seen: Array) -> Array:
     """Probabilities after stations that were of each kind with probabilities of sum `seen`."""
     shares = prior * _BELIEVED + seen
     return np.asarray(shares / shares.sum())
-
-
-def _moments(
-    mean: Array, P: Array, M: Array, phi: Array, s: Array, e: Array, share: Array
-) -> tuple[float, Array, Array]:
-    """
-    Weight, mean and covariance of the Gaussians of some points.
-
-    mean (22,), P (22, 22): before the station; M (22, 12): P H' as factors of the basis; phi (p, 3), s (p, 4, 4),
-    e (p, 4) and share (p,): of each point basis, innovation covariance, innovation and probability.
-    """
-    weight = float(share.sum())
-    if not weight > 0.0:
-        return 0.0, mean, P
-    share = share / weight
-    inverse = np.linalg.inv(s)
-    # The gain at each point is M (basis x inverse): its moments are those of 12 numbers.
-    y = (phi[:, :, None] * np.einsum("pab,pb->pa", inverse, e)[:, None, :]).reshape(-1, 12)
-    both = (phi[:, :, None] * phi[:, None, :]).reshape(-1, 9)
-    known = ((both * share[:, None]).T @ inverse.reshape(-1, 16)).reshape(3, 3, 4, 4)
-    moved = share @ y
-    off = y - moved
-    change = (off.T * share) @ off - np.transpose(known, (0, 2, 1, 3)).reshape(12, 12)
-    C = P + M @ change @ M.T
-    return weight, mean + M @ moved, 0.5 * (C + C.T)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The string decides what a magnetic station may claim; an undetermined azimuth is harmless near the vertical only."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mwd_estimation.core.reasons import ReasonCode
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.settings import derivation
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_estimation.survey.station import station
+from mwd_estimation.survey.station_settings import StationSettings
+from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_sensors.core.settings import changed
+
+REFERENCE = Reference(total=5.7e-5, dip=math.radians(65.0), declination=0.0, convergence=0.0, gravity=9.81)
+
+
+def settings(**given):
+    """Settings of a station with these of the tool."""
+    found = changed(EstimatorSettings(), {f"tool.{name}": value for name, value in given.items()})
+    errors = derivation.sensor_errors(found)
+    return StationSettings(errors=errors, priors=derivation.station_priors(found))
+
+
+def taken(inclination, azimuth, toolface, turned, using, reference=REFERENCE):
+    """A station whose horizontal field is turned about the vertical by an angle, rad: total and dip stay."""
+    mat = mat_nt(inclination, azimuth, toolface)
+    field_n = reference.total * np.array(
+        [
+            math.cos(reference.dip) * math.cos(turned),
+            math.cos(reference.dip) * math.sin(turned),
+            math.sin(reference.dip),
+        ]
+    )
+    return station(mat.T @ [0.0, 0.0, -9.81], mat.T @ field_n, reference, using)
+
+
+angles = st.floats(0.0, 6.28)
+
+
+@pytest.mark.slow(3)
+@given(inclination=st.floats(0.3, 1.9), azimuth=angles, toolface=angles, turned=st.floats(-0.5, 0.5))
+def test_in_a_string_of_steel_no_single_station_claims_what_its_totals_cannot_show(
+    inclination, azimuth, toolface, turned
+):
+    one = taken(inclination, azimuth, toolface, turned, settings(string="steel"))
+    assert one.verdict == "doubtful"
+    assert abs(float(wrap_pi(one.azimuth - azimuth))) < 3.0 * one.sigma_azimuth
+
+
+def test_each_kind_of_string_is_less_certain_than_the_one_before():
+    sigmas = [
+        taken(1.2, 2.4, 0.5, 0.0, settings(string=kind)).sigma_azimuth for kind in ("non_magnetic", "short", "steel")
+    ]
+    assert sigmas == sorted(sigmas)
+    assert sigmas[-1] > math.radians(10.0)
+
+
+def test_a_field_of_the_string_that_is_stated_replaces_that_of_its_kind():
+    stated, usual = (
+        derivation.sensor_errors(changed(EstimatorSettings(), {"tool.string": "steel", **given}))
+        for given in ({"tool.axial_interference_nt": 400.0}, {})
+    )
+    assert (stated.axial_interference_nt, usual.axial_interference_nt) == (400.0, 3000.0)
+    # Tool codes are those of non-magnetic collars: what is said of another string goes before.
+    coded = derivation.sensor_errors(
+        changed(EstimatorSettings(), {"tool.string": "steel", "survey.tool_code": "MWD+SRGM"})
+    )
+    assert coded.axial_interference_nt == usual.axial_interference_nt
+
+
+@pytest.mark.parametrize(("inclination_deg", "verdict"), [(2.0, "accept"), (40.0, "doubtful")])
+def test_an_azimuth_that_is_not_determined_is_harmless_near_the_vertical_only(inclination_deg, verdict):
+    polar = dataclasses.replace(REFERENCE, dip=math.radians(88.5))
+    one = taken(math.radians(inclination_deg), 1.0, 0.4, 0.0, StationSettings(), polar)
+    assert one.verdict == verdict
+    assert one.verdicts.inclination == "accept"
+    codes = [reason.code for reason in one.reasons]
+    assert (ReasonCode.UNCERTAIN_FOR_ANY_TOOL in codes) == (verdict == "doubtful")
