@@ -39,7 +39,7 @@ class StationUpdate:
 
 @dataclasses.dataclass(frozen=True)
 class MagneticModelInForce:
-    """Field model with which magnetic samples are evaluated from a sample on."""
+    """Field model in force from a certain sample on, and what is known about its azimuth."""
 
     model: FieldModel
     north: int  #: code of its north reference

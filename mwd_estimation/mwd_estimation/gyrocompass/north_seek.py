@@ -223,9 +223,10 @@ def _toolface(state: State) -> float:
 
 def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
     """
-    Return Earth rate, biases, ramps and heading; right, shape (36,), computes the heading from the error state.
+    Return Earth rate, biases, ramps and heading of a seek, with their covariance and with the prior of the biases.
 
-    The seek's own prior is the start sigma of the biases and the stated ramp, both propagated over its duration.
+    right, shape (36,): factors by which the error state adds to the heading. The prior has the start sigma of the
+    biases and the stated ramp, both propagated over the duration of the seek.
     """
     rows = np.vstack([np.eye(Error.SIZE)[[*range(Error.EARTH_RATE, Error.SCALE_X), *_RAMPS]], right])
     mean = rows @ estimate(state)

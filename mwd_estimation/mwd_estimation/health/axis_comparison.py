@@ -46,7 +46,7 @@ _SILENT_AXIS, _NO_AXIS, _UNCLEAR, AT_ONE_END = -1, -2, -3, -4
 
 
 class Sums:
-    """Sums of one axis over half a second, and its products with each axis of the conventional unit, in both units."""
+    """Sums of one axis over half a second, and products with each axis of the other unit, in SI and in deg/s or g."""
 
     n: float
     at_most: float

@@ -294,7 +294,7 @@ class PrecisionHealth:
         return beside_ns[: end + 1], beside[: end + 1]
 
     def _named(self, fault: SensorFault) -> SensorFault:
-        """Return the fault with its unit: unproved mappings and mismatches may be those of either unit."""
+        """Return the fault, assigned to either unit if it is a mismatch or not proved to be in one of them."""
         if fault.code == FaultCode.MISMATCH:
             return dataclasses.replace(fault, unit=Unit.EITHER)
         if not fault.mappings[2]:

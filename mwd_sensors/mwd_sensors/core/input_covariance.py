@@ -112,7 +112,7 @@ class NoiseWatch:
                 self.noise[vector] = Noise(self._sigma[vector], max(1e-9 * float(np.median(np.diff(stamps))), 0.0))
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
-        """Accept samples with whether the tool is at rest, and keep the smallest scatter at rest of each vector."""
+        """Add samples; if the tool is at rest (`still`), keep the smallest scatter of each vector."""
         for vector, widest in VECTORS.get(type_name, ()):
             if not still:
                 self._resting.pop(vector, None)

@@ -61,7 +61,7 @@ class TelemetryTopics:
         self._sonde = sonde
 
     def publish(self, until_s: float) -> None:
-        """Publish the flow up to a time of the run, s, and the surface signals up to the lag before that time."""
+        """Publish the flow up to a time of the run, s, and the surface signals up to that time minus the lag."""
         sonde = self._sonde
         if sonde is None or sonde.link is None:
             return

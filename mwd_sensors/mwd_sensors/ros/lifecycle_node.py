@@ -129,7 +129,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         """Create topics, services and timers, and open files. An error is logged and leaves the node unconfigured."""
 
     def activate(self) -> None:
-        """Start to work."""
+        """Start the work of the node, such as publishing; callbacks run from now on."""
 
     def deactivate(self) -> None:
         """Stop working; keep everything that `activate` needs to continue."""

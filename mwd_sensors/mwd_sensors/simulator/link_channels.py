@@ -82,7 +82,7 @@ class LinkChannel(Protocol):
     """Channel of one telemetry link."""
 
     def send(self, signal: OnAir) -> int:
-        """Transmit a signal; return how many of its parts came too late."""
+        """Transmit a signal; return how many parts of it are lost, because their time has already been simulated."""
         ...
 
     def deepen(self, depth_m: float) -> None:

@@ -178,7 +178,7 @@ def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int) -> 
 
 @compiled
 def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
-    """Propagate the covariance, add noise, measure, correct, and clear the sums; w are the rates at the end."""
+    """Propagate the covariance, add noise, measure, correct, and clear the sums; w: latest rate, rad/s, shape (3,)."""
     size = STEADY if s.clipping.sign == 0.0 else ERRORS
     s.settled += s.sums.time
     if size == ERRORS:
