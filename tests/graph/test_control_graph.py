@@ -120,7 +120,7 @@ def test_nobody_but_the_owner_is_obeyed_whatever_he_has_read(contested):
     assert all("first is another's name" in line for line in said[:2])
     assert "only first can give it back" in said[2]
     assert "control/command not taken: seal: " in contested["log"]
-    assert "rig/command not obeyed: lease: 1 is over" in contested["rig"]
+    assert "rig/command not obeyed: lease: 1 has ended" in contested["rig"]
     from mwd_msgs.msg import RigCommand
     from rclpy.serialization import deserialize_message
 

@@ -73,8 +73,8 @@ def test_a_rig_that_obeys_says_what_it_does_and_why_not(reported):
 
 def test_a_rig_obeys_no_older_lease_and_nobody_without_one(reported):
     words = [message for message, _ in reported["steered"]]
-    assert words[4] == "lease: 6 is over; 7 is in force"
-    assert "control authority alone" in words[5]
+    assert words[4] == "lease: 6 has ended; 7 is in force"
+    assert "only the control authority" in words[5]
     assert words[6] == ""
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A bottom-hole assembly as people describe it: hole, mud, sensor, and its components from the bit up."""
+"""Description of a bottom-hole assembly: hole, mud, sensors, and the components from the bit up."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from pathlib import Path
 from mwd_sensors.core.input_files import read_yaml
 from mwd_sensors.core.settings import SettingsError, from_mapping, setting
 
-# 1 sigma of the sag left after a correction by a model, in a horizontal hole, deg: SAGE of the OWSG codes with SAG.
+# 1 sigma of the sag that remains after correction by a model, horizontal hole, deg: SAGE of the OWSG codes with SAG.
 SIGMA_CORRECTED_DEG = 0.08
 
 
 @dataclass(frozen=True)
 class Blade:
-    """A stabiliser's blade, as a ring that touches the wall."""
+    """A stabiliser blade, modelled as a ring that may touch the wall of the hole."""
 
     at_m: float = setting(
-        doc="Middle of the blade above the lower end of its component.", unit="m", low=0.0, high=2000.0
+        doc="Distance of the middle of the blade from the lower end of its component.", unit="m", low=0.0, high=2000.0
     )
     od_mm: float = setting(doc="Diameter over the blades.", unit="mm", low=50.0, high=1000.0)
 
@@ -29,12 +29,12 @@ class Blade:
 class Component:
     """One component of the assembly."""
 
-    name: str = setting(doc="What it is called.")
-    length_m: float = setting(doc="Made-up length.", unit="m", low=0.05, high=2000.0)
+    name: str = setting(doc="Name of the component.")
+    length_m: float = setting(doc="Length in the assembled (made-up) string.", unit="m", low=0.05, high=2000.0)
     od_mm: float = setting(doc="Outer diameter of the body.", unit="mm", low=20.0, high=1000.0)
     id_mm: float = setting(doc="Inner diameter.", unit="mm", low=0.0, high=500.0)
     linear_mass_kg_m: float = setting(
-        0.0, "Mass in air per metre; 0: from diameters and density.", unit="kg/m", low=0.0, high=5000.0
+        0.0, "Mass in air per metre; 0: computed from diameters and density.", unit="kg/m", low=0.0, high=5000.0
     )
     density_kg_m3: float = setting(7850.0, "Density of the material.", unit="kg/m^3", low=1000.0, high=20000.0)
     youngs_modulus_gpa: float = setting(
@@ -42,9 +42,9 @@ class Component:
     )
     magnetic: bool = setting(True, "Made of magnetic steel; false for non-magnetic collars and housings.")
     pole_uwb: float = setting(
-        0.0, "Strength of its magnetic poles, from a measurement; 0: not known.", unit="uWb", low=0.0, high=10000.0
+        0.0, "Strength of its magnetic poles, as measured; 0: unknown.", unit="uWb", low=0.0, high=10000.0
     )
-    blades: tuple[Blade, ...] = setting((), "Stabiliser blades on it.")
+    blades: tuple[Blade, ...] = setting((), "Stabiliser blades of the component.")
 
     def __post_init__(self) -> None:
         if not self.id_mm < self.od_mm:
@@ -65,7 +65,7 @@ class Component:
         return self.youngs_modulus_gpa * 1e9 * math.pi / 64.0 * (od**4 - inner**4)
 
     def buoyed_mass(self, mud_kg_m3: float) -> float:
-        """Mass per metre less that of the mud it displaces, kg/m: mud fills the bore."""
+        """Return the mass per metre minus the mass of the mud displaced, kg/m; the bore is full of mud."""
         return self.mass - mud_kg_m3 * self._area
 
     @property
@@ -78,20 +78,20 @@ class Assembly:
     """An assembly in its hole."""
 
     hole_mm: float = setting(doc="Diameter of the hole.", unit="mm", low=50.0, high=1200.0)
-    sensor_m: float = setting(doc="Survey sensors above the bit.", unit="m", low=0.0, high=500.0)
-    components: tuple[Component, ...] = setting(doc="From the bit up.")
-    name: str = setting("", "What the assembly is called.")
+    sensor_m: float = setting(doc="Distance of the survey sensors from the bit.", unit="m", low=0.0, high=500.0)
+    components: tuple[Component, ...] = setting(doc="Components in order, from the bit up.")
+    name: str = setting("", "Name of the assembly.")
     mud_kg_m3: float = setting(1200.0, "Density of the mud.", unit="kg/m^3", low=0.0, high=3000.0)
     weight_on_bit_kn: float = setting(
         0.0, "Weight on bit while a survey is taken; 0: off bottom.", unit="kN", low=0.0, high=1000.0
     )
     build_deg_30m: float = setting(
-        0.0, "Build rate of the hole around the assembly; a drop is negative.", unit="deg/30m", low=-60.0, high=60.0
+        0.0, "Build rate of the hole around the assembly; negative if it drops.", unit="deg/30m", low=-60.0, high=60.0
     )
     sigma_sag_deg: float = setting(
         SIGMA_CORRECTED_DEG,
-        "Sag that the correction leaves, in a horizontal hole, 1 sigma (SAGE). Raise it where diameters of blades or "
-        "hole are uncertain.",
+        "Sag error that remains after the correction, in a horizontal hole, 1 sigma (SAGE). Raise it if the "
+        "diameters of blades or hole are uncertain.",
         unit="deg",
         low=0.0,
         high=5.0,
@@ -115,14 +115,15 @@ class Assembly:
 
 def read_assembly(path: Path) -> Assembly:
     """
-    Read an assembly from YAML.
+    Read an assembly from a YAML file.
 
     Raises
     ------
     SettingsError
-        The file is not YAML, has an unknown key (with its near misses), lacks one or has a value that is not allowed.
+        If the file is not YAML, has an unknown key (the message suggests similar ones), lacks a key, or has a value
+        that is not allowed.
     OSError
-        The file cannot be read.
+        If the file cannot be read.
     """
     table = read_yaml(path)
     if not isinstance(table, Mapping):

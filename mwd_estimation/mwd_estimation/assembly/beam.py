@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-An elastic beam in a hole: bending under its weight and an axial force, held by the wall where it touches.
+Elastic beam in a hole: it bends under its weight and an axial force, and the wall holds it where it touches.
 
-Euler-Bernoulli beam-column of cubic elements in the plane of gravity. Deflection counts from the axis of the hole, up
-to the high side; distance from the bit, up-hole. The wall is a bound on the deflection of every node; the solution is
-the minimum of the elastic energy within these bounds (contact without friction), found by a primal-dual active set
-(M. Hintermueller, K. Ito, K. Kunisch, SIAM J. Optim. 13 (2002), 865-888), and where that does not settle by a primal
-one (J. Nocedal, S. Wright, Numerical Optimization, 2006, algorithm 16.3).
+The model is an Euler-Bernoulli beam-column of cubic elements in the plane of gravity. Deflection is measured from the
+axis of the hole, positive towards the high side; distance is measured from the bit, up-hole. The wall bounds the
+deflection of every node. The solution is the minimum of the elastic energy within these bounds (contact without
+friction). It is found by a primal-dual active set (M. Hintermueller, K. Ito, K. Kunisch, SIAM J. Optim. 13 (2002),
+865-888), or, if that does not converge, by a primal active set (J. Nocedal, S. Wright, Numerical Optimization, 2006,
+algorithm 16.3).
 """
 
 from __future__ import annotations
@@ -25,19 +26,19 @@ _MOST_STEPS = 60
 
 @dataclass(frozen=True)
 class Beam:
-    """A beam cut into n elements."""
+    """A beam divided into n elements."""
 
-    at: Array  #: shape (n + 1,); nodes from the bit, m, increasing from 0
+    at: Array  #: shape (n + 1,); distance of the nodes from the bit, m, increasing from 0
     stiffness: Array  #: shape (n,); bending stiffness of the elements, N m^2
-    load: Array  #: shape (n,); weight across the hole per metre, towards the low side, N/m
-    tension: Array  #: shape (n,); axial force, N; negative where it compresses
-    clearance: Array  #: shape (n + 1,); how far each node may leave the axis of the hole, m
-    curvature: float = 0.0  #: of the hole in the plane of gravity, building positive, rad/m
+    load: Array  #: shape (n,); weight per metre across the hole, towards the low side, N/m
+    tension: Array  #: shape (n,); axial force, N; negative for compression
+    clearance: Array  #: shape (n + 1,); largest possible distance of each node from the axis of the hole, m
+    curvature: float = 0.0  #: curvature of the hole in the plane of gravity, rad/m; positive if the hole builds
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Deflection, m, slope against the axis of the hole, rad, and force of the wall, N, of each node, (n + 1,)."""
+    """Deflection, m, slope against the axis of the hole, rad, and wall force, N, of each node, shape (n + 1,)."""
 
     deflection: Array
     slope: Array
@@ -46,21 +47,21 @@ class Shape:
 
 def shape(beam: Beam) -> Shape:
     """
-    Compute how a beam lies in its hole.
+    Compute the shape of a beam in its hole.
 
-    It may turn freely at the bit and is parallel to the hole at its upper end.
+    The beam can rotate freely at the bit, and is parallel to the hole at its upper end.
 
     Raises
     ------
     ValueError
-        The axial force buckles the beam.
+        If the axial force buckles the beam.
     """
     bending, axial, load = _assembled(beam)
     bounds = np.full(len(load), np.inf)
     bounds[::2] = beam.clearance
-    # Parallel to the hole at the upper end.
+    # The upper end is parallel to the hole.
     bounds[-1] = 0.0
-    # Without the axial force there is a minimum whatever touches; its contacts hold what the force would buckle.
+    # Without the axial force a minimum always exists; its contacts are a good start, as they prevent most buckling.
     start, side = _bounded(bending, load, bounds, np.zeros(len(load), dtype=int))
     try:
         found, _ = _bounded(bending + axial, load, bounds, side) if axial.any() else (start, side)
@@ -72,9 +73,9 @@ def shape(beam: Beam) -> Shape:
 
 def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[Array, Indices]:
     """
-    Minimise the energy within -bounds and bounds, and say which bound holds each row: -1, 1, or 0 for none.
+    Minimise the energy within -bounds and bounds, and return which bound each row touches: -1, 1, or 0 for none.
 
-    side: the same of a guess. LinAlgError where there is no minimum.
+    side: initial guess of the same. Raises LinAlgError if there is no minimum.
     """
     limited = np.isfinite(bounds)
     rigid = bounds <= 0.0
@@ -86,7 +87,7 @@ def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[
         try:
             found = np.where(fixed, found, _solved(matrix, load - matrix @ found, fixed))
         except LinAlgError:
-            # So many contacts were given up at once that a compressed part buckles.
+            # Too many contacts were released at once, so that a compressed part buckles.
             break
         over = np.where(fixed, load - matrix @ found, 0.0) / weight + found
         new = np.where(limited & (over > bounds), 1, np.where(limited & (over < -bounds), -1, 0))
@@ -94,12 +95,12 @@ def _bounded(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[
         if (new == side).all():
             return found, side
         side = new
-    # Rarely two sets of contacts change into each other.
+    # In rare cases the method alternates between two sets of contacts.
     return _one_by_one(matrix, load, bounds, start)
 
 
 def _one_by_one(matrix: Array, load: Array, bounds: Array, side: Indices) -> tuple[Array, Indices]:
-    """As `_bounded`, by a primal active set: one contact is made or given up at a time, and the energy only falls."""
+    """Solve the same problem by a primal active set: one contact changes at a time, and the energy only decreases."""
     side, reach = side.copy(), np.where(np.isfinite(bounds), bounds, 0.0)
     found = np.where(side != 0, side * reach, 0.0)
     for _ in range(20 * len(load)):
@@ -123,7 +124,7 @@ def _one_by_one(matrix: Array, load: Array, bounds: Array, side: Indices) -> tup
 
 
 def _solved(matrix: Array, load: Array, fixed: NDArray[np.bool_]) -> Array:
-    """Solve for the rows that are not fixed; the matrix has three diagonals on either side."""
+    """Solve for the rows that are not fixed; the matrix has three diagonals on each side of the main one."""
     band = np.zeros((4, len(load)))
     for k in range(4):
         band[3 - k, k:] = np.where(fixed[k:] | fixed[: len(load) - k], 0.0, np.diagonal(matrix, k))
@@ -132,7 +133,7 @@ def _solved(matrix: Array, load: Array, fixed: NDArray[np.bool_]) -> Array:
 
 
 def _assembled(beam: Beam) -> tuple[Array, Array, Array]:
-    """Stiffness in bending and by axial force, (2n + 2, 2n + 2), load (2n + 2,) of (deflection, slope) of the nodes."""
+    """Return the matrices of bending and axial force, (2n + 2, 2n + 2), and the load, (2n + 2,), for the nodes."""
     count = len(beam.at)
     stiffness, tightness = np.zeros((2 * count, 2 * count)), np.zeros((2 * count, 2 * count))
     load = np.zeros(2 * count)
@@ -157,7 +158,7 @@ def _assembled(beam: Beam) -> tuple[Array, Array, Array]:
         stiffness[part, part] += beam.stiffness[k] / length**3 * bending
         tightness[part, part] += beam.tension[k] / (30.0 * length) * axial
         weight = -beam.load[k] * length * np.array([0.5, length / 12.0, 0.5, -length / 12.0])
-        # A straight beam resists the curve of the hole with this moment, and an axial force pulls along the curve.
+        # A straight beam resists the curvature of the hole with this moment; an axial force in a curve pulls sideways.
         moment = beam.stiffness[k] * beam.curvature * np.array([0.0, 1.0, 0.0, -1.0])
         pull = beam.tension[k] * beam.curvature * length * np.array([0.5, length / 12.0, 0.5, -length / 12.0])
         load[part] += weight + moment + pull

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sag: how the survey sensors lie against the hole because the assembly bends, and the correction of inclination."""
+"""Sag: the angle between survey sensors and hole due to bending of the assembly, and the correction of inclination."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from mwd_estimation.assembly.beam import Beam, Shape, shape
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# Longest element, m: half of it changes no sag of the tests by 0.001 deg.
+# Longest element, m; half this length changes the sag in the tests by less than 0.001 deg.
 _ELEMENT = 0.5
-# What hangs above the described part is taken to be as its last component, for so long, m: far beyond the length on
-# which a collar lifts off the low side.
+# Above the described part, the last component is assumed to continue for this length, m. It is much longer than the
+# length over which a collar lifts off the low side.
 _ABOVE = 60.0
-# Inclinations of the table of a correction, deg. Holes rise no steeper; there an assembly buckles in its own weight.
+# Inclinations in the table of a correction, deg. Steeper holes are not drilled; there an assembly buckles by itself.
 _TABLE_DEG = np.arange(0.0, 122.5, 2.5)
 
 
 @dataclass(frozen=True)
 class SagCorrection:
-    """What is added to a measured inclination."""
+    """Correction to add to a measured inclination."""
 
-    #: Correction in a horizontal hole, rad, times the sine of the inclination elsewhere. Not used with a table.
+    #: Correction in a horizontal hole, rad, to multiply by the sine of the inclination; unused if there is a table.
     horizontal: float = 0.0
-    table: tuple[tuple[float, float], ...] = ()  #: inclination, rad, increasing, and correction, rad
+    table: tuple[tuple[float, float], ...] = ()  #: pairs of inclination, rad, increasing, and correction, rad
 
     def at(self, inclination: float) -> float:
-        """Correction at an inclination, rad."""
+        """Return the correction at an inclination, rad."""
         if not self.table:
             return self.horizontal * math.sin(inclination)
         inclinations, corrections = zip(*self.table, strict=True)
@@ -42,32 +42,32 @@ class SagCorrection:
 
 def sag(assembly: Assembly, inclination: float, build: float | None = None) -> float:
     """
-    Correction of the inclination that an assembly's sensors measure.
+    Compute the sag correction for the inclination that the sensors of an assembly measure.
 
     Parameters
     ----------
     assembly : Assembly
     inclination : float
-        Of the hole at the sensors, rad.
+        Inclination of the hole at the sensors, rad.
     build : float, optional
-        Build rate of the hole, rad/m; by default the assembly's.
+        Build rate of the hole, rad/m; by default that of the assembly.
 
     Returns
     -------
     float
-        Inclination of the hole less that of the sensors, rad.
+        Inclination of the hole minus that of the sensors, rad.
 
     Raises
     ------
     ValueError
-        The weight on bit buckles the assembly.
+        If the weight on bit buckles the assembly.
     """
     at, lies = lie(assembly, inclination, build)
     return float(lies.slope[int(np.argmin(np.abs(at - assembly.sensor_m)))])
 
 
 def lie(assembly: Assembly, inclination: float, build: float | None = None) -> tuple[Array, Shape]:
-    """Compute how an assembly lies in the hole: nodes from the bit, m, shape (n,), and its shape; as `sag`."""
+    """Return the nodes of an assembly, m from the bit, shape (n,), and its shape in the hole; arguments as in `sag`."""
     curvature = math.radians(assembly.build_deg_30m) / 30.0 if build is None else build
     ends = np.cumsum([part.length_m for part in assembly.components])
     above = np.append(ends[:-1], ends[-1] + _ABOVE)
@@ -78,7 +78,7 @@ def lie(assembly: Assembly, inclination: float, build: float | None = None) -> t
     weight = STANDARD_GRAVITY * np.array([part.buoyed_mass(assembly.mud_kg_m3) for part in parts])
     inclinations = inclination - curvature * (middle - assembly.sensor_m)
     pulling = weight * np.cos(inclinations) * np.diff(at)
-    # Off bottom an assembly hangs in its own weight; weight on bit pushes against it.
+    # Off bottom the assembly hangs under its own weight; weight on bit pushes against it.
     tension = np.cumsum(pulling) - 0.5 * pulling - 1e3 * assembly.weight_on_bit_kn
     return at, shape(
         Beam(
@@ -94,12 +94,12 @@ def lie(assembly: Assembly, inclination: float, build: float | None = None) -> t
 
 @functools.lru_cache(maxsize=8)
 def correction_of(assembly: Assembly) -> SagCorrection:
-    """Sag correction of an assembly at every inclination; above 120 deg that of 120 deg. ValueError as `sag`."""
+    """Return the sag correction for all inclinations (constant above 120 deg). Raises ValueError like `sag`."""
     return SagCorrection(table=tuple((float(angle), sag(assembly, float(angle))) for angle in np.radians(_TABLE_DEG)))
 
 
 def _nodes(assembly: Assembly, ends: Array) -> tuple[Array, Array]:
-    """Nodes from the bit, m, and clearance of each, m."""
+    """Return the nodes, m from the bit, and the clearance of each, m."""
     bodies = np.array([part.od_mm for part in (*assembly.components, assembly.components[-1])])
     starts = np.concatenate([[0.0], ends[:-1]])
     blades = {
@@ -117,7 +117,7 @@ def _nodes(assembly: Assembly, ends: Array) -> tuple[Array, Array]:
             ),
         ]
     )
-    # At a joint the wider of the two bodies meets the wall.
+    # At a joint the wider of the two bodies touches the wall.
     below, over = np.searchsorted(ends, at - 1e-9), np.searchsorted(ends, at + 1e-9)
     last = len(bodies) - 1
     widest = np.maximum(bodies[np.minimum(below, last)], bodies[np.minimum(over, last)])
@@ -125,6 +125,6 @@ def _nodes(assembly: Assembly, ends: Array) -> tuple[Array, Array]:
         k = int(np.argmin(np.abs(at - where)))
         widest[k] = max(widest[k], od)
     clearance = 0.5e-3 * (assembly.hole_mm - widest)
-    # The bit cut the hole: it is held in its middle.
+    # The bit cut the hole, so it is centred in it.
     clearance[0] = 0.0
     return at, clearance

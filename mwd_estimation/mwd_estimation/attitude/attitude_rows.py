@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The samples of the wire: attitude and gravity of a stretch of IMU samples, written once."""
+"""Write the attitude and gravity messages of the IMU samples in a part of a block."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ from mwd_sensors.core.records import dtype_of
 _REJECTED, _NEAR_VERTICAL = int(Status.REJECTED), int(Status.NEAR_VERTICAL)
 _DISTURBED, _AIDED = int(Status.MAG_DISTURBED), int(Status.GYRO_AIDED)
 _SUSPECT = int(Status.SENSOR_SUSPECT)
-# Sensors that inclination and gravity toolface rest on.
+# Sensors that inclination and gravity toolface depend on.
 _LEVEL_SENSORS = GYRO | ACCEL
 
 
 class LastMagnetic:
-    """Of the last magnetic azimuth: bits of `Status`, and 1 sigma, rad."""
+    """Last magnetic azimuth: bits of `Status`, and 1 sigma, rad."""
 
     status: int
     sigma: float
 
 
 class Stretch(NamedTuple):
-    """What holds for all samples of a stretch."""
+    """Properties shared by all samples of a stretch (a part of a block with one field model)."""
 
-    start: int  #: its first sample in the block
-    north: int  #: code of the north
+    start: int  #: index of its first sample in the block
+    north: int  #: code of the north reference
     status: int  #: bits of `Status` to add
-    gyro_only: bool  #: no azimuth is given but one that the gyros alone have propagated
+    gyro_only: bool  #: give only an azimuth that the gyros alone have propagated
 
 
 LAST_MAGNETIC = dtype_of(LastMagnetic)
@@ -55,9 +55,9 @@ def write(
     gravity: Samples,
 ) -> int:
     """
-    Fill the samples of the wire for a stretch of n samples; returns how many were rejected.
+    Fill the messages of a stretch of n samples; return how many samples were rejected.
 
-    Unknown values are 0 with a sigma of -1; what rests on a sensor in doubt has a sigma of pi.
+    Unknown values are 0 with a sigma of -1; values that depend on a suspect sensor have a sigma of pi.
 
     Parameters
     ----------
@@ -67,9 +67,9 @@ def write(
     samples, plain, azimuth : ndarray, shape (n,)
         Dtypes `sample.SAMPLE`, `time_alignment_state.ATTITUDE_ROW` and `gyro_azimuth_state.AZIMUTH_ROW`.
     magnetic : ndarray of dtype `gyro_azimuth_state.MAGNETIC_AZIMUTH`, shape (k,)
-        Taken in the stretch.
+        Magnetic azimuths measured within the stretch.
     attitude, gravity : ndarray, shape (n,)
-        Dtypes `wire.ATTITUDE` and `wire.GRAVITY`; filled.
+        Output, dtypes `wire.ATTITUDE` and `wire.GRAVITY`.
     """
     rejected, pair = 0, 0
     for i in range(len(samples)):
@@ -92,10 +92,10 @@ def _take(last: LastMagnetic, taken: MagneticAzimuth) -> None:
 
 @compiled
 def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: float) -> tuple[bool, float, float]:
-    """Whether there is an azimuth, the azimuth and its sigma, rad."""
+    """Return whether there is an azimuth, the azimuth and its sigma, rad."""
     if math.isfinite(azimuth.azimuth):
         return True, azimuth.azimuth, azimuth.sigma
-    # Where none can be propagated (at the start, near vertical) the plain magnetic one stands.
+    # If no azimuth is propagated (at the start, near vertical), use the plain magnetic one.
     if azimuth.sigma == math.inf and math.isfinite(plain.azimuth) and status & _DISTURBED == 0:
         return True, plain.azimuth, max(plain.sigma_azimuth, last_sigma)
     return False, 0.0, -1.0
@@ -105,10 +105,10 @@ def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: f
 def _magnetic_toolface(
     plain: AttitudeRow, azimuth: AzimuthRow, down_x: float, near_vertical: bool
 ) -> tuple[float, float]:
-    """Angle of the scribe line from north and its sigma, rad; down_x: axial part of the unit vector down."""
+    """Return the angle of the scribe line from north and its sigma, rad; down_x: axial part of the unit vector down."""
     if near_vertical or not math.isfinite(azimuth.azimuth):
         return plain.magnetic_toolface, plain.sigma_magnetic_toolface
-    # It follows the azimuth, by the same geometry as against the high side.
+    # Shift the magnetic toolface like the azimuth, by the same geometry as for the high side.
     if math.isfinite(plain.azimuth):
         toolface = plain.magnetic_toolface + (azimuth.azimuth - plain.azimuth)
     else:
@@ -128,15 +128,15 @@ def _write_attitude(
     azimuth: AzimuthRow,
     row: Samples,
 ) -> int:
-    """Fill the attitude of a sample; returns its status."""
+    """Fill the attitude of one sample; return its status."""
     has_gravity = math.isfinite(plain.inclination)
-    # Near vertical is decided by the attitude, by its settings, not the gravity method by its own.
+    # The settings of the attitude decide what is near vertical, not those of the gravity method.
     status = (sample.status & ~_NEAR_VERTICAL) | int(np.int64(plain.status)) | stretch.status
     status |= int(np.int64(azimuth.status)) | (last.status & _DISTURBED)
     near_vertical = status & _NEAR_VERTICAL != 0
     has_azimuth, angle, sigma = _azimuth(plain, azimuth, status, last.sigma)
     toolface, sigma_toolface = _magnetic_toolface(plain, azimuth, sample.down[0], near_vertical)
-    # Of a rejected sample: how far the tool may have turned by its stamp.
+    # For a rejected sample: the angle that the tool may have turned until its stamp.
     has_turn = sample.turned < math.inf
     has_north = (has_azimuth or (math.isfinite(plain.azimuth) and near_vertical)) and has_turn
     has_high_side = has_gravity and has_turn
@@ -165,13 +165,13 @@ def _write_attitude(
 
 @compiled
 def _sigma(sigma: float, known: bool, unsure: bool) -> float:
-    """A sigma as the wire has it: -1 where the value is not known, pi where nothing is known of its error, rad."""
+    """Return the sigma for the message, rad: -1 if the value is unknown, pi if nothing is known about its error."""
     return (math.pi if unsure else sigma) if known else -1.0
 
 
 @compiled
 def _write_gravity(sample: Sample, status: int, row: Samples) -> None:
-    """Fill the gravity of a sample."""
+    """Fill the gravity of one sample."""
     down, vector = sample.down, row["gravity"]
     known = math.isfinite(down[0] + down[1] + down[2]) and sample.turned < math.inf
     for i in range(3):

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Integrals of the azimuth rate over bins of time, from the rates of two units, and the samples they are paired with.
+Integrals of the azimuth rate over bins of time from the rates of two units, and the samples to pair them with.
 
     azimuth' = (w - w_ie) . (d - (d.x) x) / sin^2 I        d: unit vector down in tool axes, from any gravity method
 
-The x rate drops out, except for its leakage into the cross-axis gyros: in step with a turn whose speed varies once a
-turn that does not average out (2 % of 120 r/min and .2 mrad are 10 deg/h at 30 deg inclination). The sums of a bin hold
-all that a filter needs to propagate an azimuth and its covariance through it, and to estimate that leakage.
+The x rate drops out, except for its leakage into the cross-axis gyros. If the speed varies in step with the rotation,
+the leakage does not average out (2 % of 120 r/min and .2 mrad give 10 deg/h at 30 deg inclination). The sums of a bin
+contain everything that a filter needs to propagate an azimuth and its covariance through the bin and to estimate the
+leakage.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ from mwd_estimation.core import ring
 from mwd_estimation.core.track import GAP_NS
 from mwd_sensors.core.compiled import compiled
 
-# A bin is left to the other unit where an interval of the precision unit is longer than this share of the bin, or
-# where its intervals cover less than this share of the bin's time.
+# The conventional unit is used for a bin if an interval of the precision unit is longer than the first share of the
+# bin, or if its intervals cover less than the second share of the bin's time.
 _MAX_STEP, _MIN_COVERED = 0.5, 0.8
 
 
 @compiled
 def clear_sums(sums: BinSums, bin_index: int) -> None:
-    """Begin the sums of a bin."""
+    """Clear the sums for a new bin."""
     sums.bin, sums.vertical = bin_index, False
     sums.turn = sums.time = sums.earth = sums.noise = sums.tilt = sums.gap = sums.gyro_turn = 0.0
     sums.spin = sums.lag = 0.0
@@ -43,7 +44,7 @@ def clear_sums(sums: BinSums, bin_index: int) -> None:
 
 @compiled
 def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: float, wy: float, wz: float) -> float:
-    """Add a rate that held for dt, share = dt / across^2, to the sums of its unit; returns the turn of the axis."""
+    """Add a rate that held for dt to the sums of its unit, share = dt / across^2; return the rotation of the axis."""
     turn = (wy * dy + wz * dz) * share
     y, z = dy * share, dz * share
     sums.turn += turn
@@ -61,16 +62,16 @@ def _add_rate(sums: BinSums, dt: float, share: float, dy: float, dz: float, wx: 
 
 @compiled
 def _spin(sample: Sample) -> float:
-    """Rate about the axis, rad/s; 0 where the x gyro gives none: it counts only for its leakage into y and z."""
+    """Return the rate about the axis, rad/s, or 0 if the x gyro has none: it only matters through its leakage."""
     return sample.gyro[0] if math.isfinite(sample.gyro[0]) else 0.0
 
 
 @compiled
 def add_sample(p: Params, s: State, sample: Sample, earth_north: float) -> None:
     """
-    Take in a sample of the conventional unit: later than the last one, its y and z rates and vertical finite.
+    Add a sample of the conventional unit that is later than the last and has finite y and z rates and vertical.
 
-    earth_north: rate of the azimuth by the Earth's northward rotation per unit of `BinSums.earth`, rad/s.
+    earth_north is the azimuth rate due to the Earth's northward rotation per unit of `BinSums.earth`, rad/s.
     """
     stamp, wx, wy, wz = sample.stamp_ns, _spin(sample), sample.gyro[1], sample.gyro[2]
     dx, dy, dz = sample.down[0], sample.down[1], sample.down[2]
@@ -103,7 +104,7 @@ def add_sample(p: Params, s: State, sample: Sample, earth_north: float) -> None:
 
 @compiled
 def gyro_turn_at(s: State, at: int) -> float:
-    """Turn of the axis by the conventional gyros at a time, rad; beyond the ends of the ring that of the end."""
+    """Return the axis rotation by the conventional gyros at a time, rad, constant beyond the ends of the ring."""
     earlier, later, share = ring.around(s.recent, at)
     turn: float = (1.0 - share) * s.recent.rows[earlier].gyro_turn + share * s.recent.rows[later].gyro_turn
     return turn
@@ -119,9 +120,9 @@ def precision_sums(p: Params, s: State, sums: BinSums, precision: PrecisionRates
     Returns
     -------
     usable : bool
-        Whether the unit covers the bin, within its range.
+        Whether the unit covers the bin and stays within its range.
     next : int
-        First rate of a later bin; `start` is the first of this one or of an earlier one.
+        First rate of a later bin. `start` is the first rate of this bin or of an earlier one.
     """
     stamps, rates, fine = precision.stamp_ns, precision.rate_t, s.precision_sums
     begin = sums.bin * p.bin_ns
@@ -158,7 +159,7 @@ def precision_sums(p: Params, s: State, sums: BinSums, precision: PrecisionRates
         covered += dt
     usable = usable and covered > _MIN_COVERED * sums.time and sums.time > 0.0
     if usable:
-        # Where it covers the bin except for a sample or two, the missing part is taken in proportion.
+        # If a sample or two are missing in the bin, scale up the rest.
         _scale(fine, sums.time / covered)
     return usable, start
 

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-From gravity and magnetic samples to the attitude of every IMU sample, the tool's own field, and the azimuth.
+Attitude of every IMU sample, interference of the tool and azimuth, from gravity and magnetic samples.
 
-A block goes through in five steps, each compiled over all its samples: gravity of rejected samples is propagated to
-their stamps (`rejected_samples`); magnetic samples are paired with gravity at their own stamps (`time_alignment`); one
-pair in each interval teaches the interference filter, which frees its azimuth of the tool's own field
-(`magnetic_azimuth`); the azimuth is propagated by the gyros and corrected by those (`gyro_azimuth`); the rows of the
-wire are written (`attitude_rows`). Where no azimuth can be propagated (at the start, near vertical) the plain magnetic
-one stands.
+A block is processed in five steps, each compiled over all samples. Gravity of rejected samples is propagated to their
+stamps (`rejected_samples`). Magnetic samples are paired with gravity at their own stamps (`time_alignment`). One pair
+per interval updates the interference filter, which removes the tool's own field from the azimuth (`magnetic_azimuth`).
+The gyros propagate the azimuth, which these magnetic azimuths correct (`gyro_azimuth`). The messages are written
+(`attitude_rows`). If no azimuth can be propagated (at the start, near vertical), the plain magnetic one is given.
 """
 
 from __future__ import annotations
@@ -49,13 +48,13 @@ from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
 _NO_REFERENCE, _FAULT = int(Status.NO_REFERENCE), int(Status.SENSOR_FAULT)
-# With a vertical less certain than this a magnetic sample shows nothing of the tool's own field, rad.
+# If the vertical is less certain than this, rad, a magnetic sample does not update the interference filter.
 _MAX_TILT = 0.1
 
 
 class AttitudeStream:
     """
-    Attitude of one tool, block by block; any cut gives the same bits.
+    Attitude of one tool, block by block; the result does not depend on how the samples are cut into blocks.
 
     Parameters
     ----------
@@ -68,9 +67,9 @@ class AttitudeStream:
     Attributes
     ----------
     handed_on : ndarray of dtype `time_alignment_state.PAIR`
-        Magnetic samples with gravity at their own stamps, of the last block.
+        Magnetic samples of the last block with gravity at their own stamps.
     propagated : list of PropagatedAzimuth
-        Of each bin event of the last block.
+        Propagated azimuths at each bin event of the last block.
     """
 
     def __init__(
@@ -92,47 +91,47 @@ class AttitudeStream:
         self.set_reference(None)
 
     def set_reference(self, reference: Reference | None) -> None:
-        """Read the field against this from the next sample on; interference and azimuth are estimated anew."""
+        """Use this reference field from the next sample on; restart the estimates of interference and azimuth."""
         self._reference = reference
         self._magnetic.set_reference(reference)
         self._azimuth_state = initial_azimuth()
         self._azimuths_read = 0
         self._waiting = np.zeros(0, dtype=MAGNETIC_AZIMUTH)
         self._last = np.zeros(1, dtype=LAST_MAGNETIC)
-        # The last magnetic azimuth, for the interference of bins before the next one.
+        # Last magnetic azimuth, which gives the interference for bins before the next one.
         self._last_magnetic = np.zeros(1, dtype=MAGNETIC_AZIMUTH)
         self._last_magnetic["sigma_interference"] = -1.0
         time_alignment.restart_smoothing(self._alignment_state)
 
     @property
     def propagated_now(self) -> PropagatedAzimuth:
-        """The azimuths propagated to the last bin."""
+        """Azimuths propagated to the last bin."""
         return gyro_azimuth.propagated_azimuth(self._azimuth_state)
 
     @property
     def innovations(self) -> list[Innovation]:
-        """Of the magnetic field against the reference, and of the magnetic azimuth against the propagated one."""
+        """Innovations of the field against the reference and of the magnetic azimuth against the propagated one."""
         s = self._azimuth_state[0]
         rejected, disturbed = int(s["rejected"]), int(s["disturbed"])
         azimuth = Innovation("magnetic_azimuth", gate=GATE, rejected=rejected, disturbed=disturbed)
-        # Those of the bin that is open wait.
+        # Azimuths of the open bin are still waiting.
         used = self._azimuths_read - len(self._waiting) - rejected - disturbed
         if used > 0 or rejected:
             azimuth = azimuth._replace(innovation=abs(float(s["innovation_ratio"])), used=used)
         return [self._magnetic.innovation, azimuth]
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Magnetic samples, T; they wait for the gravity of their time."""
+        """Accept magnetic samples, T; they wait for gravity at their time."""
         waiting = self._mag
         self._mag = MagBlock(np.concatenate([waiting.stamp_ns, stamps]), np.concatenate([waiting.b_t, b_t]))
 
     def shift_mag(self, late_ns: int, wait_ns: int) -> None:
-        """Correct the stamps of magnetic samples that wait, late by so much; those to come wait longer by wait_ns."""
+        """Correct the stamps of waiting magnetic samples, which are late_ns late; later ones wait wait_ns longer."""
         self._mag = self._mag._replace(stamp_ns=self._mag.stamp_ns - late_ns)
         self._alignment = self._alignment._replace(mag_lag_ns=self._mag_lag_ns + wait_ns)
 
     def leave_out_mag(self, stamps: Stamps, out: NDArray[np.bool_]) -> None:
-        """Of the samples that wait, those whose turn comes at one of these IMU samples, ns, that is `out`."""
+        """Invalidate waiting magnetic samples that would be used at one of these IMU samples, ns, that is `out`."""
         if not out.any():
             return
         taken_ns = np.maximum.accumulate(self._mag.stamp_ns) + self._alignment.mag_lag_ns
@@ -151,27 +150,27 @@ class AttitudeStream:
         gravity: Samples,
     ) -> tuple[Samples, int]:
         """
-        Write attitude and gravity of a block.
+        Fill attitude and gravity of a block.
 
         Parameters
         ----------
         block : Block
-            Rejected samples are propagated to their stamps, in place.
+            Samples; rejected ones are propagated to their stamps, in place.
         models : list of (place, MagneticModelInForce)
-            In force from a sample of the block on; the first from the block's start.
+            Field model in force from a sample of the block on; the first is in force from the start of the block.
         events : list of BinEvent
-            Bins judged within the block.
+            Bins evaluated within the block.
         precision : PrecisionRates
-            In the time of those bins.
+            Rates of the precision unit in the time of those bins.
         attitude, gravity : ndarray
-            Of the block's length, dtypes `wire.ATTITUDE` and `wire.GRAVITY`; filled.
+            Output, as long as the block, dtypes `wire.ATTITUDE` and `wire.GRAVITY`.
 
         Returns
         -------
         interference : ndarray of dtype `wire.INTERFERENCE`
             One sample for each bin event.
         rejected : int
-            Samples not used.
+            Number of samples not used.
         """
         stops = [place for place, _ in models[1:]] + [len(block.samples)]
         stretches = [(slice(start, stop), model) for (start, model), stop in zip(models, stops, strict=True)]
@@ -198,7 +197,7 @@ class AttitudeStream:
         return interference, rejected
 
     def _align(self, block: Block, stretches: list[tuple[slice, MagneticModelInForce]]) -> tuple[Samples, Samples]:
-        """Plain attitude of the block's samples, and the magnetic azimuths taken in it."""
+        """Return the plain attitude of the block's samples, and the magnetic azimuths measured in it."""
         plain: list[Samples] = []
         magnetic: list[Samples] = []
         handed_on: list[Samples] = []
@@ -206,7 +205,7 @@ class AttitudeStream:
             if k > 0:
                 time_alignment.restart_smoothing(self._alignment_state)
                 self._magnetic.update(in_force.update)
-                # An azimuth that was certain before is so no longer.
+                # The new model is less certain, so an azimuth that was estimated with the old one is withdrawn.
                 self._magnetic.withdrawn |= in_force.unresolved > stretches[k - 1][1].unresolved
             rows, pairs, used = time_alignment.run(
                 self._alignment, self._alignment_state, in_force.model, block.samples[part], self._mag
@@ -222,7 +221,7 @@ class AttitudeStream:
         return _joined(plain), _joined(magnetic) if magnetic else np.zeros(0, dtype=MAGNETIC_AZIMUTH)
 
     def _propagate(self, block: Block, events: list[BinEvent], magnetic: Samples, precision: PrecisionRates) -> Samples:
-        """Azimuth of every sample, by the gyros and the magnetic azimuths of the bins that close."""
+        """Return the azimuth of every sample, from the gyros and the magnetic azimuths of the bins that close."""
         known = _joined([self._waiting, magnetic]) if len(self._waiting) else magnetic
         rows, propagated, used = gyro_azimuth.run(
             self._azimuth, self._azimuth_state, block.samples, np.array(events, dtype=BIN_EVENT), known, precision
@@ -233,13 +232,13 @@ class AttitudeStream:
 
     def _stretch(self, block: Block, start: int, model: MagneticModelInForce) -> Stretch:
         status = (0 if self._magnetic.has_reference else _NO_REFERENCE) | (_FAULT if block.unusable else 0)
-        # Of an azimuth that rests on wrong values, what the gyros have propagated since the fault stands.
+        # An azimuth that contains wrong values is given only as propagated by the gyros since the fault.
         return Stretch(start, model.north, status, block.contaminated or block.unusable & ACCEL != 0)
 
     def _interference(
         self, events: list[BinEvent], magnetic: Samples, plain: Samples, before: tuple[float, float]
     ) -> Samples:
-        """Samples of bins, each by what was known before the sample that closed it."""
+        """Return the interference messages of bins, each with what was known before the sample that closed the bin."""
         samples = wire.INTERFERENCE.empty(len(events))
         if not events:
             return samples
@@ -260,5 +259,5 @@ class AttitudeStream:
 
 
 def _joined(parts: list[Samples]) -> Samples:
-    """Samples after one another; a single part is not copied: numpy compares records field by field first."""
+    """Concatenate samples; a single part is not copied, because numpy first compares records field by field."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

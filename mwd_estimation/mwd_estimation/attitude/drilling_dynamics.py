@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Drilling dynamics in the numbers of the field, from IMU samples and the gravity followed through them.
+Drilling dynamics in the field's usual numbers, from IMU samples and their gravity.
 
-Rotary speed and stick-slip severity as used in the field (SSI = (max - min) / (2 mean) of the down-hole rotary speed),
-vibration as the root mean square of the non-gravity acceleration along and across the axis, peaks, and shocks counted
-as separate excursions beyond a threshold, over the last ten seconds, every second. Of strapdown-integrated samples
-these are averages over the sample interval: what shook faster than half the rate is not in them.
+They are rotary speed and stick-slip severity (SSI = (max - min) / (2 mean) of the down-hole rotary speed), rms
+vibration along and across the axis without gravity, peaks, and shocks counted as separate excursions above a threshold.
+They cover the last ten seconds and are given every second. With strapdown-integrated samples they are averages over the
+sample interval and do not include vibration above half the sample rate.
 
-Time is cut at full seconds since the epoch, so that any cut of the stream into blocks gives the same bits.
+Time is cut at full seconds since 1970, so that the result does not depend on how the stream is cut into blocks.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of
 
-PERIOD_NS, PERIODS = 1_000_000_000, 10  # a summary comes each period and looks back over so many
-SLOT_NS = 50_000_000  # over which the rotary speed is a mean
+PERIOD_NS, PERIODS = 1_000_000_000, 10  # one summary per period, each over this number of periods
+SLOT_NS = 50_000_000  # averaging time of the rotary speed, ns
 _PER_PERIOD = PERIOD_NS // SLOT_NS
 SLOTS = PERIODS * _PER_PERIOD
-# Excursions closer than this are one shock, ns, with a microsecond for stamps that are not even.
+# Excursions closer than this count as one shock, ns; one microsecond is added for uneven stamps.
 _SEPARATION_NS = 10_001_000
-_LEAST_SPEED = 0.5  # rad/s; slower there is no stick-slip to name
+_LEAST_SPEED = 0.5  # rad/s; below this speed there is no stick-slip index
 _NONE = np.iinfo(np.int64).min
 
 
@@ -42,39 +42,39 @@ class Params(NamedTuple):
 
 
 class Slot:
-    """Sums over a slot of time."""
+    """Sums over one slot of time."""
 
-    index: int  #: of the slot, its start over its length; _NONE where there is none
+    index: int  #: start of the slot divided by its length; _NONE for an empty slot
     samples: int
-    rate: float  #: rad/s
-    #: `axial2`, `lateral2`: squared non-gravity acceleration, (m/s^2)^2.
+    rate: float  #: sum of the rates about the axis, rad/s
+    #: `axial2`, `lateral2`: sums of the squared non-gravity acceleration, (m/s^2)^2.
     axial2: float
     lateral2: float
-    #: `axial_peak2`, `lateral_peak2`, `whole_peak2`: their largest, and that of the whole.
+    #: `axial_peak2`, `lateral_peak2`, `whole_peak2`: largest squares, along, across and of the vector.
     axial_peak2: float
     lateral_peak2: float
     whole_peak2: float
-    shocks: int  #: that began in it
+    shocks: int  #: number of shocks that began in the slot
 
 
 class State:
-    """All that changes."""
+    """State of the summary."""
 
-    index: int  #: of the slot that is open; _NONE before the first
-    slots: Annotated[MutableSequence[Slot], SLOTS]  #: the last ones, each at its index modulo their number
-    #: `last_ns`, `shock_ns`: stamps of the last sample, and of the last beyond the threshold; _NONE before the first.
+    index: int  #: index of the open slot; _NONE before the first
+    slots: Annotated[MutableSequence[Slot], SLOTS]  #: last slots, each stored at its index modulo SLOTS
+    #: `last_ns`, `shock_ns`: stamp of the last sample and of the last above the threshold; _NONE before the first.
     last_ns: int
     shock_ns: int
-    above: bool  #: the last sample was beyond the threshold
-    shocks_total: int  #: since the start
-    status: int  #: bits of the last sample
+    above: bool  #: whether the last sample was above the threshold
+    shocks_total: int  #: number of shocks since the start
+    status: int  #: status bits of the last sample
 
 
 STATE = dtype_of(State)
 
 
 def initial() -> Samples:
-    """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
+    """Return the state before the first sample, shape (1,), dtype STATE; a run can continue from a copy."""
     state = np.zeros(1, dtype=STATE)
     state["index"] = state["slots"]["index"] = state["last_ns"] = state["shock_ns"] = _NONE
     return state
@@ -82,7 +82,7 @@ def initial() -> Samples:
 
 def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> Samples:
     """
-    Take in a block of n samples.
+    Process a block of n samples.
 
     Parameters
     ----------
@@ -90,15 +90,15 @@ def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> 
     state : ndarray, shape (1,)
         From `initial`; changed in place.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
-        Left out where the stamp does not advance, or rate, force or gravity is not finite.
+        Samples; those whose stamp does not advance, or whose rate, force or gravity is not finite, are ignored.
     attitude : ndarray of dtype `wire.ATTITUDE`, shape (n,)
-        Of these samples, for its status.
+        Attitude of these samples, of which the status is used.
 
     Returns
     -------
     ndarray of dtype `wire.DYNAMICS`
-        One summary for each period that is over, stamped with its end: index and share of sticking are -1 where the
-        tool does not turn.
+        One summary for each period that ended, stamped with its end. Stick-slip index and share of sticking are -1 if
+        the string does not turn.
     """
     stamps = samples["stamp_ns"]
     span = int(stamps.max() - stamps.min()) if len(stamps) else 0
@@ -117,7 +117,7 @@ def _open(s: State, index: int) -> None:
 
 @compiled
 def _sticking(s: State, first: int, mean: float) -> float:
-    """Share of the slots from one on in which the string turns slower than a tenth of the mean speed, rad/s."""
+    """Return the share of slots, from `first` on, in which the string turns slower than a tenth of the mean, rad/s."""
     slots, sticking = 0, 0
     for slot in s.slots:
         if slot.index >= first:
@@ -128,14 +128,14 @@ def _sticking(s: State, first: int, mean: float) -> float:
 
 @compiled
 def _summarise(s: State, row: Samples) -> None:
-    """Put the window that ends with the period of the open slot into one output sample."""
+    """Write the window that ends with the period of the open slot to one output sample."""
     periods, count, shocks, least, most = 0, 0, 0, math.inf, -math.inf
     rate, axial2, lateral2, axial_peak2, lateral_peak2, whole_peak2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     end = s.index // _PER_PERIOD + 1
     first, period = (end - PERIODS) * _PER_PERIOD, _NONE
     for one in s.slots:
         if one.index >= first:
-            # The slots of a period lie side by side.
+            # The slots of one period are next to each other.
             periods += int(one.index // _PER_PERIOD != period)
             period = one.index // _PER_PERIOD
             count, shocks = count + one.samples, shocks + one.shocks
@@ -169,7 +169,7 @@ def _summarise(s: State, row: Samples) -> None:
 
 @compiled
 def _count_shock(p: Params, s: State, stamp: int, whole2: float) -> None:
-    """Count an excursion beyond the threshold once; two samples in a row are one shock, however slow the samples."""
+    """Count each excursion above the threshold once; two samples in a row are one shock at any sample rate."""
     if whole2 < p.shock_threshold * p.shock_threshold:
         s.above = False
         return
@@ -194,14 +194,14 @@ def _add(slot: Slot, rate: float, axial2: float, lateral2: float) -> None:
 
 @compiled
 def _run(p: Params, s: State, samples: Samples, attitude: Samples, out: Samples) -> int:
-    """Arguments as in `run`; fills `out` and returns how many periods closed."""
+    """Fill `out` with the summaries of closed periods and return their number; arguments as in `run`."""
     closed = 0
-    # Where the open slot ends: a division for each sample would cost more than its sums.
+    # End of the open slot, kept because a division for each sample would cost more than its sums.
     end_ns = (s.index + 1) * SLOT_NS if s.index != _NONE else _NONE
     for i in range(len(samples)):
         sample = samples[i]
         stamp, rate = sample.stamp_ns, sample.gyro[0]
-        # Force is acceleration less gravity (f = a - g down), so that what is not gravity is f + g.
+        # Force is acceleration minus gravity (f = a - g down), so the non-gravity acceleration is f + g down.
         x = sample.accel[0] + p.gravity * sample.down[0]
         y = sample.accel[1] + p.gravity * sample.down[1]
         z = sample.accel[2] + p.gravity * sample.down[2]

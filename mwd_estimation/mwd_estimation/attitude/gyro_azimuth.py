@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Azimuth while drilling: propagated by the gyros, corrected by the magnetic azimuth, with its own sigma throughout.
+Azimuth while drilling: propagated by the gyros and corrected by the magnetic azimuth, with its own sigma.
 
-The filter (`gyro_azimuth_filter`) estimates the azimuth of the hole axis, the bias and leakage of the cross-axis gyros
-of the conventional and of the precision unit, the slowly changing error of the magnetic azimuth (interference), which
-does not average out while the tool stays where it is, and the constant one (declination), which never does. Only the
-cross-axis rates enter, so that the x gyro may clip and a turning tool modulates the biases out. A magnetic azimuth
-beyond the innovation gate is not used; where good ones stay beyond it, the azimuth is reset to them and says so.
+The filter (`gyro_azimuth_filter`) estimates the azimuth of the hole axis; bias and leakage of the cross-axis gyros of
+both units; the slowly changing error of the magnetic azimuth (interference), which does not average out while the tool
+stays in place; and its constant error (declination), which never averages out. Only the cross-axis rates are used, so
+the x gyro may clip, and a rotating tool averages the biases out. A magnetic azimuth beyond the innovation gate is not
+used; if good ones stay beyond it, the azimuth is reset to them and this is reported.
 
-The rate of the azimuth (`azimuth_rate`) is integrated sample by sample; the filter itself steps once per closed bin of
-time, one bin late, when the other streams of that time are there. Every sample is given the azimuth of the filter
-propagated to its own time by the conventional gyro. The azimuth of the last accepted station is propagated without the
-magnetometer, for the continuity check at the next one. Derivation and limits: ``docs/methods/continuous_attitude.md``.
+The azimuth rate (`azimuth_rate`) is integrated sample by sample. The filter steps once per closed bin of time, one bin
+late, when the other streams of that time have arrived. Every sample gets the filter's azimuth propagated to its own
+time by the conventional gyro. The azimuth of the last accepted station is propagated without the magnetometer, for the
+continuity check at the next station. Derivation and limits: ``docs/methods/continuous_attitude.md``.
 """
 
 from __future__ import annotations
@@ -59,34 +59,35 @@ def run(
     ----------
     p : Params
     state : ndarray, shape (1,)
-        From `gyro_azimuth_state.initial`; changed in place. Blocks of any length give the same numbers.
+        State from `gyro_azimuth_state.initial`, changed in place; the result does not depend on the cut into blocks.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
-        `gyro_turn` is filled where gravity and rates are known.
+        Samples; `gyro_turn` is filled where gravity and rates are known.
     steps : ndarray of dtype BIN_EVENT, shape (m,)
-        The bins that close within the block.
+        Bins that close within the block.
     magnetic : ndarray of dtype MAGNETIC_AZIMUTH, shape (k,)
-        In order of their stamps: all of the bins' time, and later ones.
+        Magnetic azimuths in order of their stamps: all in the bins' time, and possibly later ones.
     precision : PrecisionRates
-        Likewise.
+        Rates of the precision unit, likewise.
 
     Returns
     -------
     rows : ndarray of dtype AZIMUTH_ROW, shape (n,)
     propagated : ndarray of dtype PROPAGATED_AZIMUTH, shape (m,)
-        At each bin.
+        Propagated azimuths at each bin.
     used : int
-        Magnetic azimuths taken; the rest is to be given again with the next block.
+        Number of magnetic azimuths used; give the rest again with the next block.
     """
     rows = np.zeros(len(samples), dtype=AZIMUTH_ROW)
     propagated = np.full(len(steps), np.nan, dtype=PROPAGATED_AZIMUTH)
-    # One layout, and so one compilation: of a few columns, a single row is contiguous and several are not.
+    # Make the array contiguous, so that numba compiles only one layout: a slice of columns is contiguous for one row
+    # only.
     precision = PrecisionRates(precision.stamp_ns, np.ascontiguousarray(precision.rate_t))
     used: int = _run(p, state[0], samples, steps, magnetic, precision, rows, propagated)
     return rows, propagated, used
 
 
 def propagated_azimuth(state: Samples) -> PropagatedAzimuth:
-    """Azimuths propagated to the last bin taken in."""
+    """Return the azimuths propagated to the last processed bin."""
     propagated = np.full(1, np.nan, dtype=PROPAGATED_AZIMUTH)
     _write_propagated(state[0], propagated[0])
     return PropagatedAzimuth(*propagated[0].item())
@@ -103,7 +104,7 @@ def _write_propagated(s: State, row: Any) -> None:
 
 @compiled
 def _find_sums(s: State, bin_index: int) -> int:
-    """Place of a bin's sums; one of another bin where it has none."""
+    """Return the index of a bin's sums, or that of another bin's if it has none."""
     found = 0
     for j in range(BINS):
         if s.sums[j].bin == bin_index:
@@ -113,7 +114,7 @@ def _find_sums(s: State, bin_index: int) -> int:
 
 @compiled
 def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precision_used: int) -> tuple[bool, int]:
-    """Propagate through one closed bin; whether it has an azimuth, and the first precision rate of a later bin."""
+    """Propagate through one closed bin; return whether it has an azimuth, and the first precision rate after it."""
     sums = s.sums[_find_sums(s, step.bin)]
     if sums.bin != step.bin:
         return False, precision_used
@@ -128,7 +129,7 @@ def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precis
     s.since_seen_s += sums.time
     s.since_used_s += sums.time
     if sums.vertical:
-        # No azimuth here, and none to propagate: it begins anew where the hole leaves the vertical.
+        # A vertical hole has no azimuth; the azimuth restarts where the hole leaves the vertical.
         s.have_azimuth = s.have_station = False
     elif s.have_azimuth:
         kalman_filter.estimate_leakage(p, s, sums, 0)
@@ -142,7 +143,7 @@ def _step(p: Params, s: State, step: BinEvent, precision: PrecisionRates, precis
 
 @compiled
 def _take_magnetic(p: Params, s: State, measured: MagneticAzimuth) -> None:
-    """Take in a magnetic azimuth of the last bin, propagated to the end of the bin."""
+    """Update with a magnetic azimuth of the last bin, propagated to the end of the bin."""
     sigma = measured.sigma_slow + measured.sigma_held + measured.sigma_noise + measured.sigma_constant
     if math.isfinite(measured.azimuth + sigma) and sigma > 0.0:
         since = s.bin_gyro_turn - azimuth_rate.gyro_turn_at(s, measured.stamp_ns)
@@ -151,7 +152,7 @@ def _take_magnetic(p: Params, s: State, measured: MagneticAzimuth) -> None:
 
 @compiled
 def _correct(p: Params, s: State, step: BinEvent, propagated: Any, has_azimuth: bool) -> None:
-    """Take in a north seek and a station at the end of a bin; `propagated` is what held before the station."""
+    """Apply a north seek and a station at the end of a bin; `propagated` holds the azimuths before the station."""
     if has_azimuth and math.isfinite(step.seek_azimuth) and step.seek_sigma > 0.0:
         kalman_filter.seek(p, s, step.seek_azimuth, step.seek_sigma)
     _write_propagated(s, propagated)
@@ -161,7 +162,7 @@ def _correct(p: Params, s: State, step: BinEvent, propagated: Any, has_azimuth: 
 
 @compiled
 def _write(p: Params, s: State, sigma: float, across2: float, row: AzimuthRow) -> None:
-    """Azimuth of the sample taken in last; across2: squared sine of its inclination."""
+    """Write the azimuth of the last sample; across2: squared sine of its inclination."""
     row.status = np.uint32(0)
     if not s.have_azimuth or not across2 >= p.vertical_sin2:
         row.azimuth, row.sigma = math.nan, math.inf
@@ -171,7 +172,7 @@ def _write(p: Params, s: State, sigma: float, across2: float, row: AzimuthRow) -
         row.status = np.uint32(_AIDED)
         return
     tau = 2.0 * math.pi
-    # Within a turn of the range as a rule; the remainder costs more.
+    # Usually within one turn of the range, where a comparison is cheaper than the remainder.
     now = s.x[Error.AZIMUTH] + (s.gyro_turn - s.bin_gyro_turn)
     now = now - tau if now >= tau else (now + tau if now < 0.0 else now)
     row.azimuth = now if 0.0 <= now < tau else now % tau
@@ -189,7 +190,7 @@ def _run(
     rows: Samples,
     propagated: Samples,
 ) -> int:
-    """Arguments as in `run`, the last two are filled; returns how many magnetic azimuths were taken."""
+    """Fill the last two arguments and return the number of magnetic azimuths used; arguments as in `run`."""
     used, precision_used, step = 0, 0, 0
     sigma = math.sqrt(max(s.P[Error.AZIMUTH, Error.AZIMUTH], 0.0))
     earth_north = p.earth_north * math.cos(s.x[Error.AZIMUTH])
@@ -212,7 +213,7 @@ def _run(
         fresh = s.recent.length == 0 or stamp > s.last_ns
         if fresh and math.isfinite(sample.gyro[1] + sample.gyro[2] + down[0] + across2):
             if stamp >= end:
-                # A division for each sample would cost more than its sums.
+                # Recomputed per bin, because a division for each sample would cost more than its sums.
                 end = (stamp // p.bin_ns + 1) * p.bin_ns
                 s.bins_opened += 1
                 azimuth_rate.clear_sums(s.sums[s.bins_opened % BINS], stamp // p.bin_ns)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The Kalman filter of the gyro-propagated azimuth: one step a bin of time, compiled.
+Kalman filter of the gyro-propagated azimuth, with one compiled step per bin of time.
 
-The azimuth of the last station takes in no magnetic azimuth (a Schmidt-Kalman state: no gain, whole covariance), so
-that it is an independent opinion at the next station. The leakage of the x rate shows in the cross-axis rates of a
-turning tool themselves (`estimate_leakage`). Derivation: ``docs/methods/continuous_attitude.md``.
+The azimuth of the last station is not corrected by magnetic azimuths (a Schmidt-Kalman state: no gain, full
+covariance), so that it is an independent opinion at the next station. The leakage of the x rate is seen directly in the
+cross-axis rates of a rotating tool (`estimate_leakage`). Derivation: ``docs/methods/continuous_attitude.md``.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, scalar_update, wrap_angle
 
-# Turns in a bin below which it does not show the leakage; and the true rate across the axis (a curve drilled fast,
-# whirl) of which a bin leaves what is left of a part of one turn, rad/s.
+# Number of turns in a bin below which it does not show the leakage. True rate across the axis (a fast curve, whirl),
+# rad/s, of which the incomplete turn in a bin leaves a part.
 _MIN_TURNS, _ACROSS_RATE = 0.5, math.radians(0.05)
-# Innovation, sigma, beyond which a magnetic azimuth is not used.
+# Innovation over its sigma above which a magnetic azimuth is not used.
 GATE = 4.0
-# An azimuth of a station or a gyro more than so many sigma from the propagated one disagrees with it.
+# Difference over sigma above which an azimuth of a station or gyro disagrees with the propagated one.
 _DISAGREES = 3.0
-# A mean innovation of good magnetic azimuths beyond so many sigma over this time, s, shows a gyro whose bias moves (one
-# that warms up): the biases then walk as if all that is known of them were lost in the same time.
+# If the mean innovation of good magnetic azimuths over the second number, s, is above the first, sigma, the gyro bias
+# is changing (for example while warming up). The biases then walk as if they lost all their information in that time.
 _BIASED_MEAN, _MEAN_TIME = 1.5, 5.0
-# A sigma of the magnetic azimuth within this share of the last one is of the same error.
+# A magnetic sigma within this share of the last one belongs to the same slow error.
 _SAME_SIGMA = 0.9
 
 _DISTURBED = int(Status.MAG_DISTURBED)
@@ -45,7 +45,7 @@ _DISTURBED = int(Status.MAG_DISTURBED)
 
 @compiled
 def begin(p: Params, s: State) -> None:
-    """Begin anew; the leakage is estimated from the turning itself and stays."""
+    """Restart the filter; keep the leakage, which is estimated from the rotation itself."""
     for i in range(STATES):
         known = Error.LEAKAGE <= i < Error.DRIFT and s.P[i, i] > 0.0
         reset_state(s.P, i, s.P[i, i] if known else 0.0)
@@ -67,8 +67,8 @@ def begin(p: Params, s: State) -> None:
 
 @compiled
 def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
-    """Kalman update by one number: ph its covariance with the states; the station's azimuth has no gain."""
-    # The covariances of that state change by the gains of the others, its variance stays (Joseph form, gain zero).
+    """Update with one number; ph is its covariance with the states. The station's azimuth has no gain."""
+    # Its covariances change by the gains of the other states, its variance does not (Joseph form with zero gain).
     azimuth, own = s.x[Error.STATION], s.P[Error.STATION, Error.STATION]
     scalar_update(s.P, s.x, ph, variance, innovation)
     s.x[Error.STATION], s.P[Error.STATION, Error.STATION] = azimuth, own
@@ -78,10 +78,10 @@ def _update(s: State, ph: Array, innovation: float, variance: float) -> None:
 @compiled
 def correct(s: State, azimuth: float, slow: float, constant: float, variance: float, extra: float) -> bool:
     """
-    Update by an azimuth = x[Error.AZIMUTH] + slow x[Error.SLOW_ERROR] + constant x[Error.CONSTANT_ERROR] + noise, rad.
+    Update with an azimuth = x[AZIMUTH] + slow x[SLOW_ERROR] + constant x[CONSTANT_ERROR] + noise, rad.
 
-    variance: of the noise. extra: variance to add once the azimuth has passed the gate, for noise that the next ones
-    repeat. Returns False, with nothing changed, beyond the gate.
+    variance is that of the noise; extra is added once the azimuth has passed the gate, for noise that the next azimuths
+    repeat. Returns False, with the state unchanged, beyond the gate.
     """
     h, ph = np.zeros(STATES), np.empty(STATES)
     h[Error.AZIMUTH], h[Error.SLOW_ERROR], h[Error.CONSTANT_ERROR] = 1.0, slow, constant
@@ -96,14 +96,14 @@ def correct(s: State, azimuth: float, slow: float, constant: float, variance: fl
 
 @compiled
 def _innovation(s: State, azimuth: float, slow: float, constant: float) -> float:
-    """Azimuth less the predicted one, rad in [-pi, pi)."""
+    """Return the azimuth minus the predicted one, rad in [-pi, pi)."""
     x = s.x
     return wrap_angle(azimuth - x[Error.AZIMUTH] - slow * x[Error.SLOW_ERROR] - constant * x[Error.CONSTANT_ERROR])
 
 
 @compiled
 def fade_slow_error(s: State, share: float) -> None:
-    """Let all but a share of the slow magnetic error be a new one of unit variance."""
+    """Keep only a share of the slow magnetic error, and let the rest be a new error; its variance tends to 1."""
     s.x[Error.SLOW_ERROR] *= share
     for j in range(STATES):
         if j != Error.SLOW_ERROR:
@@ -115,7 +115,7 @@ def fade_slow_error(s: State, share: float) -> None:
 @compiled
 def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
     """
-    Propagate the azimuth and the station's azimuth through one bin, by the sums of a unit.
+    Propagate the azimuth and the station's azimuth through one bin with the sums of one unit.
 
     azimuth += turn - bias . across - leakage . leakage sums - lag * lag sum - drift time - earth_down time
                + earth_north cos(azimuth) earth:
@@ -139,7 +139,7 @@ def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
             if slopes[n, i] != 0.0:
                 for j in range(STATES):
                     rows[n, j] += slopes[n, i] * s.P[i, j]
-    # Gyro noise; the cross-axis rate that an error of the gravity direction mistakes for azimuth; data gaps.
+    # Noise of the gyros, of the rate mistaken for azimuth due to an error of the gravity direction, and of data gaps.
     gyros = p.units[unit]
     noise = gyros.noise**2 * sums.noise + 2.0 * p.tilt_memory_s * sums.tilt
     noise += (p.gap_rate * sums.gap) ** 2
@@ -161,10 +161,10 @@ def propagate(p: Params, s: State, sums: BinSums, unit: int) -> None:
 @compiled
 def estimate_leakage(p: Params, s: State, sums: BinSums, unit: int) -> None:
     """
-    Estimate the leakage of the x rate into y and z of a unit, from a bin in which the tool turned.
+    Estimate the leakage of the x rate into y and z of a unit, from a bin in which the tool rotated.
 
-    A true turn of the axis rotates in the tool's own axes and leaves nothing over whole turns; what is left is
-    bias time + leakage spin.
+    A true rotation of the axis appears in turning tool axes and averages out over whole turns. The remaining mean rate
+    is bias time + leakage spin.
     """
     turns = abs(sums.spin) / (2.0 * math.pi)
     if turns < _MIN_TURNS:
@@ -184,7 +184,7 @@ def estimate_leakage(p: Params, s: State, sums: BinSums, unit: int) -> None:
 
 @compiled
 def _follow_innovations(p: Params, s: State, dt: float) -> None:
-    """Follow the mean innovation of good magnetic azimuths, dt since the last, and let the biases walk by it."""
+    """Follow the mean innovation of good magnetic azimuths, dt after the last, and let it raise the bias variances."""
     s.innovation_mean += min(dt / _MEAN_TIME, 1.0) * (min(max(s.innovation_ratio, -GATE), GATE) - s.innovation_mean)
     if abs(s.innovation_mean) > _BIASED_MEAN:
         for u in range(2):
@@ -195,23 +195,23 @@ def _follow_innovations(p: Params, s: State, dt: float) -> None:
 
 @compiled
 def _scale_of_slow_error(s: State, measured: MagneticAzimuth) -> float:
-    """Sigma by which the state SLOW_ERROR enters a magnetic azimuth, rad; a sigma that has changed rescales it."""
+    """Return the factor of the state SLOW_ERROR in a magnetic azimuth, rad; rescale the state if sigma has changed."""
     slow = measured.sigma_slow
     kept = s.have_azimuth and s.slow_sigma > 0.0 and slow > 0.0
     share = min(slow / s.slow_sigma, s.slow_sigma / slow) if kept else 0.0
     if measured.usable and share < _SAME_SIGMA:
         if kept:
-            # An estimate that improves errs less: of its error of before this share is left in it, in units of the
-            # sigma of now. A sigma that only varies with the noise has not improved.
+            # A better estimate of the interference keeps only this share of the earlier error, in units of the new
+            # sigma. A sigma that merely varies with noise is not an improvement.
             fade_slow_error(s, share)
         s.slow_sigma = slow
-    # As it was when the error was estimated: noise in it would let the filter separate error and azimuth.
+    # Use the sigma from when the error was estimated: noise in it would let the filter separate error and azimuth.
     return s.slow_sigma if kept else slow
 
 
 @compiled
 def _first_azimuth(p: Params, s: State, azimuth: float, slow: float, constant: float, variance: float) -> None:
-    """Begin at a magnetic azimuth = azimuth + slow x error + constant x error + noise: it errs by minus these."""
+    """Start at a magnetic azimuth = azimuth + slow x error + constant x error + noise, with minus these errors."""
     begin(p, s)
     s.innovation_mean = 0.0
     s.x[Error.AZIMUTH] = azimuth % (2.0 * math.pi)
@@ -222,14 +222,14 @@ def _first_azimuth(p: Params, s: State, azimuth: float, slow: float, constant: f
 
 @compiled
 def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> None:
-    """Take in a magnetic azimuth; azimuth: `measured.azimuth`, propagated to the end of the bin, rad."""
+    """Process a magnetic azimuth; azimuth is `measured.azimuth` propagated to the end of the bin, rad."""
     held, white, constant = measured.sigma_held, measured.sigma_noise, measured.sigma_constant
     variance, extra = held * held + white * white, held * held * (p.held_repeats - 1.0)
     if measured.restart:
         s.have_azimuth = s.have_station = False
         s.innovation_mean = 0.0
     slow = _scale_of_slow_error(s, measured)
-    # A data gap is no evidence: between two azimuths at most the time-out counts.
+    # A data gap is not evidence: between two azimuths at most the time-out counts.
     since = min(s.since_seen_s, p.mag_timeout_s)
     used = False
     if not measured.usable:
@@ -244,7 +244,7 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
         s.rejected += 1
         s.rejected_s += since
         if s.rejected_s > p.reset_time_s:
-            # Consistently elsewhere with its field in order: the propagated azimuth errs by more than its sigma.
+            # Good magnetic azimuths consistently differ, so the propagated azimuth has a larger error than its sigma.
             s.resets += 1
             innovation = _innovation(s, azimuth, slow, constant)
             s.P[Error.AZIMUTH, Error.AZIMUTH] += innovation * innovation
@@ -262,10 +262,10 @@ def magnetic(p: Params, s: State, measured: MagneticAzimuth, azimuth: float) -> 
 @compiled
 def seek(p: Params, s: State, azimuth: float, sigma: float) -> None:
     """
-    Take in an azimuth measured without the magnetometer, rad; where it disagrees the azimuth begins anew from it.
+    Process an azimuth measured without the magnetometer, rad; if it disagrees, the azimuth restarts from it.
 
-    North seeks of one gyro share their error: where the azimuth rests on an earlier one, the better of both stands,
-    not their mean.
+    North seeks of one gyro share their error. If the azimuth already rests on an earlier seek, the better of the two is
+    used and not their mean.
     """
     if not s.have_azimuth:
         begin(p, s)
@@ -288,8 +288,8 @@ def station(s: State, accepted: StationAzimuth) -> None:
     """
     Propagate the azimuth of an accepted station from here on.
 
-    A station that disagrees with the propagated one before, and that no gyro confirms, takes its place only where the
-    next station disagrees too.
+    A station that disagrees with the propagated azimuth of the previous station, and that no gyro confirms, replaces it
+    only if the next station disagrees too.
     """
     if not s.have_azimuth:
         return

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Settings and state of the gyro-propagated azimuth, as its kernels see them.
+Settings and state of the gyro-propagated azimuth, in the form that its kernels use.
 
-Kalman states: azimuth of the hole axis and the azimuth of the last accepted station, both propagated by the gyros;
-the slow and the constant error of the magnetic azimuth, each in units of its own sigma; and of the conventional, then
-of the precision unit the bias of the y and z gyros, their leakage (the share of the x rate that they read), the drift
-about the vertical that g-sensitivity makes, and their lag behind the gravity vector. Derivation:
-``docs/methods/continuous_attitude.md``.
+The Kalman states are: azimuth of the hole axis and azimuth of the last accepted station, both propagated by the gyros;
+slow and constant error of the magnetic azimuth, each in units of its own sigma; and, for the conventional and then the
+precision unit, bias of the y and z gyros, their leakage (share of the x rate that they read), drift about the vertical
+due to g-sensitivity, and lag behind the gravity vector. Derivation: ``docs/methods/continuous_attitude.md``.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ from mwd_sensors.core.records import dtype_of
 
 class ErrorOrder(NamedTuple):
     """
-    Order of `State.x` and `State.P`: the first place of each quantity; there are STATES.
+    Order of `State.x` and `State.P`: the first index of each quantity; STATES in total.
 
-    BIAS and LEAKAGE hold y and z of unit 0, then of unit 1; DRIFT and LAG one of each unit.
+    BIAS and LEAKAGE have y and z of unit 0, then of unit 1; DRIFT and LAG have one entry for each unit.
     """
 
     AZIMUTH: int = 0
@@ -45,9 +44,9 @@ class ErrorOrder(NamedTuple):
 
 Error = ErrorOrder()
 STATES = 16
-BINS = 4  # bins whose sums are kept: the open one, those that wait for other streams, and one to spare
-# Samples kept for pairing with other streams: 1.6 s at 5 kHz. Most of a state's 1.4 MB, of which the pairing reads
-# about a third: the one record of all steps is kept whole.
+BINS = 4  # bins whose sums are kept: the open one, those waiting for other streams, and one spare
+# Number of samples kept for pairing with other streams: 1.6 s at 5 kHz. They are most of a state's 1.4 MB. Pairing
+# reads only a third of each record, but one record type for all steps is simpler.
 RING = 8192
 NO_BIN = np.iinfo(np.int64).min
 _HELD_S = 10.0  # correlation time of an error of the vertical in magnetic azimuths, s
@@ -60,8 +59,8 @@ class GyroUnit(NamedTuple):
     bias: float  #: rad/s
     walk: float  #: random walk of the bias, rad/s per sqrt(s)
     leakage: float  #: share of the x rate that y and z read
-    drift: float  #: rate about the vertical that g-sensitivity (and an unknown latitude) make, rad/s
-    lag: float  #: of the rates behind the gravity vector, s
+    drift: float  #: rate about the vertical due to g-sensitivity (and an unknown latitude), rad/s
+    lag: float  #: lag of the rates behind the gravity vector, s
 
 
 def gyro_unit(
@@ -73,48 +72,48 @@ def gyro_unit(
     lag_ms: float = 2.0,
 ) -> GyroUnit:
     """
-    Error model of a unit by the figures of its data sheet.
+    Return the error model of a unit from the figures of its data sheet.
 
-    Noise, deg/sqrt(h), bias, deg/h, its walk, deg/h per sqrt(h), x rate that y and z read, urad, g-sensitivity, each to
-    itself, deg/h/g, and lag behind the gravity found, ms.
+    The arguments are noise, deg/sqrt(h); bias, deg/h; random walk of the bias, deg/h per sqrt(h); share of the x rate
+    that y and z read, urad; g-sensitivity of each axis to itself, deg/h/g; and lag behind the estimated gravity, ms.
     """
     return GyroUnit(
         noise=noise_deg_rth * DEG_PER_ROOT_HOUR,
         bias=bias_deg_h * DEG_PER_HOUR,
         walk=walk_deg_h_rth * DEG_PER_HOUR / 60.0,
         leakage=leak_urad * 1e-6,
-        # Whatever the toolface, the mean of the sensitivities of y to y and of z to z acts.
+        # At any toolface the effect is the mean of the sensitivities of y to y and of z to z.
         drift=g_sensitivity_deg_h_g * DEG_PER_HOUR * math.sqrt(0.5),
         lag=lag_ms * 1e-3,
     )
 
 
 class Params(NamedTuple):
-    """Settings."""
+    """Settings of the gyro-propagated azimuth."""
 
-    #: Conventional unit, then precision unit: an MTi-1 and a tactical MEMS unit.
+    #: Conventional unit, then precision unit; the defaults are an MTi-1 and a tactical MEMS unit.
     units: tuple[GyroUnit, GyroUnit] = (
         gyro_unit(0.42, 400.0, 10.0, 300.0, 3.6, 0.5),
         gyro_unit(0.05, 5.0, 0.3),
     )
-    precision_range: float = 0.98 * math.radians(100.0)  #: rate from which on the precision unit clips, rad/s
+    precision_range: float = 0.98 * math.radians(100.0)  #: rate above which the precision unit clips, rad/s
     bin_ns: int = 500_000_000  #: length of a bin
-    #: `earth_north`, `earth_down`: the Earth's rotation, rad/s; 0 where the latitude is not known.
+    #: `earth_north`, `earth_down`: the Earth's rotation, rad/s; 0 if the latitude is not known.
     earth_north: float = 0.0
     earth_down: float = 0.0
-    #: Magnetic azimuths over which an error of the vertical repeats itself: those of twice its correlation time.
+    #: Number of magnetic azimuths with the same error of the vertical: those within twice its correlation time.
     held_repeats: float = 2.0 * _HELD_S / (time_alignment_state.Params().interval_ns * 1e-9)
     slow_error_time_s: float = 14400.0  #: time constant of the slow error of the magnetic azimuth
-    reset_time_s: float = 60.0  #: after good azimuths were rejected for so long, the filter takes the next one in
-    mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth from which on the azimuth is called gyro-aided
-    vertical_sin2: float = math.sin(math.radians(3.0)) ** 2  #: squared sine of the inclination without an azimuth
+    reset_time_s: float = 60.0  #: time of rejected good azimuths after which the filter accepts the next one
+    mag_timeout_s: float = 2.0  #: age of the last magnetic azimuth above which the azimuth is called gyro-aided
+    vertical_sin2: float = math.sin(math.radians(3.0)) ** 2  #: squared sine of the least inclination with an azimuth
     gap_rate: float = math.radians(0.05)  #: rate at which the axis may turn during a data gap, rad/s, 1 sigma
     tilt_memory_s: float = 5.0  #: correlation time of the error of the gravity direction
-    max_sigma: float = math.radians(45.0)  #: an azimuth with a larger sigma is not given, rad
+    max_sigma: float = math.radians(45.0)  #: an azimuth with a larger sigma is not published, rad
 
 
 def at_latitude(params: Params, latitude_deg: float | None) -> Params:
-    """Settings with the Earth's rotation at a latitude; None: not known, and what it turns counts as drift."""
+    """Return the settings with the Earth's rotation at a latitude; if it is None, the rotation counts as drift."""
     if latitude_deg is None:
         drifting = tuple(unit._replace(drift=math.hypot(unit.drift, EARTH_RATE)) for unit in params.units)
         return params._replace(units=(drifting[0], drifting[1]))
@@ -125,20 +124,20 @@ def at_latitude(params: Params, latitude_deg: float | None) -> Params:
 class BinSums:
     """Integrals over a bin of time; d is the unit vector down, across^2 = d_y^2 + d_z^2, w the rate."""
 
-    bin: int  #: index of the bin, NO_BIN where none is held
-    turn: float  #: of the axis as the gyros read it, rad
-    across: Annotated[Array, 2]  #: of d_y and d_z over across^2, s: what a bias turns
-    time: float  #: s
-    earth: float  #: of d_x / across, s: what the Earth's northward rotation turns
-    noise: float  #: of 1 / across^2, s
-    tilt: float  #: of the squared rate that a tilt of the vertical mistakes for azimuth, rad^2/s
-    gap: float  #: data gaps, s
+    bin: int  #: index of the bin; NO_BIN if empty
+    turn: float  #: rotation of the axis according to the gyros, rad
+    across: Annotated[Array, 2]  #: integral of d_y and d_z over across^2, s: rotation per bias
+    time: float  #: duration, s
+    earth: float  #: integral of d_x / across, s: rotation per northward Earth rate
+    noise: float  #: integral of 1 / across^2, s
+    tilt: float  #: integral of the squared rate that a tilt of the vertical mistakes for azimuth, rad^2/s
+    gap: float  #: duration of data gaps, s
     gyro_turn: float  #: `State.gyro_turn` at the end of the bin, rad
-    vertical: bool  #: the hole was vertical in the bin
-    leakage: Annotated[Array, 2]  #: of w_x d_y and w_x d_z over across^2, rad: what leakage turns
-    spin: float  #: of w_x, rad
-    rate: Annotated[Array, 2]  #: of w_y and w_z, rad
-    lag: float  #: of w_x (w_y d_z - w_z d_y) / across^2, rad/s: what a second of lag turns
+    vertical: bool  #: whether the hole was vertical in the bin
+    leakage: Annotated[Array, 2]  #: integral of w_x d_y and w_x d_z over across^2, rad: rotation per leakage
+    spin: float  #: integral of w_x, rad
+    rate: Annotated[Array, 2]  #: integral of w_y and w_z, rad
+    lag: float  #: integral of w_x (w_y d_z - w_z d_y) / across^2, rad/s: rotation per second of lag
 
 
 class GyroRing(Ring):
@@ -148,70 +147,70 @@ class GyroRing(Ring):
 
 
 class State:
-    """All that changes."""
+    """State of the gyro-propagated azimuth."""
 
-    #: `last_ns`, `bins_opened`: clock of the samples.
+    #: `last_ns`, `bins_opened`: stamp of the last sample, and number of bins opened.
     last_ns: int
     bins_opened: int
-    gyro_turn: float  #: turn of the axis as the conventional gyros integrate it, rad
+    gyro_turn: float  #: rotation of the axis integrated from the conventional gyros, rad
     #: `x`, `P`: Kalman states and covariance.
     x: Annotated[Array, STATES]
     P: Annotated[Array, STATES, STATES]
-    have_azimuth: bool  #: a first azimuth exists
-    #: `since_used_s`, `since_seen_s`: since the last magnetic azimuth used, and since the last one seen.
+    have_azimuth: bool  #: whether there is an azimuth
+    #: `since_used_s`, `since_seen_s`: time since the last magnetic azimuth used, and since the last received.
     since_used_s: float
     since_seen_s: float
-    rejected_s: float  #: for which good magnetic azimuths have been rejected
+    rejected_s: float  #: time for which good magnetic azimuths have been rejected
     #: `innovation_ratio`, `innovation_mean`: last innovation over its sigma, and its running mean over good azimuths.
     innovation_ratio: float
     innovation_mean: float
-    #: `rejected`, `disturbed`, `resets`: counts of magnetic azimuths that were gated out, that failed their field
-    #: check, and of times the azimuth was reset.
+    #: `rejected`, `disturbed`, `resets`: number of magnetic azimuths beyond the gate, of those that failed the field
+    #: check, and of resets of the azimuth.
     rejected: int
     disturbed: int
     resets: int
-    mag_status: int  #: bits of the last magnetic azimuth
-    last_bin: int  #: taken in; NO_BIN before the first
-    bin_gyro_turn: float  #: `gyro_turn` at its end, rad
-    slow_sigma: float  #: 1 sigma that the state Error.SLOW_ERROR is in units of, rad
-    by_gyro_only: bool  #: the azimuth rests on a north seek and the gyros alone
-    have_station: bool  #: a station's azimuth is propagated
-    station_constant_sigma: float  #: 1 sigma of its error that every magnetic azimuth shares, rad
-    station_disagreed: bool  #: the last station did not agree with it
-    sums: Annotated[Sequence[BinSums], BINS]  #: of the last bins
-    precision_sums: BinSums  #: of the last closed bin, by the precision unit
+    mag_status: int  #: status bits of the last magnetic azimuth
+    last_bin: int  #: last processed bin; NO_BIN before the first
+    bin_gyro_turn: float  #: `gyro_turn` at the end of that bin, rad
+    slow_sigma: float  #: 1 sigma that is the unit of the state Error.SLOW_ERROR, rad
+    by_gyro_only: bool  #: whether the azimuth rests only on a north seek and the gyros
+    have_station: bool  #: whether a station's azimuth is propagated
+    station_constant_sigma: float  #: part of its sigma that is common to all magnetic azimuths, rad
+    station_disagreed: bool  #: whether the last station disagreed with it
+    sums: Annotated[Sequence[BinSums], BINS]  #: sums of the last bins
+    precision_sums: BinSums  #: sums of the last closed bin from the precision unit
     recent: GyroRing
 
 
 class MagneticAzimuth:
-    """A magnetic azimuth from the named north, and the interference it was freed of."""
+    """A magnetic azimuth from the reference north, and the interference that was removed from it."""
 
-    place: int  #: IMU sample of the block with which it was taken
+    place: int  #: IMU sample of the block at which it was evaluated
     stamp_ns: int  #: its own stamp
     azimuth: float  #: rad
-    #: `sigma_slow`, `sigma_held`, `sigma_noise`, `sigma_constant`: 1 sigma of the error that stays (the tool's own
-    #: field), that stays for a while (the vertical's), that is new in each (noise), and that never changes
-    #: (declination), rad.
+    #: `sigma_slow`, `sigma_held`, `sigma_noise`, `sigma_constant`: 1 sigma, rad, of the lasting error (the tool's own
+    #: field), of the error that lasts for a while (the vertical's), of the error that is new in each sample (noise),
+    #: and of the error that never changes (declination).
     sigma_slow: float
     sigma_held: float
     sigma_noise: float
     sigma_constant: float
-    usable: bool  #: its field passes the check; else it is never used
-    restart: bool  #: earlier rows are withdrawn: the azimuth begins anew
+    usable: bool  #: whether its field passes the check; otherwise it is never used
+    restart: bool  #: True if earlier rows are withdrawn, so that the azimuth restarts
     status: np.uint32  #: bits of `Status`
-    #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; -1 where it is not known.
+    #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; -1 if it is not known.
     interference: Annotated[Array, 3]
     sigma_interference: Annotated[Array, 3]
 
 
 class PropagatedAzimuth(NamedTuple):
-    """Azimuths propagated to the end of a bin, rad from the named north; nan where there is none."""
+    """Azimuths propagated to the end of a bin, rad from the reference north; NaN if there is none."""
 
-    #: `station_azimuth`, `station_sigma`: of the last accepted station, by the gyros alone.
+    #: `station_azimuth`, `station_sigma`: azimuth of the last accepted station, propagated by the gyros alone.
     station_azimuth: float
     station_sigma: float
-    station_constant_sigma: float  #: the part of that sigma that every magnetic azimuth shares
-    #: `azimuth`, `sigma`: of the samples.
+    station_constant_sigma: float  #: part of that sigma which is common to all magnetic azimuths
+    #: `azimuth`, `sigma`: azimuth of the samples.
     azimuth: float
     sigma: float
 
@@ -219,15 +218,15 @@ class PropagatedAzimuth(NamedTuple):
 class AzimuthRow:
     """Azimuth of a sample."""
 
-    azimuth: float  #: of the hole axis from the named north, rad in [0, 2 pi); nan where there is none
-    #: 1 sigma, rad, at most pi; infinite where none is propagated, because none was ever known or the hole is vertical.
+    azimuth: float  #: azimuth of the hole axis from the reference north, rad in [0, 2 pi); NaN if there is none
+    #: 1 sigma, rad, at most pi; infinite if no azimuth is propagated (none was ever known, or the hole is vertical).
     sigma: float
     #: GYRO_AIDED: propagated by the gyros alone. MAG_DISTURBED: the last magnetic azimuth was not used.
     status: np.uint32
 
 
 class PrecisionRates(NamedTuple):
-    """Rates of the precision unit: stamp_ns, shape (q,), and rate_t, shape (q, 3), rad/s in tool axes."""
+    """Rates of the precision unit: stamp_ns, shape (q,), and rate_t in tool axes, rad/s, shape (q, 3)."""
 
     stamp_ns: Stamps
     rate_t: Array
@@ -239,7 +238,7 @@ PROPAGATED_AZIMUTH, AZIMUTH_ROW = dtype_of(PropagatedAzimuth), dtype_of(AzimuthR
 
 
 def initial() -> Samples:
-    """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
+    """Return the state before the first sample, shape (1,), dtype STATE; a run can continue from a copy."""
     state = np.zeros(1, dtype=STATE)
     state["last_bin"] = NO_BIN
     state["sums"]["bin"] = NO_BIN

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Magnetic azimuths that correct the gyro-propagated azimuth, freed of the tool's own field where a reference shows it.
+Magnetic azimuths that correct the gyro-propagated azimuth, without the tool's own field if there is a reference.
 
-Each magnetic sample that is handed on by the time alignment passes the interference filter, which removes bias and
-scale as far as they are known and splits the sigma into parts by how long their error lasts.
+Each magnetic sample selected by the time alignment passes the interference filter. The filter removes bias and scale as
+far as they are known, and splits the sigma into parts by the duration of their errors.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from mwd_sensors.core.arrays import Samples
 
 _DISTURBED, _CORRECTED, _UNCORRECTED = int(Status.MAG_DISTURBED), int(Status.CORRECTED), int(Status.UNCORRECTED)
 _REFUSED = int(Status.CORRECTION_REFUSED)
-# An error whose sigma is still this share of its prior is called not observable.
+# An error whose sigma is still above this share of its prior counts as not observed.
 _UNOBSERVED = 0.7
-# An axial field that is not observed and may turn the azimuth by more than this is reported as not corrected, rad.
+# An axial field that is not observed and may turn the azimuth by more than this, rad, is reported as not corrected.
 _MAX_UNOBSERVED = math.radians(3.0)
-# Share of the magnetic sigma that stays from sample to sample, where no reference separates its parts.
+# Share of the magnetic sigma that lasts from sample to sample, if no reference separates the parts.
 _SLOW_SHARE = 0.95
-# A station's tilt, rad; and the chi-square over the gate from which on it contradicts what was learnt on the way.
+# Tilt error of a station, rad; and chi-square over the gate above which a station contradicts the learnt interference.
 _STATION_TILT = math.radians(0.1)
 _CONTRADICTED = 4.0
-# After a disturbed sample the field must be in order for so long before it is used again: on the way out of a casing
-# it passes through values that drill-string interference could explain.
+# Time for which the field must be in order after a disturbed sample before it is used again, ns: on the way out of a
+# casing it passes through values that drill-string interference could explain.
 _SETTLED_NS = 3_000_000_000
-# External interference seen a moment ago still turns the azimuth by what its field may have across the two directions
-# that are checked, T, and goes on to for about so long.
+# After external interference was seen, its undetected part across the two checked directions still turns the azimuth:
+# by this field, T, decaying with this time, ns.
 _EXTERNAL, _EXTERNAL_NS = 300e-9, 60_000_000_000
 
 
 class MagneticAzimuths:
     """
-    Magnetic azimuths with their sigmas, and the interference filter that they pass.
+    Magnetic azimuths with their sigmas, and the interference filter that they pass through.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class MagneticAzimuths:
     Attributes
     ----------
     innovation : Innovation
-        Of the field against the reference, since that was set.
+        Innovation of the field against the reference, since the reference was set.
     """
 
     def __init__(self, params: interference_state.Params, errors: SensorErrors) -> None:
@@ -63,7 +63,7 @@ class MagneticAzimuths:
         self.set_reference(None)
 
     def set_reference(self, reference: Reference | None) -> None:
-        """Read the field against this from the next sample on; the interference is estimated anew."""
+        """Use this reference field from the next sample on; restart the estimate of the interference."""
         self._reference = reference
         self.innovation = Innovation("magnetic_field", gate=math.sqrt(self._params.gate))
         self._state: Samples | None = None
@@ -73,22 +73,22 @@ class MagneticAzimuths:
 
     @property
     def has_reference(self) -> bool:
-        """Whether there is a field to read against."""
+        """Return whether there is a reference field."""
         return self._state is not None
 
     def update(self, station: StationUpdate | None) -> None:
-        """Take over what a station shows of the interference."""
+        """Take over the interference that a station shows."""
         state = self._state
         if station is None or state is None or self._reference is None:
             return
         if station.accepted and self._contradicts(state, station):
-            # A station that passes its checks, in a field that is no longer the one that was learnt, or that is beyond
-            # what the prior thinks possible.
+            # The station passes its checks, but its field is not the one that was learnt, or is beyond what the prior
+            # allows.
             state = interference_filter.initial(self._params, self._reference, self._errors, station.axial)
             self._state, self.withdrawn = state, True
         s = state[0]
         if station.interference is not None and station.interference[1][0, 0] < s.P[0, 0]:
-            # The same field, seen at rest and from more attitudes: it takes the place of what was learnt on the way.
+            # The same field, measured at rest and at more attitudes: it replaces what was learnt while drilling.
             s.x[:], s.P[:] = station.interference
         if math.isfinite(station.azimuth):
             interference_filter.aid_azimuth(
@@ -103,9 +103,10 @@ class MagneticAzimuths:
 
     def read(self, pairs: Samples, in_force: MagneticModelInForce, start: int) -> Samples:
         """
-        Azimuths of the pairs of a stretch of samples that begins at place `start` of its block.
+        Return the azimuths of the pairs of a stretch of samples that begins at index `start` of its block.
 
-        pairs : ndarray of dtype `time_alignment_state.PAIR`, at least one. Returns dtype MAGNETIC_AZIMUTH.
+        pairs is an array of dtype `time_alignment_state.PAIR` with at least one element. Returns dtype
+        MAGNETIC_AZIMUTH.
         """
         rows = np.zeros(len(pairs), dtype=MAGNETIC_AZIMUTH)
         rows["place"], rows["stamp_ns"] = pairs["place"] + start, pairs["stamp_ns"]
@@ -114,13 +115,13 @@ class MagneticAzimuths:
         else:
             self._read_corrected(self._state, pairs, in_force, rows)
         rows["usable"] = rows["status"] & _DISTURBED == 0
-        # What was withdrawn counts once.
+        # A withdrawal counts once.
         rows["restart"][0] |= self.withdrawn
         self.withdrawn = False
         return rows
 
     def _read_plain(self, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
-        """Without a reference: the azimuth as read."""
+        """Fill the rows without a reference: azimuths as measured."""
         constant = min(in_force.model.sigma_north, math.pi)
         rest = np.sqrt(np.maximum(pairs["sigma"] ** 2 - constant**2, 0.0))
         rows["azimuth"], rows["sigma_constant"] = pairs["azimuth"], constant
@@ -129,7 +130,7 @@ class MagneticAzimuths:
         rows["sigma_interference"] = -1.0
 
     def _read_corrected(self, state: Samples, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
-        """By the interference that the samples so far have shown."""
+        """Fill the rows with azimuths corrected for the interference that the samples so far have shown."""
         n, s = len(pairs), state[0]
         samples = FieldSamples(pairs["stamp_ns"], pairs["g_t"], pairs["b_t"], pairs["sigma_tilt"])
         found = interference_filter.run(self._params, state, samples)
@@ -156,7 +157,7 @@ class MagneticAzimuths:
         rows["sigma_interference"] = np.where(observed, found["sigma"], -1.0)
 
     def _since_disturbed(self, ratio: NDArray[np.float64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Time since the last sample that the filter rejected, ns."""
+        """Return the time since the last sample that the filter rejected, ns."""
         disturbed = np.maximum.accumulate(np.where(ratio <= 1.0, self._disturbed_ns, stamps))
         self._disturbed_ns = int(disturbed[-1])
         return np.asarray(stamps - disturbed)
@@ -165,7 +166,7 @@ class MagneticAzimuths:
 def _correction_status(
     found: Samples, samples: FieldSamples, corrected: NDArray[np.bool_], horizontal: float
 ) -> NDArray[np.uint32]:
-    """Bits that show whether the azimuth is corrected, and where it should be and is not."""
+    """Return status bits: whether the azimuth is corrected, and whether it should be but is not."""
     sine = np.sqrt(np.maximum(1.0 - samples.g_t[:, 0] ** 2, 0.0))
     unobserved = found["sigma"][:, 0] * sine * np.abs(np.sin(found["azimuth"])) / horizontal
     bits = np.where(unobserved > _MAX_UNOBSERVED, _UNCORRECTED | _REFUSED, _UNCORRECTED)

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Delay of the magnetometer's stamps behind those of the IMU, as changes of the rotary speed show it.
+Delay of the magnetometer's stamps relative to the IMU, estimated from changes of the rotary speed.
 
-Gravity and field across the tool turn together: seen from the tool, their directions differ by an angle that the
-attitude of the hole sets. A field that is stamped late by L is that of an earlier toolface, and the angle is off by the
-rotary speed times L. A filter of two states, angle and delay, follows the mean of each half second: at one speed both
-look alike, from two speeds on they separate. An error of the field that turns with the tool averages out over turns.
-The speed is the gyro's: the toolface also moves while a filter settles or an accelerometer fails, at one speed. Where
-the gyro says nothing, it is that of the toolface.
+Gravity and field across the tool rotate together: seen from the tool, the angle between them depends only on the
+attitude of the hole. If the field is stamped late by L, it belongs to an earlier toolface, and the angle is wrong by
+the rotary speed times L. A filter with two states, angle and delay, follows the mean angle of each half second. At one
+speed the two cannot be separated; with two speeds they can. Errors of the field that rotate with the tool average out
+over turns.
+
+The speed is taken from the gyro, because the toolface also moves while a filter settles or an accelerometer fails. If
+the gyro has no value, the speed of the toolface is used.
 """
 
 from __future__ import annotations
@@ -20,48 +22,49 @@ from numpy.typing import NDArray
 from mwd_sensors.core.arrays import Array, Stamps
 
 SPAN_NS = 5_000_000_000
-"""Time that is judged at once, ns."""
+"""Duration of a span that is evaluated at once, ns."""
 _BIN_NS = 500_000_000
-# The newest samples of a span wait for the next one: their fields may still be on the way.
+# The newest samples of a span wait for the next span, because their fields may not have arrived yet.
 _OPEN_NS = _BIN_NS
-# Between samples of gravity farther apart the toolface is not known, ns.
+# If samples of gravity are farther apart than this, ns, the toolface between them is not known.
 _GAP_NS = 100_000_000
-# Gravity and field across the tool below which they have no direction, as a share of gravity and T.
+# Cross-axis gravity, as a share of gravity, and field, T, below which they have no direction.
 _LEAST_GRAVITY, _LEAST_FIELD = 0.1, 5e-6
-# Resultant of the angles of a bin below which its mean says nothing, and samples it needs.
+# Resultant of the angles of a bin below which their mean is meaningless, and least number of samples.
 _LEAST_RESULTANT, _FEW = 0.7, 5
-# 1 sigma of a bin's angle (a biased magnetometer turns with the tool: a part of a turn does not average out) and of the
-# angle's change from bin to bin, rad; of the delay beforehand, s.
+# 1 sigma of a bin's angle, rad (an incomplete turn of a biased magnetometer does not average out); of the change of the
+# angle from bin to bin, rad; and of the delay beforehand, s.
 _ANGLE, _WALK, _PRIOR_S = math.radians(2.0), math.radians(0.3), 0.2
-# At rest a biased magnetometer errs alike in all bins: those of ten seconds count as one, of this 1 sigma, rad.
+# At rest, rad/s, a biased magnetometer has the same error in all bins: ten seconds count as one bin, with this sigma,
+# rad.
 _RESTS, _REST_ANGLE = 0.5, math.radians(5.0) * math.sqrt(20.0)
-# Turn of the string, rad, over which a reading that stays the same is that of a magnetometer that hangs.
+# Rotation of the string, rad, over which an unchanged reading shows that the magnetometer is stuck.
 _HANGS = 0.5
-# A delay counts from so many seconds and sigmas on: at 120 r/min 5 ms turn the field by 3.6 deg.
+# A delay is reported above this, s, and above this number of sigmas: at 120 r/min 5 ms turn the field by 3.6 deg.
 _LEAST_S, _SIGMAS = 0.005, 4.0
-# A long delay is corrected as soon as it is known to this share, and then to the rest.
+# A long delay is corrected as soon as its relative error is below this; the rest is corrected later.
 _SHARE = 0.05
-# Passes over a span, each with the turn over the delay that the one before found: a string that speeds up turned less.
+# Number of passes over a span. Each uses the rotation over the delay found by the last: while speeding up it is less.
 _PASSES = 3
 LONGEST_S = 0.5
-"""Delay beyond which none is believed, s: other clocks, or no delay at all."""
+"""Longest plausible delay, s; a longer one means other clocks or no delay at all."""
 
 
 def in_words(late_ns: int) -> str:
-    """What was found of the magnetometer's stamps, in a sentence; empty where they agree with the IMU's."""
+    """Describe the delay found in one sentence; empty if the stamps agree with the IMU's."""
     way = "late" if late_ns > 0 else "early"
-    found = f"the magnetometer is stamped {abs(late_ns) * 1e-6:.0f} ms {way}, as the turning string shows: corrected"
+    found = f"the magnetometer is stamped {abs(late_ns) * 1e-6:.0f} ms {way}, as the rotating string shows: corrected"
     return found if late_ns else ""
 
 
 class MagneticDelay:
     """
-    Measures the delay from gravity and field in tool axes; any cut of the streams gives the same numbers.
+    Measures the delay from gravity and field in tool axes; the result does not depend on how the streams are cut.
 
     Attributes
     ----------
     delay_s, sigma_s : float
-        Delay that remains of the stamps as they are given, and its 1 sigma.
+        Remaining delay of the stamps as they are given, and its 1 sigma.
     """
 
     def __init__(self) -> None:
@@ -71,7 +74,7 @@ class MagneticDelay:
         self._last_b, self._hangs = np.full(2, np.nan), False
 
     def begin_anew(self) -> None:
-        """Forget what was found with rates that were wrong; the fields that wait stay."""
+        """Discard what was found with wrong rates; keep the waiting fields."""
         self._angle, self._begun = 0.0, False
         self._P = np.diag([math.pi**2, _PRIOR_S**2])
         self.delay_s = 0.0
@@ -84,7 +87,7 @@ class MagneticDelay:
 
     def take(self, stamps: Stamps, g_t: Array, rate_x: Array) -> None:
         """
-        Take gravity in tool axes, shape (n, 3), and the rate about x, rad/s, shape (n,); nan where unknown.
+        Accept gravity in tool axes, shape (n, 3), and the rate about x, rad/s, shape (n,); NaN if unknown.
 
         Each stamp is later than all before.
         """
@@ -92,31 +95,31 @@ class MagneticDelay:
             self._imu.append((stamps, np.column_stack([g_t[:, 1:], rate_x])))
 
     def take_mag(self, stamps: Stamps, b_t: Array) -> None:
-        """Take samples of the field, T, shape (n, 3)."""
+        """Accept samples of the field, T, shape (n, 3)."""
         self._mag.append((stamps, b_t[:, 1:]))
 
     def shift(self, late_ns: int) -> None:
-        """Correct the stamps that wait; those to come are corrected by who gives them."""
+        """Correct the stamps of waiting samples by late_ns; the caller corrects later samples."""
         self._mag = [(stamps - late_ns, b) for stamps, b in self._mag]
         self.delay_s -= 1e-9 * late_ns
 
     def judge(self, end_ns: int) -> int:
         """
-        Use all samples up to shortly before a stamp.
+        Evaluate all samples up to shortly before a stamp.
 
-        Returns the delay that is to be corrected, ns; 0 where there is none.
+        Returns the delay to correct, ns, or 0.
         """
         if self._imu and self._mag:
             self._follow(end_ns - _OPEN_NS)
-        # What no field follows is not kept.
+        # Drop samples that are not followed by a magnetic sample.
         self._imu = self._imu if self._mag else []
         late_s, sigma_s = abs(self.delay_s), self.sigma_s
         sure = sigma_s < max(_LEAST_S, _SHARE * late_s) and late_s > max(_LEAST_S, _SIGMAS * sigma_s)
         return round(self.delay_s * 1e9) if sure and late_s < LONGEST_S else 0
 
     def _follow(self, until_ns: int) -> None:
-        """Take in the bins that end before a stamp."""
-        # Gravity across the tool (2), and the rate about x.
+        """Process the bins that end before a stamp."""
+        # The columns are gravity across the tool (2) and the rate about x.
         stamps, g = (np.concatenate(parts) for parts in zip(*self._imu, strict=True))
         at, b = (np.concatenate(parts) for parts in zip(*self._mag, strict=True))
         last = until_ns // _BIN_NS
@@ -139,7 +142,7 @@ class MagneticDelay:
                 if abs(self.delay_s) < _LEAST_S:
                     break
                 earlier = at[seen] - round(self.delay_s * 1e9)
-                # Where the turn over the delay is not known, before the first sample or across a gap, the rate stays.
+                # If the rotation over the delay is not known (before the first sample or across a gap), keep the rate.
                 over = (now - np.interp(earlier, when, spun)) / self.delay_s
                 rate = np.where(_beside(when, earlier), over, rate)
         self._bin = last - 1
@@ -149,7 +152,7 @@ class MagneticDelay:
         self._mag = [(at[keep], b[keep])]
 
     def _measured(self, b: Array, spun: Array) -> NDArray[np.bool_]:
-        """Which fields, shape (n, 2), are not one reading that stays while the string turns; spun: its angle, rad."""
+        """Return which fields, shape (n, 2), are not stuck while the string turns; spun: angle of the string, rad."""
         same = np.array([*(b[:1] == self._last_b).all(axis=1), *(b[1:] == b[:-1]).all(axis=1)])
         begin = np.maximum.accumulate(np.where(same, 0, np.arange(len(b))))
         hangs = (np.abs(spun - spun[begin]) > _HANGS) | (same[begin] & self._hangs)
@@ -165,7 +168,7 @@ class MagneticDelay:
                 self._update(float(np.angle(mean)), float(rate[part].mean()))
 
     def _update(self, angle: float, rate: float) -> None:
-        """Take in a bin: its angle is that of the attitude less rate times delay."""
+        """Update with a bin, whose angle is that of the attitude minus rate times delay."""
         P = self._P
         P[0, 0] = min(P[0, 0] + _WALK**2, math.pi**2) if self._begun else math.pi**2
         h, noise = np.array([1.0, -rate]), (_ANGLE if abs(rate) > _RESTS else _REST_ANGLE) ** 2
@@ -173,7 +176,7 @@ class MagneticDelay:
         gain = P @ h
         variance = float(h @ gain) + noise
         if self._begun and innovation**2 > 9.0 * variance:
-            # Another attitude, or interference: the angle begins anew, the delay stays as it is.
+            # A new attitude or interference: restart the angle and keep the delay.
             P[0, 0], P[0, 1], P[1, 0] = math.pi**2, 0.0, 0.0
             gain = P @ h
             variance = float(h @ gain) + noise
@@ -184,6 +187,6 @@ class MagneticDelay:
 
 
 def _beside(stamps: Stamps, at: Stamps) -> NDArray[np.bool_]:
-    """Which times lie between two stamps without a gap."""
+    """Return which times lie between two stamps without a gap."""
     right = np.searchsorted(stamps, at).clip(1, len(stamps) - 1)
     return np.asarray((stamps[right] - stamps[right - 1] < _GAP_NS) & (at >= stamps[0]) & (at <= stamps[-1]))

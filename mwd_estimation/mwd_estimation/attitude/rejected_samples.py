@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Attitude of samples that the gravity method rejected: at their own stamp, not at that of the last sample used.
+Attitude of samples that the gravity method rejected, at their own stamps instead of at the last used sample.
 
-A gravity method leaves a rejected sample out and repeats its last estimate; the tool turns on meanwhile. Here gravity
-is turned by the rate of the nearest sample used to the stamp of the rejected one: on from the last, or back within the
-interval in which a stamp that came too late lies. Its sigmas grow by what the rate may have changed in that time, by
-how fast rates have changed in the last second. Farther away than a tenth of a second, or from a sample at the limit of
-its sensor, nothing is known of the toolface.
+A gravity method ignores a rejected sample and repeats its last estimate, but the tool turns on meanwhile. Here gravity
+is turned to the stamp of the rejected sample by the rate of the nearest used sample: forward from the last one, or
+backward within the interval that contains a late stamp. Its sigmas grow by the possible change of the rate in that
+time, judged by the changes of the last second. More than a tenth of a second away, or next to a sample at the limit of
+its sensor, the toolface is not known.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from mwd_sensors.core.kalman import in_turned_axes
 from mwd_sensors.core.records import dtype_of
 
 _REJECTED, _GAP = int(Status.REJECTED), int(Status.GAP)
-# From a sample at the limit of its sensor, or before there is an estimate, nothing is propagated.
+# Do not propagate from a sample at the limit of its sensor, or before there is an estimate.
 _UNSAFE = int(Status.CLIPPED | Status.INITIALISING)
-_RING = 512  # samples used that are kept: 0.1 s at 5 kHz
-_MAX_DISTANCE_NS = 100_000_000  # farther from the last sample used nothing is propagated
-_MEMORY_NS = 1_000_000_000  # over which the usual change of a rate is taken, as far as the samples kept reach
+_RING = 512  # number of used samples that are kept: 0.1 s at 5 kHz
+_MAX_DISTANCE_NS = 100_000_000  # largest distance from the last used sample, ns
+_MEMORY_NS = 1_000_000_000  # averaging time of the usual change of a rate, ns, limited by the samples kept
 
 
 class State(ring.Ring):
-    """The samples used last."""
+    """Last used samples."""
 
     rows: Annotated[MutableSequence[Sample], _RING]
 
@@ -43,29 +43,29 @@ STATE = dtype_of(State)
 
 
 def initial() -> Samples:
-    """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
+    """Return the state before the first sample, shape (1,), dtype STATE; a run can continue from a copy."""
     return np.zeros(1, dtype=STATE)
 
 
 def run(state: Samples, samples: Samples) -> None:
     """
-    Propagate gravity to the stamps of the rejected samples of a block.
+    Propagate gravity to the stamps of the rejected samples of a block, in place.
 
     Parameters
     ----------
     state : ndarray, shape (1,)
-        From `initial`; changed in place. Blocks of any length give the same numbers.
+        State from `initial`, changed in place; the result does not depend on how the samples are cut into blocks.
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
         Changed in place.
     """
-    # Where all are used, only the last ones are ever looked at again.
+    # If all samples are used, only the last ones matter later.
     rejected = (samples["status"] & _REJECTED != 0).any()
     _run(state[0], samples if rejected else samples[-_RING:])
 
 
 @compiled
 def _keep(s: State, sample: Sample) -> None:
-    """Take a sample that was used."""
+    """Keep a used sample; after a data gap drop earlier ones."""
     if sample.status & _GAP != 0:
         s.length = 0
     s.rows[ring.next_place(s)] = sample
@@ -74,9 +74,9 @@ def _keep(s: State, sample: Sample) -> None:
 @compiled
 def _changes(s: State, near: int) -> tuple[float, float]:
     """
-    How fast the rates about the axis and across it change, squared, (rad/s^2)^2; nan where that is unknown.
+    Return the squared changes of the rates along and across the axis, (rad/s^2)^2; NaN if unknown.
 
-    That which was just seen at the sample at ring place `near`, or the usual, whichever is more.
+    Each is the larger of the usual change and the change at the sample at ring index `near`.
     """
     along, across, count = 0.0, 0.0, 0
     seen_along, seen_across = 0.0, 0.0
@@ -103,7 +103,7 @@ def _changes(s: State, near: int) -> tuple[float, float]:
 
 @compiled
 def _nearest(s: State, stamp: int) -> tuple[int, float]:
-    """Ring place of the sample to propagate from: the last, or the next after the stamp; s to the one before it."""
+    """Return the ring index of the used sample after the stamp, or of the last, and its distance to the earlier, s."""
     back = max(ring.first_from(s, stamp), 1)
     place = ring.place(s, back)
     if back == s.length:
@@ -113,7 +113,7 @@ def _nearest(s: State, stamp: int) -> tuple[int, float]:
 
 @compiled
 def _propagate(s: State, sample: Sample) -> None:
-    """Turn gravity to the stamp of a rejected sample, as far as that is known."""
+    """Turn gravity to the stamp of a rejected sample, if possible."""
     sample.rate_x, down = math.nan, sample.down
     if not math.isfinite(down[0] + down[1] + down[2]):
         return
@@ -134,7 +134,7 @@ def _propagate(s: State, sample: Sample) -> None:
     gx, gy, gz = in_turned_axes(
         near.down[0], near.down[1], near.down[2], near.gyro[0] * dt, near.gyro[1] * dt, near.gyro[2] * dt
     )
-    # A rate may be the mean of the interval before it: half of that comes on top on the way on.
+    # A rate may be the mean over the interval before its stamp, so half of that interval is added when going forward.
     grown = 0.5 * abs(dt) * (before + max(dt, 0.0))
     along, across = math.sqrt(along) * grown, math.sqrt(across) * grown
     size, side = math.sqrt(gx * gx + gy * gy + gz * gz), math.hypot(gy, gz)

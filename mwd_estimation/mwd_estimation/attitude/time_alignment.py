@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Attitude of every IMU sample from gravity and the magnetic samples, each magnetic sample paired with its own gravity.
+Attitude of every IMU sample from gravity and magnetic samples that are paired by time.
 
-A magnetic sample is paired with the gravity of its own time, not of its arrival: it is taken into account a fixed
-`mag_lag_ns` after its stamp, with gravity interpolated at that stamp. So the result does not depend on the order in
-which two topics happen to be delivered, live and replayed results are the same bits, and a turning tool loses no
-accuracy. The azimuth of the hole axis hardly moves in that time; the magnetic toolface does, and is propagated by the x
-gyro.
+A magnetic sample is paired with gravity at its stamp, not at its arrival: it is used a fixed `mag_lag_ns` after its
+stamp, with gravity interpolated at the stamp. The result therefore does not depend on the order in which two topics
+arrive, live and replayed results have the same bits, and a rotating tool loses no accuracy. The azimuth of the hole
+axis hardly changes in that time. The magnetic toolface does, and is propagated by the x gyro.
 """
 
 from __future__ import annotations
@@ -32,42 +31,42 @@ from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-_MAX_GAP = 0.5  # s between samples over which the turn about the axis is integrated
+_MAX_GAP = 0.5  # longest step between samples over which the rotation about the axis is integrated, s
 _NO_MAG, _NEAR_VERTICAL = int(Status.NO_MAG), int(Status.NEAR_VERTICAL)
 
 
 def last_totals(state: Samples) -> tuple[float, float] | None:
-    """Total field, T, and dip, rad, of the last magnetic sample used; None before the first."""
+    """Return total field, T, and dip, rad, of the last magnetic sample used, or None before the first."""
     s = state[0]
     return (float(s.total), float(s.dip)) if s.have_mag else None
 
 
 def restart_smoothing(state: Samples) -> None:
-    """Forget what was smoothed, because the field model has changed: the next magnetic sample counts whole."""
+    """Discard smoothed values because the field model has changed; the next magnetic sample counts fully."""
     state["restart"] = True
 
 
 def run(p: Params, state: Samples, model: FieldModel, samples: Samples, mag: MagBlock) -> tuple[Samples, Samples, int]:
     """
-    Attitude of a block of samples.
+    Compute the attitude of a block of samples.
 
     Parameters
     ----------
     p : Params
     state : ndarray, shape (1,)
-        From `time_alignment_state.initial`; changed in place. Blocks of any length give the same numbers.
+        State from `time_alignment_state.initial`, changed in place; the result does not depend on the cut into blocks.
     model : FieldModel
     samples : ndarray of dtype `sample.SAMPLE`, shape (n,)
-        `turn` is filled where gravity is known.
+        Samples; `turn` is filled where gravity is known.
     mag : MagBlock
 
     Returns
     -------
     rows : ndarray of dtype ATTITUDE_ROW, shape (n,)
     pairs : ndarray of dtype PAIR
-        One magnetic sample in each interval of `interval_ns`.
+        One magnetic sample for each interval of `interval_ns`.
     used : int
-        How many of the waiting magnetic samples were taken; the rest waits for the next block.
+        Number of waiting magnetic samples used; the rest waits for the next block.
     """
     rows = np.zeros(len(samples), dtype=ATTITUDE_ROW)
     pairs = np.zeros(len(mag.stamp_ns), dtype=PAIR)
@@ -79,14 +78,14 @@ def run(p: Params, state: Samples, model: FieldModel, samples: Samples, mag: Mag
 def _wrap(angle: float) -> float:
     if 0.0 <= angle < 2.0 * math.pi:
         return angle
-    # One turn off is the rule, and added exactly; the remainder costs more.
+    # Usually one turn off, which is added exactly and is cheaper than the remainder.
     angle = angle + 2.0 * math.pi if -2.0 * math.pi < angle < 0.0 else angle % (2.0 * math.pi)
     return 0.0 if angle >= 2.0 * math.pi else angle
 
 
 @compiled
 def _turn_at(s: State, at: int) -> float:
-    """Turn about the axis at a time, rad."""
+    """Return the rotation about the axis at a time, rad."""
     earlier, later, share = ring.around(s.recent, at)
     turn: float = (1.0 - share) * s.recent.rows[earlier].turn + share * s.recent.rows[later].turn
     return turn
@@ -94,11 +93,11 @@ def _turn_at(s: State, at: int) -> float:
 
 @compiled
 def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
-    """Fill the vector down at a time, shape (3,), not of unit length; returns its length and the turn, rad."""
+    """Fill the vector down at a time, shape (3,), not normalised; return its length and the rotation, rad."""
     earlier, later, share = ring.around(s.recent, at)
     first, second = s.recent.rows[earlier], s.recent.rows[later]
     turn = (1.0 - share) * first.turn + share * second.turn
-    # Both neighbours are turned to the time of the sample before they are mixed: the string may turn fast.
+    # Both neighbours are turned to the time before they are averaged, because the string may turn fast.
     c_0, s_0 = math.cos(turn - first.turn), math.sin(turn - first.turn)
     c_1, s_1 = math.cos(turn - second.turn), math.sin(turn - second.turn)
     d_x = (1.0 - share) * first.down[0] + share * second.down[0]
@@ -113,10 +112,10 @@ def _gravity_at(s: State, at: int, down: Array) -> tuple[float, float]:
 @compiled
 def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bool:
     """
-    Pair one magnetic sample with gravity at its stamp and move azimuth and magnetic toolface towards it.
+    Pair one magnetic sample with gravity at its stamp, and move azimuth and magnetic toolface towards it.
 
-    `pair` holds its field; its directions and azimuth are filled. False, with the state unchanged, for a sample that
-    tells nothing.
+    `pair` contains the field; its directions and azimuth are filled. Returns False, with the state unchanged, for a
+    sample without information.
     """
     size, turn = _gravity_at(s, at, pair.g_t)
     off_x, off_y, off_z = model.interference
@@ -128,7 +127,7 @@ def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bo
         pair.g_t[i] /= size
     d_x, d_y, d_z = pair.g_t[0], pair.g_t[1], pair.g_t[2]
     pair.azimuth = raw_azimuth_sample(-d_x, -d_y, -d_z, b_x, b_y, b_z) + model.north_correction
-    # The scribe line's own direction in the horizontal plane: against north and east = down x north.
+    # Direction of the scribe line in the horizontal plane, from north and east = down x north.
     along = b_x * d_x + b_y * d_y + b_z * d_z
     north_x, north_y, north_z = b_x - along * d_x, b_y - along * d_y, b_z - along * d_z
     toolface = math.atan2(d_x * north_y - d_y * north_x, north_z) + model.north_correction
@@ -142,7 +141,7 @@ def _take_mag(p: Params, s: State, model: FieldModel, at: int, pair: Pair) -> bo
 
 @compiled
 def _smooth(p: Params, s: State, at: int, azimuth: float, toolface: float) -> None:
-    """Move the smoothed azimuth and toolface (less turn), rad, towards those of a magnetic sample."""
+    """Move the smoothed azimuth and toolface (minus the rotation), rad, towards those of a magnetic sample."""
     gap = (at - s.mag_ns) * 1e-9
     whole = not s.have_mag or s.restart or p.smoothing_s <= 0.0 or gap <= 0.0 or gap > 10.0 * p.smoothing_s
     keep = 0.0 if whole else math.exp(-gap / p.smoothing_s)
@@ -158,9 +157,10 @@ def _smooth(p: Params, s: State, at: int, azimuth: float, toolface: float) -> No
 @compiled
 def _sigma_azimuth(model: FieldModel, s: State, axial: float, sine: float, cosine: float, tilt: float) -> float:
     """
-    1 sigma of a magnetic azimuth: interference along and across, tilt through the downward field, the north.
+    Return 1 sigma of a magnetic azimuth from interference, tilt (through the vertical field) and the north correction.
 
-    axial: axial interference as it lies across the azimuth, T. sine, cosine: of the inclination. tilt: rad.
+    axial is the part of the axial interference across the azimuth, T; sine and cosine are of the inclination; tilt in
+    rad.
     """
     if s.horizontal <= 0.0 or sine <= 0.0:
         return math.pi
@@ -171,7 +171,7 @@ def _sigma_azimuth(model: FieldModel, s: State, axial: float, sine: float, cosin
 
 @compiled
 def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
-    """1 sigma of the scribe line against north: as the azimuth, without what the axis itself loses near vertical."""
+    """Return 1 sigma of the scribe line from north: like the azimuth, but without the tilt term near vertical."""
     horizontal = max(s.horizontal, 1e-9)
     field = (model.sigma_cross * model.sigma_cross + (s.vertical * tilt) ** 2) / (horizontal * horizontal)
     return min(math.sqrt(field + model.sigma_north * model.sigma_north), math.pi)
@@ -179,7 +179,7 @@ def _sigma_magnetic_toolface(model: FieldModel, s: State, tilt: float) -> float:
 
 @compiled
 def _keep(s: State, sample: Sample) -> None:
-    """Keep a sample whose gravity is known and whose stamp advances."""
+    """Keep a sample if its gravity is known and its stamp advances."""
     step = (sample.stamp_ns - s.last_ns) * 1e-9
     if s.recent.length > 0 and step <= 0.0:
         return
@@ -191,7 +191,7 @@ def _keep(s: State, sample: Sample) -> None:
 
 @compiled
 def _hand_on(s: State, model: FieldModel, at: int, sigma_tilt: float, pair: Pair) -> None:
-    """Complete a pair that was taken: its stamp and sigmas."""
+    """Complete a selected pair with its stamp and sigmas."""
     cosine = pair.g_t[0]
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     axial = model.sigma_axial * sine * math.sin(pair.azimuth - model.north_correction)
@@ -211,7 +211,7 @@ def _follow_vertical(p: Params, s: State, inclination: float) -> None:
 
 @compiled
 def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: float, row: AttitudeRow) -> None:
-    """Row of a sample; across_axis: axial interference across the azimuth of now, T, in a horizontal hole."""
+    """Write the row of a sample; across_axis: axial interference across the azimuth in a horizontal hole, T."""
     row.total, row.dip = (s.total, s.dip) if s.have_mag else (math.nan, math.nan)
     row.azimuth = row.magnetic_toolface = math.nan
     row.sigma_azimuth = row.sigma_magnetic_toolface = math.pi
@@ -227,7 +227,7 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
     status = _NEAR_VERTICAL if s.near_vertical else 0
     turned = sample.rate_x * p.latency_s
     if p.latency_s > 0.0 and math.isfinite(turned):
-        # Where the tool is by now: what was measured, turned on about its axis.
+        # Present attitude of the tool: the measured one, turned about its axis over the latency.
         cosine, sine = math.cos(turned), math.sin(turned)
         d_y, d_z = cosine * d_y + sine * d_z, cosine * d_z - sine * d_y
     else:
@@ -236,7 +236,7 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
     if s.have_mag and sample.stamp_ns - s.mag_ns <= p.mag_timeout_ns:
         row.azimuth = s.azimuth
         if s.near_vertical:
-            # A stamp that came late lies in a time that has been passed already.
+            # A late stamp lies in a time that has already been passed.
             late = sample.stamp_ns < s.last_ns and math.isfinite(sample.rate_x)
             turn = _turn_at(s, sample.stamp_ns) if late else s.turn
             row.magnetic_toolface = _wrap(s.toolface + (1.0 if d_x > 0.0 else -1.0) * (turn + turned))
@@ -254,7 +254,7 @@ def _write(p: Params, s: State, model: FieldModel, sample: Sample, across_axis: 
 def _run(
     p: Params, s: State, model: FieldModel, samples: Samples, mag: MagBlock, rows: Samples, pairs: Samples
 ) -> tuple[int, int]:
-    """Arguments as in `run`, the last two are filled; returns how many samples were used and handed on."""
+    """Fill the last two arguments; return the numbers of samples used and selected; arguments as in `run`."""
     used, handed_on = 0, 0
     across_axis = model.sigma_axial * math.sin(s.azimuth - model.north_correction)
     for i in range(len(samples)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings, state and rows of the time alignment of magnetic samples with gravity, as its kernels see them."""
+"""Settings, state and rows of the time alignment of magnetic samples with gravity, in the form its kernels use."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from mwd_estimation.core.ring import Ring
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.records import dtype_of
 
-RING = 1024  # samples of gravity kept for pairing: 0.2 s at 5 kHz
+RING = 1024  # number of gravity samples kept for pairing: 0.2 s at 5 kHz
 
 
 class Params(NamedTuple):
-    """How magnetic samples become a continuous azimuth."""
+    """Settings for turning magnetic samples into a continuous azimuth."""
 
     mag_lag_ns: int = 20_000_000  #: delay after which a magnetic sample is paired with gravity
-    mag_timeout_ns: int = 2_000_000_000  #: age of the magnetic field beyond which there is no azimuth
-    #: Interval in which one magnetic sample updates the interference filter and the azimuth.
+    mag_timeout_ns: int = 2_000_000_000  #: age of the last magnetic sample above which there is no azimuth
+    #: Interval in which one magnetic sample is selected to update the interference filter and the azimuth.
     interval_ns: int = 200_000_000
     smoothing_s: float = 1.0  #: time constant of azimuth and magnetic toolface
     #: `vertical_enter`, `vertical_leave`: inclination below which azimuth and high side are undefined, and above which
     #: they are defined again, rad.
     vertical_enter: float = math.radians(3.0)
     vertical_leave: float = math.radians(4.0)
-    latency_s: float = 0.0  #: age of a reading at its stamp, over which both toolfaces are propagated by the x gyro
+    latency_s: float = 0.0  #: age of a measurement at its stamp, over which the x gyro propagates both toolfaces
 
 
 class FieldModel(NamedTuple):
-    """What the magnetic samples are to be read with; it changes at surveys, not at samples."""
+    """Model for the evaluation of magnetic samples; it changes at surveys, not at samples."""
 
-    interference: tuple[float, float, float]  #: field in tool axes that is not the Earth's, T, taken off before use
-    #: `sigma_axial`, `sigma_cross`: 1 sigma of what is left of it along and across the axis, T.
+    interference: tuple[float, float, float]  #: field in tool axes that is not the Earth's, T; it is subtracted
+    #: `sigma_axial`, `sigma_cross`: 1 sigma of the remaining interference along and across the axis, T.
     sigma_axial: float
     sigma_cross: float
     north_correction: float = 0.0  #: added to the magnetic azimuth to give the named north, rad
-    sigma_north: float = 0.0  #: its 1 sigma, rad
+    sigma_north: float = 0.0  #: 1 sigma of that correction, rad
 
 
 class GravityRing(Ring):
@@ -50,25 +50,26 @@ class GravityRing(Ring):
 
 
 class State:
-    """All that changes."""
+    """State of the time alignment."""
 
     recent: GravityRing
-    last_ns: int  #: stamp of the last of these
-    turn: float  #: about the tool axis since the start, rad
-    near_vertical: bool  #: the hole is near vertical, with hysteresis
-    #: `have_mag`, `mag_ns`: whether a magnetic sample has been taken in, and the stamp of the last.
+    last_ns: int  #: stamp of the last of these samples
+    turn: float  #: rotation about the tool axis since the start, rad
+    near_vertical: bool  #: whether the hole is near vertical, with hysteresis
+    #: `have_mag`, `mag_ns`: whether a magnetic sample has been used, and the stamp of the last.
     have_mag: bool
     mag_ns: int
-    restart: bool  #: the next magnetic sample counts whole
-    last_interval: int  #: in which one was handed on last
-    #: `azimuth_vector`, `toolface_vector`: smoothed cosine and sine of azimuth, and of magnetic toolface less turn.
+    restart: bool  #: whether the next magnetic sample counts fully
+    last_interval: int  #: interval in which a sample was last selected
+    #: `azimuth_vector`, `toolface_vector`: smoothed cosine and sine of azimuth, and of magnetic toolface minus
+    #: rotation.
     azimuth_vector: Annotated[Array, 2]
     toolface_vector: Annotated[Array, 2]
-    #: `azimuth`, `toolface`: their angles, rad.
+    #: `azimuth`, `toolface`: angles of these vectors, rad.
     azimuth: float
     toolface: float
-    #: `total`, `dip`, `horizontal`, `vertical`: of the last magnetic sample: strength T, dip rad, field across and
-    #: along the vertical, T.
+    #: `total`, `dip`, `horizontal`, `vertical`: strength, T, dip, rad, horizontal and vertical field, T, of the last
+    #: magnetic sample.
     total: float
     dip: float
     horizontal: float
@@ -79,8 +80,9 @@ class AttitudeRow:
     """
     Attitude of a sample.
 
-    Angles in rad, nan where not available (`azimuth`, `magnetic_toolface`) and then with a sigma of pi; `total` T and
-    `dip` rad of the last magnetic sample used, however old, nan before the first; `status` the bits this module adds.
+    Angles are in rad; `azimuth` and `magnetic_toolface` are NaN with a sigma of pi if not available. `total`, T, and
+    `dip`, rad, are those of the last magnetic sample used, however old, and NaN before the first. `status` has the bits
+    that this module adds.
     """
 
     inclination: float
@@ -95,21 +97,21 @@ class AttitudeRow:
 
 
 class Pair:
-    """A magnetic sample handed on, with gravity at its own stamp."""
+    """A selected magnetic sample with gravity at its own stamp."""
 
-    place: int  #: IMU sample of the block with which it was taken
+    place: int  #: IMU sample of the block at which it was used
     stamp_ns: int  #: its own stamp
-    #: `g_t`, `b_t`: unit vector down, and the field as read, T.
+    #: `g_t`, `b_t`: unit vector down, and the measured field, T.
     g_t: Annotated[Array, 3]
     b_t: Annotated[Array, 3]
     sigma_tilt: float  #: 1 sigma of the direction down, rad
-    #: `azimuth`, `sigma`: by the field model, from its north, and 1 sigma, rad.
+    #: `azimuth`, `sigma`: azimuth by the field model, from its north, and 1 sigma, rad.
     azimuth: float
     sigma: float
 
 
 class MagBlock(NamedTuple):
-    """Magnetic samples that wait, in order of their stamps: stamp_ns, shape (m,), and b_t, shape (m, 3), T."""
+    """Waiting magnetic samples in order of their stamps: stamp_ns, shape (m,), and b_t, T, shape (m, 3)."""
 
     stamp_ns: Stamps
     b_t: Array
@@ -119,7 +121,7 @@ STATE, ATTITUDE_ROW, PAIR = dtype_of(State), dtype_of(AttitudeRow), dtype_of(Pai
 
 
 def initial() -> Samples:
-    """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
+    """Return the state before the first sample, shape (1,), dtype STATE; a run can continue from a copy."""
     state = np.zeros(1, dtype=STATE)
     state["last_interval"] = -1
     return state

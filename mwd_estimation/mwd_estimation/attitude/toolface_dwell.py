@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Decide when a toolface can be used for steering: when the string has not turned about its axis for some time.
+Decide whether a toolface can be used for steering: the string must not have turned about its axis for some time.
 
-In stick-slip the bit stands still for seconds while the top drive goes on turning, and then turns again. A pause of
-the rotation therefore counts as its end only when it has lasted longer than the pauses of a stick-slip cycle: at least
-a given time, and a given number of the longest cycles seen lately.
+In stick-slip the bit stands still for seconds while the top drive keeps turning, and then turns again. A pause of the
+rotation therefore counts as its end only if it lasts longer than the pauses of a stick-slip cycle: at least a fixed
+time, and at least a multiple of the longest recent cycle.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Record:
     begun_ns: int  #: stamp at which the rotation of `turned_ns` began
     turning: bool  #: whether the string turned in the last sample
     angle: float  #: angle turned since `begun_ns`, rad
-    cycle: float  #: time from the begin of the rotation before to that of this one, s; 0: there was none, or it counted
-    longest: float  #: longest stick-slip cycle seen lately, s
+    cycle: float  #: time between the starts of the previous rotation and this one, s; 0 if none or counted
+    longest: float  #: longest recent stick-slip cycle, s
 
 
 RECORD = dtype_of(Record)
@@ -55,11 +55,11 @@ def run(params: Params, state: Samples, stamps: Stamps, track: Track) -> None:
     ----------
     params : Params
     state : ndarray of dtype RECORD, shape (1,)
-        Zeros at first; changed in place. Blocks of any length give the same bits.
+        State, zeros at first, changed in place; the result does not depend on how the samples are cut into blocks.
     stamps : ndarray of int64, shape (n,)
-        ns.
+        Stamps, ns.
     track : Track
-        Its rotary speed and its status are read.
+        Track whose rotary speed and status are read.
     """
     _run(params, state[0], stamps, track.rotary_speed, track.status)
 
@@ -76,7 +76,7 @@ def _run(p: Params, s: Record, stamps: Stamps, rotary_speed: Array, status: NDAr
 
 @compiled
 def _follow(s: Record, stamp: int, speed: float, turning: bool) -> None:
-    """Follow rotation and pauses over one sample; speed: rad/s."""
+    """Follow rotation and pauses over one sample; speed in rad/s."""
     if turning and not s.turning:
         s.cycle = (stamp - s.begun_ns) * 1e-9 if s.turned_ns != 0 else 0.0
         s.begun_ns, s.angle = stamp, 0.0
@@ -84,7 +84,7 @@ def _follow(s: Record, stamp: int, speed: float, turning: bool) -> None:
         dt = (stamp - s.last_ns) * 1e-9 if s.turning else 0.0
         s.angle += speed * dt
         s.longest *= math.exp(-dt / MEMORY)
-        # A driller who orients the tool turns it by less than a turn at a time.
+        # A driller who orients the tool turns it by less than a full turn at a time.
         if s.angle > math.tau and s.cycle > 0.0:
             if s.cycle < LONGEST_CYCLE:
                 s.longest = max(s.longest, s.cycle)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The 48 ways to exchange and reverse three axes, and what each looks like in vectors carried along by the gyros.
+The 48 ways to exchange and reverse three axes, and how each one shows in vectors carried along by the gyros.
 
-A signed permutation P maps true to measured components, `v' = P v`. With gyros `w' = G w` and vectors `v' = V v`, and
-G = s Q' (Q proper, s = +1 or -1), the carried vector is `R v = Q R_s Q' V' v'`, where R_s is the attitude integrated
-from s w' and ' at a matrix its transpose. The length of its mean depends on s and M = Q' V' up to sign: 2 x 24 ways.
+A signed permutation P turns true components into measured ones: `v' = P v`. With gyros `w' = G w` and vectors `v' = V
+v` (V a signed permutation too), and G = s Q' (Q proper, s = +1 or -1), the carried vector is `R v = Q R_s Q' V' v'`.
+Here R_s is the attitude integrated from s w', and ' after a matrix is its transpose. The length of the mean of the
+carried vector depends only on s and on M = Q' V' up to sign, which gives 2 x 24 different cases.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def _signed_permutations() -> list[Indices]:
 
 
 def _contrived(m: Indices) -> int:
-    """How contrived a mistake is: an axis reversed or two exchanged 1, then all reversed, turns, mixtures."""
+    """Rank how unlikely a wiring mistake is: 1 for one axis reversed or two exchanged, up to 4 for mixtures."""
     fixed, flips = int(np.count_nonzero(np.diagonal(m))), int(np.count_nonzero(m < 0))
     if fixed == 3:
         return {1: 1, 3: 2, 2: 3}[flips]
@@ -37,15 +38,15 @@ def _contrived(m: Indices) -> int:
 
 
 MAPPINGS = _signed_permutations()
-"""All 48 as matrices, shape (3, 3), the identity first."""
+"""All 48 signed permutations as matrices, shape (3, 3), the identity first."""
 
 _PROPER = [m for m in MAPPINGS if round(float(np.linalg.det(m))) == 1]
 WAYS: Array = np.array(_PROPER, dtype=float)
-"""M of the ways with the attitude of +w, shape (24, 3, 3); the same again with that of -w make 48."""
+"""The matrices M for the attitude integrated from +w, shape (24, 3, 3); the same 24 with -w make up the 48 cases."""
 
 
 def _mistakes() -> tuple[Indices, Indices]:
-    """Of each mistake of one sensor: sensor, mapping, way seen in gravity, way seen in the field; and its weight."""
+    """List the mistakes of one sensor (sensor, mapping, case seen in gravity, case seen in the field) and the ranks."""
     index = {m.tobytes(): k for k, m in enumerate(_PROPER)}
     rows, weights = [], []
     for k, m in enumerate(MAPPINGS[1:], start=1):
@@ -54,17 +55,17 @@ def _mistakes() -> tuple[Indices, Indices]:
         by_vector = index[np.ascontiguousarray(sign * m.T).tobytes()]
         rows += [(GYRO, k, by_gyro, by_gyro), (ACCEL, k, by_vector, 0), (MAG, k, 0, by_vector)]
         weight = _contrived(m)
-        # Whoever takes the other sense of turning for positive reverses all gyros, and not one of them.
+        # A driver that counts rotation positive the other way reverses all gyros, so all three are as likely as one.
         weights += [1 if weight == 2 else weight, weight, weight]
     return np.array(rows, dtype=np.int64), np.array(weights, dtype=np.int64)
 
 
 MISTAKES, WEIGHTS = _mistakes()
-"""Mistakes, shape (141, 4), and how contrived each is, shape (141,)."""
+"""All mistakes of one sensor, shape (141, 4), and how unlikely each is, shape (141,)."""
 
 
 def kind_of(k: int) -> tuple[str, str]:
-    """Name what mapping k is, swapped, flipped or frame, and the axes it moves."""
+    """Return the kind of mapping k ("swapped", "flipped" or "frame") and the letters of the axes that it changes."""
     m = MAPPINGS[k]
     flipped = "".join(a for n, a in enumerate("xyz") if m[n].sum() < 0)
     moved = "".join(a for n, a in enumerate("xyz") if m[n, n] == 0)

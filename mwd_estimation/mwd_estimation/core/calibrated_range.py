@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Temperatures at which the tool was calibrated, and what its sensors may be off beyond them."""
+"""Temperatures at which the tool was calibrated, and the errors to expect of its sensors outside them."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-# A thermometer that reads more than this beyond the range is at fault itself, degC.
+# A thermometer that reads further than this outside the range must itself be faulty, degC.
 _MOST = 100.0
 
 
 @dataclasses.dataclass(frozen=True)
 class CalibratedRange:
     """
-    Range of calibration, and growth of the sensors' bias beyond it.
+    Temperature range of the calibration, and how fast the biases of the sensors grow outside it.
 
-    A bias that calibration has brought to zero at all temperatures of a range departs from it with distance, to first
-    order in proportion; the slope of a unit is not known, only its size: it is the 1 sigma.
+    Calibration brings the bias to zero at all temperatures of the range. Outside the range the bias grows, to first
+    order, in proportion to the distance. The slope of a particular unit is unknown; only its usual size is known, and
+    that is the 1 sigma given here.
     """
 
-    #: `low_c`, `high_c`: degC.
+    #: `low_c`, `high_c`: lowest and highest temperature of the calibration, degC.
     low_c: float = -273.0
     high_c: float = 1000.0
     #: `accelerometer_mps2_per_c`, `magnetometer_t_per_c`: 1 sigma of the slope of the bias of each axis, m/s^2/degC and
@@ -31,27 +32,27 @@ class CalibratedRange:
     magnetometer_t_per_c: float = 0.0
 
     def beyond(self, celsius: float | None) -> float:
-        """Distance to the range, degC, at most 100; 0 inside and where the temperature is not known."""
+        """Return how far a temperature is outside the range, degC, at most 100; 0 if inside or unknown."""
         if celsius is None or not np.isfinite(celsius):
             return 0.0
         return min(max(self.low_c - celsius, celsius - self.high_c, 0.0), _MOST)
 
     def variances(self, celsius: float | None) -> tuple[float, float]:
-        """Variance of each axis of force and field at a temperature, (m/s^2)^2 and T^2."""
+        """Return the variance added to each axis of force and field at a temperature, (m/s^2)^2 and T^2."""
         beyond = self.beyond(celsius)
         return (self.accelerometer_mps2_per_c * beyond) ** 2, (self.magnetometer_t_per_c * beyond) ** 2
 
 
 class TemperatureWatch:
     """
-    What temperatures beyond the range came.
+    Keep track of temperatures outside the range of the calibration.
 
     Attributes
     ----------
     last : float or None
-        The last temperature, degC; None while there was none.
+        The last temperature, degC; None before the first.
     outside : (float, float) or None
-        Lowest and highest of those beyond the range, degC; None while there was none.
+        Lowest and highest temperature outside the range so far, degC; None if there was none.
     """
 
     def __init__(self, calibrated: CalibratedRange) -> None:
@@ -60,7 +61,7 @@ class TemperatureWatch:
         self.outside: tuple[float, float] | None = None
 
     def take(self, celsius: Array) -> None:
-        """Take temperatures, shape (n,), degC; what is not finite is left out."""
+        """Add temperatures, shape (n,), degC; values that are not finite are ignored."""
         good = celsius[np.isfinite(celsius)]
         if not len(good):
             return
@@ -72,5 +73,5 @@ class TemperatureWatch:
 
     @property
     def outside_now(self) -> bool:
-        """Whether the last temperature is beyond the range."""
+        """Whether the last temperature is outside the range."""
         return self._range.beyond(self.last) > 0.0

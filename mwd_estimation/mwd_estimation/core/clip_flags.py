@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a unit says of its own clipping: axes that were beyond their range within a sample.
+Flags for clipping that a unit itself reports: axes that exceeded their range at some time within a sample.
 
-A reading that is a mean over its interval may hide a clipped tip and look small; only the unit knows. A driver tells it
-by the covariance of the sample (`mwd_sensors.core.input_covariance`), so that recordings keep it.
+If a reading is a mean over its interval, the clipped peak may be hidden in it; then only the unit knows. Drivers report
+clipping in the covariance of the sample (`mwd_sensors.core.input_covariance`), so that recordings contain it too.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from mwd_sensors.core import input_covariance
 from mwd_sensors.core.arrays import Array, Samples, Stamps
 
-# Bits: an accelerometer, the gyro about the axis of the tool, a gyro across it.
+# Bits for: any accelerometer, the gyro along the axis of the tool, any gyro across it.
 ACCEL, AXIAL_GYRO, CROSS_GYRO = 1, 2, 4
 
 
 class UnitSamples(NamedTuple):
-    """Stamps, ns, (n,); rates, rad/s, and forces, m/s^2, (n, 6); clip flags, (n,), or None where nothing was said."""
+    """Stamps, ns, (n,); rates, rad/s, and forces, m/s^2, (n, 6); clip flags, (n,), or None if the unit reports none."""
 
     stamps: Stamps
     values: Array
@@ -29,7 +29,7 @@ class UnitSamples(NamedTuple):
 
 
 def of(samples: Samples) -> NDArray[np.uint8]:
-    """Bits of samples in tool axes, dtype of `wire.IMU` or part of it; shape (n,)."""
+    """Return the clip flags of samples in tool axes (dtype of `wire.IMU` or part of it), shape (n,)."""
     force = input_covariance.clipped(samples, "linear_acceleration").any(axis=1)
     rate = input_covariance.clipped(samples, "angular_velocity")
     bits = ACCEL * force + AXIAL_GYRO * rate[:, 0] + CROSS_GYRO * rate[:, 1:].any(axis=1)
@@ -38,12 +38,12 @@ def of(samples: Samples) -> NDArray[np.uint8]:
 
 def given(clipped: ArrayLike | None, count: int) -> NDArray[np.uint8]:
     """
-    Bits of a block as a kernel takes them; None: nothing was said.
+    Return clip flags in the form that kernels need, shape (count,); all zero if `clipped` is None.
 
     Raises
     ------
     ValueError
-        Not one value for each sample.
+        If there is not exactly one value per sample.
     """
     bits = np.zeros(count, dtype=np.uint8) if clipped is None else np.ascontiguousarray(clipped, dtype=np.uint8)
     if bits.shape != (count,):

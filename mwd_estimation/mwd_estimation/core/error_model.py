@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Errors that calibration leaves in the six axes of a survey tool, and of how the tool lies in its hole; their covariance.
+Errors left in the six axes of a survey tool after calibration, its misalignment in the hole, and their covariance.
 
 The defaults are the sensor and alignment terms of the ISCWSA / OWSG tool code for ordinary MWD (A001Mc rev 5.1: ABXY,
-ABZ, ASXY, ASZ, MBXY, MBZ, MSXY, MSZ, AMIL, SAGE, XYM1 to XYM4E), the sensors' per axis, so that they propagate
-through any attitude and any method alike.
+ABZ, ASXY, ASZ, MBXY, MBZ, MSXY, MSZ, AMIL, SAGE, XYM1 to XYM4E). The sensor terms are given per axis, so that they
+propagate through any attitude and any method.
 """
 
 from __future__ import annotations
@@ -20,26 +20,27 @@ from mwd_sensors.core.arrays import Array
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """1 sigma of the errors that do not average out within one station."""
+    """1 sigma of the errors that are constant within one station, so that averaging does not reduce them."""
 
     accelerometer_bias_mps2: float = 0.004  #: accelerometer bias of each axis, m/s^2
     accelerometer_scale: float = 0.0005  #: accelerometer scale error of each axis
     magnetometer_bias_nt: float = 70.0  #: magnetometer bias of each axis, nT
     magnetometer_scale: float = 0.0016  #: magnetometer scale error of each axis
-    #: Axial field of the drill string above and below, expected with a proper collar, nT.
+    #: Axial magnetic field of the drill string above and below the tool, if the collar is as it should be, nT.
     axial_interference_nt: float = 220.0
     cross_interference_nt: float = 0.0  #: field of the drill string across the axis, each way, nT
-    misalignment_deg: float = 0.1  #: tool axis against hole axis, each way, the same all along (XYM1, XYM2), deg
-    #: Hole axis at the station against the mean hole, other at each station (XYM3E, XYM4E), deg.
+    #: Tool axis against hole axis, in each direction, constant along the hole (XYM1, XYM2), deg.
+    misalignment_deg: float = 0.1
+    #: Hole axis at the station against the mean hole, different at each station (XYM3E, XYM4E), deg.
     course_misalignment_deg: float = 0.3
-    #: Turn of the accelerometers against the magnetometers about each axis: not in the code; what a calibration of both
-    #: in one fixture leaves, deg.
+    #: Rotation of the accelerometers against the magnetometers about each axis, deg. Not part of the tool code; it is
+    #: what remains after both were calibrated in one fixture.
     mount_deg: float = 0.02
-    sag_deg: float = 0.2  #: sag of the assembly in a horizontal hole, uncorrected (SAGE), deg
+    sag_deg: float = 0.2  #: sag of the assembly in a horizontal hole, if not corrected (SAGE), deg
 
     def covariance(self, f_t: ArrayLike, b_t: ArrayLike) -> Array:
         """
-        Covariance of (f_t, b_t) from bias and scale of every axis, interference left out.
+        Return the covariance of (f_t, b_t) caused by bias and scale errors of every axis, without interference.
 
         f_t, b_t, shape (..., 3), m/s^2 and T. Returns shape (..., 6, 6), (m/s^2)^2 and T^2, diagonal.
         """
@@ -50,10 +51,10 @@ class SensorErrors:
 
     def alignment(self, inclination: float) -> Array:
         """
-        Covariance of (inclination, azimuth, toolface), rad^2, shape (3, 3), as the tool does not lie along the hole.
+        Return the covariance of (inclination, azimuth, toolface) due to misalignment of tool and hole, rad^2, (3, 3).
 
-        inclination: rad. The azimuth term grows as 1 / sin(inclination) towards the vertical, as the angle itself
-        loses meaning.
+        inclination: rad. The azimuth term grows as 1 / sin(inclination) towards the vertical, where azimuth itself
+        becomes undefined.
         """
         sine, cosine = abs(math.sin(inclination)), math.cos(inclination)
         same, course, sag = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words for faults of sensors, for tables, logs and diagnostics: nothing reads them back."""
+"""Texts for sensor faults, for tables, logs and diagnostics; no program parses them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mwd_estimation.core.axis_mappings import MAPPINGS, kind_of
 from mwd_estimation.core.sensor_fault import SENSORS, FaultCode, SensorFault, Unit
 from mwd_sensors.core.mount import PRESETS
 
-# Units beside SI that a sensor may send, in the order of their numbers.
+# Units other than SI that a sensor may send, in the order of their numbers.
 OTHER_UNITS = (("deg/s",), ("g",), ("mT", "gauss", "uT", "mG", "nT"))
 _SI = ("rad/s", "m/s^2", "T")
 _VECTORS = ("angular_velocity", "linear_acceleration", "magnetic_field")
@@ -21,23 +21,23 @@ _CABLE = "check its plug and cable; if it stays, change the probe"
 
 @dataclasses.dataclass(frozen=True)
 class FaultText:
-    """A fault in words."""
+    """Description of a fault for people."""
 
     #: stuck, saturated, invalid, dead, noise, absent, held, rate, stamps, unit, swapped, flipped, frame, mount,
     #: mismatch or gravity; several possible ones are joined by "/".
     kind: str
-    #: `sensor`, `axis`: which; several possible ones are joined by "/" ("" where no single axis is meant).
+    #: `sensor`, `axis`: the faulty one; if several are possible they are joined by "/" ("" if no single axis is meant).
     sensor: str
     axis: str
-    severity: str  #: "error": the sensor must not be used; "warning": it may, with care
-    confidence: float  #: 0 to 1: share of the possible explanations that is named, less where the evidence is indirect
+    severity: str  #: "error": do not use the sensor; "warning": use it with care
+    confidence: float  #: 0 to 1: share of the possible explanations that the text names; lower for indirect evidence
     #: `message`, `remedy`: what is wrong, and what to do about it ("" for a fault that has ended).
     message: str
     remedy: str
 
 
 def describe(fault: SensorFault) -> FaultText:
-    """Words of a fault."""
+    """Return the description of a fault for people."""
     sensor, description = SENSORS[fault.place // 3], _DESCRIPTIONS[fault.code]
     message, remedy = (_not_provided if fault.declared else description.words)(fault, sensor)
     text = FaultText(
@@ -66,7 +66,7 @@ def _joined(names: Iterable[str]) -> str:
 
 
 def _few(fault: SensorFault) -> tuple[int, ...]:
-    """Give the mappings that explain it, unless a wrong frame leaves too many."""
+    """Return the mappings that explain the fault; none if a wrong frame leaves too many of them."""
     count = sum(mask.bit_count() for mask in fault.mappings)
     return fault.mappings if fault.code == FaultCode.AXES or 0 < count <= 4 else ()
 
@@ -132,7 +132,7 @@ def _noise(fault: SensorFault, sensor: str) -> tuple[str, str]:
 
 
 def unit_words(fault: SensorFault) -> str:
-    """Name of the unit that a fault UNIT has found."""
+    """Return the name of the unit of measurement that the sensor seems to send, for a fault with code UNIT."""
     name = OTHER_UNITS[fault.place // 3][fault.other_unit]
     return "G" if name == "gauss" else name
 
@@ -207,7 +207,7 @@ def _way_words(masks: tuple[int, ...]) -> str:
 
 
 def mapping_words(k: int) -> str:
-    """Say what a mapping of `axis_mappings` does to the axes."""
+    """Describe in words how a mapping of `axis_mappings` changes the axes."""
     kind, axes = kind_of(k)
     still = [a for a in "xyz" if a not in axes]
     if kind == "flipped":
@@ -228,11 +228,11 @@ Words = Callable[[SensorFault, str], tuple[str, str]]
 
 
 class _Description(NamedTuple):
-    """What is said of the faults of a check."""
+    """How to describe the faults found by one check."""
 
-    words: Words  #: message and remedy of a fault and the name of its sensor
-    kind: str = ""  #: empty: the name of the check
-    confidence: float = 0.99  #: less of what is seen indirectly
+    words: Words  #: returns message and remedy, from a fault and the name of its sensor
+    kind: str = ""  #: if empty, the name of the check is used
+    confidence: float = 0.99  #: lower for what is seen only indirectly
     warns: bool = False
 
 

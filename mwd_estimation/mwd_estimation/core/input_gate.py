@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The gate at the entrance of the estimator: a value that no sensor of its kind can read becomes NaN, before all stages.
+Gate at the entrance of the estimator: it replaces values that no sensor of the kind can read by NaN.
 
-The physical range of a sensor is that of its data sheet (`settings.tool`) with a margin. Within the range a value is a
-reading. Between the range and the gate it is a reading of a clipped sensor: converters go on for up to 15 % beyond the
-range that a data sheet promises (an ST LSM6 reads 2293 deg/s at 2000), and a scale correction adds some per cent. The
-stages take it as clipped, as one at the range itself. Beyond the gate it is no measurement, and nothing of it is left
-but NaN: whatever number was sent, the output is that of a missing value, bit for bit.
+The physical range of a sensor is the one in its data sheet (`settings.tool`). A value within the range is an ordinary
+reading. A value between the range and the gate is a reading of a clipped sensor: converters work up to 15 % beyond the
+range of the data sheet (an ST LSM6 reads 2293 deg/s at 2000), and a scale correction adds a few per cent. The stages
+treat it as clipped at the end of the range. A value beyond the gate is not a measurement. It becomes NaN, so that the
+output is the same, bit for bit, as for a missing value, whatever number was sent.
 
-A unit that sends another unit of measurement (nT instead of T) is beyond the gate all the time. Its readings are not
-used either, but their sizes are kept apart (`Refused`), so that the health of the sensors can name the unit.
+If a unit sends another unit of measurement (nT instead of T), all its values are beyond the gate. They are not used
+either, but their sizes are kept (`Refused`), so that the health checks can name the unit of measurement.
 """
 
 from __future__ import annotations
@@ -26,35 +26,35 @@ from mwd_sensors.core.records import dtype_of
 
 # Ratio of the gate to the range. Converters exceed the range by up to 15 %, and a scale correction adds a few per cent.
 MARGIN = 1.25
-# Gates where the range is not known, or stated wider: 1900 r/min; 400 g; a hundred times what a magnetised string adds.
+# Gates if the range is unknown or set wider: 1900 r/min; 400 g; 100 times the field of a magnetised drill string.
 _FASTEST, _STRONGEST_FORCE, _STRONGEST_FIELD = 200.0, 4000.0, 0.01
-# The settings state no range of the precision unit's accelerometers; none has more than 60 g, m/s^2.
+# The settings give no range for the accelerometers of the precision unit; none measures more than 60 g, m/s^2.
 _STRONGEST_PRECISION = 1000.0
-# Temperatures of a tool in store and of the hottest wells, with a margin, degC.
+# From the temperature of a tool in cold storage to that of the hottest wells, with a margin, degC.
 _COLDEST, _HOTTEST = -100.0, 400.0
-# Factors from SI to the units that a sensor may send in its place: deg/s; nT at most.
+# Factors from SI to the units that a sensor may send instead: deg/s; nT, the largest of the other field units.
 _OTHER_RATE, _OTHER_FIELD = math.degrees(1.0), 1e9
-# No pump moves so much mud, m^3/s; through a 5 in pipe it would run at 100 m/s.
+# No pump moves more mud than this, m^3/s; in a 5 in pipe it would flow at 100 m/s.
 _MOST_FLOW = 1.0
 # Numbers of the sensors in `Refused`.
 GYRO, ACCEL, MAG, PRECISION_GYRO, PRECISION_ACCEL = range(5)
-# Largest number of refused readings that are kept: three seconds of three streams at 2 kHz.
+# Largest number of refused readings kept: three seconds of three streams at 2 kHz.
 _MOST_KEPT = 20_000
 
 
 class Refused:
-    """A reading beyond the gate that is one in another unit of measurement."""
+    """A reading beyond the gate that may be a correct value in another unit of measurement."""
 
     stamp_ns: int
     sensor: int  #: GYRO, ACCEL, MAG, PRECISION_GYRO or PRECISION_ACCEL
-    size: float  #: length of the vector as it was sent
+    size: float  #: length of the vector, in the unit in which it was sent
 
 
 REFUSED = dtype_of(Refused)
 
 
 class Ranges(NamedTuple):
-    """Ends of the ranges of data sheets, rad/s, m/s^2 and T; inf: not known."""
+    """Ends of the measuring ranges in the data sheets, rad/s, m/s^2 and T; inf if unknown."""
 
     gyro: float = math.inf
     accel: float = math.inf
@@ -64,7 +64,7 @@ class Ranges(NamedTuple):
 
 class InputGate:
     """
-    The gate of one tool; samples are in axes of their unit, where a range is that of an axis.
+    The gate of one tool. Samples must be in the axes of their own unit, because a range belongs to an axis.
 
     ranges : Ranges
     """
@@ -72,26 +72,26 @@ class InputGate:
     def __init__(self, ranges: Ranges) -> None:
         full = (*ranges, math.inf)
         caps = (_FASTEST, _STRONGEST_FORCE, _STRONGEST_FIELD, _FASTEST, _STRONGEST_PRECISION)
-        #: Gates of the sensors, rad/s, m/s^2 and T, in the order of their numbers.
+        #: Gates of the sensors, rad/s, m/s^2 and T, in the order of the sensor numbers.
         self.limits = tuple(min(MARGIN * end, cap) for end, cap in zip(full, caps, strict=True))
         self._refused = np.zeros(0, dtype=REFUSED)
 
     def imu(self, samples: Samples) -> Samples:
-        """Return samples of the conventional unit, dtype of `wire.IMU` or part of it, as they may be used."""
+        """Return samples of the conventional unit (dtype of `wire.IMU` or part of it), with NaN beyond the gate."""
         samples = self._vector(samples, "angular_velocity", GYRO)
         return self._vector(samples, "linear_acceleration", ACCEL)
 
     def mag(self, samples: Samples) -> Samples:
-        """Return samples of the magnetometer, dtype of `wire.MAG`, as they may be used."""
+        """Return samples of the magnetometer (dtype of `wire.MAG`), with NaN beyond the gate."""
         return self._vector(samples, "magnetic_field", MAG)
 
     def precision(self, samples: Samples) -> Samples:
-        """Return samples of the high-precision unit as they may be used."""
+        """Return samples of the precision unit, with NaN beyond the gate."""
         samples = self._vector(samples, "angular_velocity", PRECISION_GYRO)
         return self._vector(samples, "linear_acceleration", PRECISION_ACCEL)
 
     def temperature(self, samples: Samples) -> Samples:
-        """Return temperatures, dtype of `wire.TEMPERATURE`, as they may be used."""
+        """Return temperatures (dtype of `wire.TEMPERATURE`), with NaN beyond the gate."""
         celsius = samples["temperature"][:, None]
         if not _count(celsius, _COLDEST, _HOTTEST):
             return samples
@@ -100,7 +100,7 @@ class InputGate:
         return samples
 
     def take_refused(self) -> Samples:
-        """Return what was refused since the last call and may be in another unit, dtype REFUSED, shape (n,)."""
+        """Return and forget the refused readings that may be in another unit, dtype REFUSED, shape (n,)."""
         refused, self._refused = self._refused, np.zeros(0, dtype=REFUSED)
         return refused
 
@@ -121,19 +121,19 @@ class InputGate:
 
 
 def flow(samples: Samples) -> Samples:
-    """Return the samples of the flow in the tool, dtype of `wire.TOOL_FLOW`, that are readings."""
+    """Return the flow samples (dtype of `wire.TOOL_FLOW`) with a possible value; the others are dropped."""
     readings: Samples = samples[np.abs(samples["flow"]) <= _MOST_FLOW]
     return readings
 
 
 def kept(held: Samples, more: Samples) -> Samples:
-    """Join records of what was refused, dtype REFUSED; of too many the oldest are dropped."""
+    """Append refused readings (dtype REFUSED) to earlier ones; the oldest are dropped if there are too many."""
     return np.concatenate([held, more])[-_MOST_KEPT:]
 
 
 @compiled
 def sizes_of(refused: Samples, sensor: int, start_ns: int, end_ns: int) -> Array:
-    """Sizes of the readings of a sensor refused from `start_ns` to before `end_ns`, in order of size, shape (k,)."""
+    """Return the sizes of the readings of a sensor refused in [start_ns, end_ns), sorted, shape (k,)."""
     sizes, k = np.empty(len(refused)), 0
     for one in refused:
         if one.sensor == sensor and start_ns <= one.stamp_ns < end_ns:
@@ -156,9 +156,9 @@ def _count(values: Array, low: float, high: float) -> int:
 @compiled
 def _apply(values: Array, low: float, high: float) -> NDArray[np.float64]:
     """
-    Put NaN in the place of each value, shape (n, k), beyond the gate, and 0 in that of -0; changes them.
+    Replace each value, shape (n, k), beyond the gate by NaN and each -0 by 0, in place.
 
-    Returns the lengths of the rows with a number beyond the gate, shape (n,); NaN for the others.
+    Returns the length of each row that has a value beyond the gate, shape (n,), and NaN for the other rows.
     """
     sizes = np.full(values.shape[0], math.nan)
     for i in range(values.shape[0]):

@@ -20,7 +20,7 @@ from mwd_sensors.core.frames import wrap_tau
 
 def dip(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
-    Angle of the field below the horizontal.
+    Return the angle of the field below the horizontal.
 
     f_t, b_t, shape (..., 3): specific force, m/s^2, and field, T, in the same axes. Returns shape (...), rad in
     [-pi/2, pi/2].
@@ -32,7 +32,7 @@ def dip(f_t: ArrayLike, b_t: ArrayLike) -> Array:
 
 def raw_azimuth(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
-    Magnetic azimuth of the hole axis, nothing corrected (S0 eq 10, with G = -f_t).
+    Return the magnetic azimuth of the hole axis without any correction (S0 eq 10, with G = -f_t).
 
     f_t, b_t, shape (..., 3): specific force, m/s^2, and field, T, in tool axes. Returns shape (...), rad in [0, 2 pi).
     Undefined in a vertical hole and where the field is vertical.
@@ -49,7 +49,7 @@ def raw_azimuth(f_t: ArrayLike, b_t: ArrayLike) -> Array:
 
 @compiled
 def raw_azimuth_sample(f_x: float, f_y: float, f_z: float, b_x: float, b_y: float, b_z: float) -> float:
-    """Magnetic azimuth of one sample, rad in [0, 2 pi): `raw_azimuth` for compiled loops (S0 eq 10)."""
+    """Return the magnetic azimuth of one sample, rad in [0, 2 pi): `raw_azimuth` for compiled loops (S0 eq 10)."""
     g = math.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
     east = g * (b_y * f_z - b_z * f_y)
     north = b_x * (f_y * f_y + f_z * f_z) - f_x * (b_y * f_y + b_z * f_z)
@@ -59,14 +59,14 @@ def raw_azimuth_sample(f_x: float, f_y: float, f_z: float, b_x: float, b_y: floa
 
 def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
-    Differentiate (inclination, raw magnetic azimuth, gravity toolface) by (f_t, b_t).
+    Return the derivatives of (inclination, raw magnetic azimuth, gravity toolface) with respect to (f_t, b_t).
 
-    f_t, b_t, shape (..., 3). Returns shape (..., 3, 6), rad per m/s^2 and rad per T. Azimuth and toolface rows grow
-    as 1 / sin(inclination) towards the vertical. The field must not be vertical.
+    f_t, b_t, shape (..., 3). Returns shape (..., 3, 6), rad per m/s^2 and rad per T. The rows of azimuth and toolface
+    grow as 1 / sin(inclination) towards the vertical. The field must not be vertical.
     """
     f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
     g = np.linalg.norm(f_t, axis=-1)
-    # An exactly vertical hole is taken as tilted by 1e-7 rad, where all slopes are large and finite.
+    # Tilt an exactly vertical hole by 1e-7 rad, so that all slopes are large but finite.
     upright = np.hypot(f_t[..., 1], f_t[..., 2]) < 1e-7 * g
     f_t = np.where(upright[..., None], f_t + 1e-7 * g[..., None] * np.array([0.0, 0.0, 1.0]), f_t)
     down = -f_t / g[..., None]
@@ -89,7 +89,7 @@ def angle_jacobian(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     square = (north**2 + east**2)[..., None]
     azimuth_b = (north[..., None] * east_b - east[..., None] * north_b) / square
     azimuth_d = (north[..., None] * east_d - east[..., None] * north_d) / square
-    # A change of f along itself does not turn the vertical.
+    # Scaling f does not tilt the vertical, so the part along f drops out.
     azimuth_f = -(azimuth_d - np.sum(azimuth_d * down, axis=-1, keepdims=True) * down) / g[..., None]
     jac[..., 1, :3], jac[..., 1, 3:] = azimuth_f, azimuth_b
     return jac

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The sentence of each reason, for messages, tables and logs. Nothing reads these sentences back.
+Texts of the reasons, for messages, tables and logs. No program parses these sentences.
 
-A sentence is a format string over the fields of `Reason`. A number is formatted with its unit, which also converts it
-from SI: ``{value:+.1f deg}`` prints the radians 0.1 as ``+5.7 deg``, ``{value:+.1f (deg)}`` as ``+5.7``.
+Each text is a format string over the fields of `Reason`. The format of a number names its unit, which also converts it
+from SI: ``{value:+.1f deg}`` prints 0.1 rad as ``+5.7 deg``, ``{value:+.1f (deg)}`` prints it as ``+5.7``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# One SI unit in each unit that a sentence may use.
+# How many of each unit make one SI unit.
 UNITS = {
     "deg": math.degrees(1.0),
     "deg/s": math.degrees(1.0),
@@ -35,9 +35,9 @@ UNITS = {
     "%": 100.0,
     "s": 1.0,
 }
-# Azimuth methods whose name in messages is no word.
+# Names of azimuth methods in messages, if the internal name is not a word.
 METHODS = {"msa": "multi-station", "carried": "gyro-propagated"}
-# What may disturb the field, in words.
+# Names of the hypotheses on what disturbs the field.
 HYPOTHESES = {
     "clean": "nothing beyond the tool code",
     "axial": "string magnetised along its axis",
@@ -197,7 +197,7 @@ WORDS: dict[Code, str] = {
 
 
 class _Number(float):
-    """A number in SI that formats itself in the unit its format names; a unit in parentheses is not printed."""
+    """A number in SI, printed in the unit that its format names; a unit in parentheses itself is not printed."""
 
     def __format__(self, spec: str) -> str:
         number, _, unit = spec.partition(" ")
@@ -208,7 +208,7 @@ class _Number(float):
 
 
 def text(reason: Reason) -> str:
-    """Say one reason as a sentence."""
+    """Return the sentence for one reason."""
     causes = [text(one) for one in reason.causes]
     fault = None if reason.fault is None else describe(reason.fault)
     fields: dict[str, Any] = {
@@ -234,10 +234,10 @@ def text(reason: Reason) -> str:
 
 
 def texts(reasons: Iterable[Reason]) -> list[str]:
-    """Say each reason as a sentence, in order."""
+    """Return the sentences for several reasons, in the same order."""
     return [text(one) for one in reasons]
 
 
 def joined(reasons: Iterable[Reason] | None) -> str:
-    """Join the sentences of all reasons to one text; empty where there is none."""
+    """Return the sentences of all reasons joined to one text; empty if there are no reasons."""
     return "; ".join(texts(reasons or ()))

@@ -2,8 +2,8 @@
 """
 Reasons as data: why a survey, an azimuth or a sensor is doubted, refused or reported.
 
-Everything that decides an azimuth, its sigma or a verdict reads the code and the numbers of a reason, never its words.
-`core.reason_text` turns a reason into a sentence where a message, a table or a log is written.
+Code that decides an azimuth, its sigma or a verdict reads the code and the numbers of a reason, never its sentence.
+`core.reason_text` turns a reason into a sentence when a message, a table or a log is written.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mwd_estimation.core.sensor_fault import SensorFault
 
 @unique
 class ReasonCode(StrEnum):
-    """What a reason says; the numbers and names that belong to each code stand beside its words."""
+    """Meaning of a reason; `reason_text.WORDS` shows which numbers and names belong to each code."""
 
     # Totals against the reference (survey.totals).
     GRAVITY_OFF = "gravity_off"
@@ -50,7 +50,7 @@ class ReasonCode(StrEnum):
     MAGNETIC_STORM = "magnetic_storm"
     EXTERNAL_FIELD_UNKNOWN = "external_field_unknown"
 
-    # The azimuth by its posterior (survey.verdict), and the single-station correction beside it (survey.measurement).
+    # The azimuth from its posterior (survey.verdict), and the single-station correction (survey.measurement).
     AZIMUTH_NOT_DETERMINED = "azimuth_not_determined"
     AZIMUTHS_FIT = "azimuths_fit"
     EXTERNAL_FIELD = "external_field"
@@ -75,7 +75,7 @@ class ReasonCode(StrEnum):
     TWO_AZIMUTHS_FIT_FIELD = "two_azimuths_fit_field"
     CORRECTION_UNCERTAIN = "correction_uncertain"
 
-    # Multi-station analysis. One enum holds every code: a recording and the tables keep them by name.
+    # Multi-station analysis. All codes are in one enum, because recordings and tables store them by name.
     STATIONS_DO_NOT_FIT = "stations_do_not_fit"
     STATIONS_IMPROBABLE = "stations_improbable"
     MULTI_STATION_UNCERTAIN = "multi_station_uncertain"
@@ -128,13 +128,14 @@ class ReasonCode(StrEnum):
 
 @dataclass(frozen=True)
 class Reason:
-    """One reason; its meaning is `code`, the rest are the numbers and names that its sentence states."""
+    """One reason: a code, and the numbers and names that its sentence states."""
 
     code: ReasonCode
-    #: `value`, `limit`: what was found and the limit it was judged by, in SI units; None where the code has none.
+    #: `value`, `limit`: the value found and the limit that it was compared with, in SI units; None if the code has
+    #: none.
     value: float | None = None
     limit: float | None = None
-    values: tuple[float, ...] = ()  #: further numbers of the code, SI
-    names: tuple[str, ...] = ()  #: sensors, methods, norths or units that the code is about
+    values: tuple[float, ...] = ()  #: further numbers of this code, SI
+    names: tuple[str, ...] = ()  #: names of sensors, methods, norths or units that the sentence mentions
     causes: tuple[Reason, ...] = ()  #: reasons from which this one follows
-    fault: SensorFault | None = None  #: fault of a sensor that the code is about
+    fault: SensorFault | None = None  #: the sensor fault that is the reason

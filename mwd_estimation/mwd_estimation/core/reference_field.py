@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The reference a magnetic survey is judged and corrected by: local field, gravity, and the way to a named north.
+Reference for checking and correcting a magnetic survey: local field, gravity, declination and convergence.
 
-It comes from a geomagnetic model (S0 section 4, "by table") or from a measurement made beforehand where nothing
-disturbs the field (same section), or from a settings file. Every figure carries its own sigma, because an axial
-correction is only as good as the field it uses.
+It comes from a geomagnetic model (S0 section 4, "by table"), from a measurement made beforehand where nothing disturbs
+the field (same section), or from a settings file. Each value has its own sigma, because an axial correction is only as
+good as the reference field it uses.
 """
 
 from __future__ import annotations
@@ -19,76 +19,76 @@ from mwd_sensors.core.frames import wrap_tau
 
 NORTHS = ("magnetic", "true", "grid")
 
-# Standard-resolution model, one station, all its parts added in squares: OWSG A001Mc rev 5.1, terms MFI, MDI, DEC, DBH.
+# Standard-resolution model, one station, all terms added in squares: OWSG A001Mc rev 5.1, terms MFI, MDI, DEC, DBH.
 SIGMA_TOTAL = 143e-9
 SIGMA_DIP = math.radians(0.218)
 SIGMA_DECLINATION = math.radians(0.373)
-# Declination error of a crust or storm field is that field's east part over the horizontal field, rad T.
+# A crustal or storm field rotates magnetic north by its east part divided by the horizontal field, rad T.
 SIGMA_DECLINATION_FIELD = math.radians(5831e-9)
-# Models know gravity to 3e-4 m/s^2; but what a tool called one g when it was calibrated may have been standard gravity,
-# or that of the workshop.
+# Models know gravity to 3e-4 m/s^2. The sigma is larger because the value that counted as one g when the tool was
+# calibrated may have been standard gravity or that of the workshop.
 SIGMA_GRAVITY = 6e-3
-# External field from which a survey is marked as taken in a magnetic storm, T: a K index of 5 at mid latitudes is 70 to
-# 120 nT in three hours (Bartels).
+# Strength of the external field from which a survey counts as taken in a magnetic storm, T. A K index of 5 at mid
+# latitudes is 70 to 120 nT in three hours (Bartels).
 STORM = 1e-7
 
 
 @dataclass(frozen=True)
 class ExternalField:
-    """External field contained in a reference: north, east, down (geographic), T."""
+    """Magnetic field of sources outside the Earth that a reference contains: north, east, down (geographic), T."""
 
     field_n: tuple[float, float, float]
 
     @property
     def strength(self) -> float:
-        """Strength, T."""
+        """Strength of the external field, T."""
         return math.hypot(*self.field_n)
 
     @property
     def is_storm(self) -> bool:
-        """Whether it was measured in a magnetic storm."""
+        """Whether it is so strong that it comes from a magnetic storm."""
         return self.strength > STORM
 
 
 @dataclass(frozen=True)
 class Slip:
-    """Field that was meant where the place or the field was given with a usual slip, such as a wrong sign."""
+    """Field that the user may have meant, if place or field were entered with a common mistake such as a wrong sign."""
 
-    words: str  #: what was meant, and what was given
+    words: str  #: what the user may have meant, and what was entered
     total: float  #: T
     dip: float  #: rad
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Local field, gravity and north; what is not known is None."""
+    """Local field, gravity and directions of north; unknown values are None."""
 
-    #: `total`, `dip`: field strength, T, and its angle below the horizontal, rad. Given together or not at all.
+    #: `total`, `dip`: field strength, T, and its angle below the horizontal, rad; either both are given or neither.
     total: float | None = None
     dip: float | None = None
-    #: `declination`, `convergence`: true north to magnetic north, rad, east positive; true north to grid north, rad,
+    #: `declination`, `convergence`: angles from true north to magnetic north and from true north to grid north, rad,
     #: east positive (S0 note: true = magnetic + declination; grid = true - convergence).
     declination: float | None = None
     convergence: float | None = None
     gravity: float | None = None  #: local gravity, m/s^2
-    source: str = "none"  #: where it comes from, in words
+    source: str = "none"  #: description of where the values come from
     #: `sigma_total`, `sigma_dip`, `sigma_declination`, `sigma_gravity`: 1 sigma, T, rad, rad, m/s^2.
-    #: `sigma_declination` leaves out the part that grows with a weak horizontal field.
+    #: `sigma_declination` does not contain the part that grows as the horizontal field becomes weak.
     sigma_total: float = SIGMA_TOTAL
     sigma_dip: float = SIGMA_DIP
     sigma_declination: float = SIGMA_DECLINATION
-    #: That part, rad T: divided by the horizontal field it adds in squares to `sigma_declination`.
+    #: This part, rad T; it is divided by the horizontal field and added in squares to `sigma_declination`.
     sigma_declination_field: float = SIGMA_DECLINATION_FIELD
     sigma_gravity: float = SIGMA_GRAVITY
-    #: What strength, dip and declination contain of an observatory's disturbance; None where none was added.
+    #: External field recorded by an observatory, as contained in strength, dip and declination; None if none was added.
     external: ExternalField | None = None
-    #: Fields that readings may fit instead where the reference was given with a slip.
+    #: Other fields that the readings may match, in case the reference was entered with a mistake.
     slips: tuple[Slip, ...] = field(default=(), compare=False, repr=False)
-    #: IAGA code of the observatory whose record was asked, whether or not it covers the time; empty: none
+    #: IAGA code of the observatory whose record was consulted, even if it does not cover the time; empty: none.
     observatory: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse figures that no place of the Earth has."""
+        """Refuse values that are impossible on the Earth."""
         for name in ("total", "dip", "declination", "convergence", "gravity"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
@@ -115,18 +115,18 @@ class Reference:
 
     @property
     def has_field(self) -> bool:
-        """Whether strength and dip are known, without which no correction and no field check is possible."""
+        """Whether strength and dip are known; without them no correction and no field check is possible."""
         return self.total is not None
 
     @property
     def horizontal(self) -> float:
-        """Horizontal field, T. ValueError where the field is unknown."""
+        """Horizontal field, T. Raises ValueError if the field is unknown."""
         total, dip = self._field()
         return total * math.cos(dip)
 
     @property
     def vertical(self) -> float:
-        """Downward field, T. ValueError where the field is unknown."""
+        """Downward field, T. Raises ValueError if the field is unknown."""
         total, dip = self._field()
         return total * math.sin(dip)
 
@@ -138,7 +138,7 @@ class Reference:
         return np.asarray(jacobian @ np.diag([self.sigma_total**2, self.sigma_dip**2]) @ jacobian.T)
 
     def declination_variance(self, horizontal: float) -> float:
-        """Variance of the declination, rad^2, where the horizontal field is that many T."""
+        """Return the variance of the declination, rad^2, for a horizontal field in T."""
         return self.sigma_declination**2 + (self.sigma_declination_field / max(horizontal, 1e-9)) ** 2
 
     def _field(self) -> tuple[float, float]:
@@ -148,8 +148,8 @@ class Reference:
 
 
 def best_north(reference: Reference | None) -> str:
-    """Name the most useful north the reference allows: grid where it has a grid, else true, else magnetic."""
-    # A convergence of 0 is that of no grid: the two norths are one, and its name is true.
+    """Return the most useful north that the reference allows: grid if there is a grid, else true, else magnetic."""
+    # A convergence of 0 means that there is no grid: grid north and true north are the same, and it is called true.
     for north in ("grid", "true") if reference is not None and reference.convergence else ("true",):
         if north_correction(reference, north) is not None:
             return north
@@ -158,12 +158,12 @@ def best_north(reference: Reference | None) -> str:
 
 def north_correction(reference: Reference | None, north: str) -> float | None:
     """
-    Return what refers a magnetic azimuth to the named north when added, rad; None where the reference does not know.
+    Return the angle to add to a magnetic azimuth to refer it to the named north, rad; None if the reference lacks it.
 
     Raises
     ------
     ValueError
-        A north other than magnetic, true, grid.
+        If `north` is not magnetic, true or grid.
     """
     if north not in NORTHS:
         raise ValueError(f"north: {north!r} is not one of {', '.join(NORTHS)}")
@@ -179,7 +179,7 @@ def north_correction(reference: Reference | None, north: str) -> float | None:
 
 
 def to_north(azimuth_magnetic: float, correction: float) -> float:
-    """Azimuth of a named north, rad in [0, 2 pi), from the magnetic one and its correction, rad."""
+    """Return the azimuth from a named north, rad in [0, 2 pi), given the magnetic azimuth and the correction, rad."""
     return float(wrap_tau(azimuth_magnetic + correction))
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The last samples of a stream, in a ring of records whose field `stamp_ns` advances from sample to sample.
+Ring buffer of the last samples of a stream; each record has a field `stamp_ns`, which increases with every sample.
 
-Places are counted back from the newest sample, which is one back.
+Samples are counted back from the newest, which is number 1.
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from mwd_sensors.core.compiled import compiled
 
 
 class Ring:
-    """Samples in `rows`, which a subclass declares with their type and how many there are."""
+    """Base of ring buffers; a subclass declares the record type and the size of `rows`."""
 
-    head: int  #: place of the next sample
-    length: int  #: samples there are
+    head: int  #: index in `rows` where the next sample is written
+    length: int  #: number of samples stored
     rows: MutableSequence[Any]
 
 
 @compiled
 def place(ring: Ring, back: int) -> int:
-    """Place in the ring of the sample so far back, at most the length of the ring."""
+    """Return the index in `rows` of the sample that is `back` samples back (1: newest; at most the length)."""
     at = ring.head - back
     return at if at >= 0 else at + len(ring.rows)
 
 
 @compiled
 def next_place(ring: Ring) -> int:
-    """Take in a sample; returns the place that it is to be written to."""
+    """Make room for one sample, and return the index in `rows` where it must be written."""
     at, size = ring.head, len(ring.rows)
     ring.head = at + 1 if at + 1 < size else 0
     ring.length = min(ring.length + 1, size)
@@ -39,7 +39,7 @@ def next_place(ring: Ring) -> int:
 
 @compiled
 def first_from(ring: Ring, at: int) -> int:
-    """How far back the first sample at or after a time, ns, lies; 0 where there is none."""
+    """Return how far back the first sample at or after a time, ns, is; 0 if there is none."""
     low, high = 0, ring.length
     while low < high:
         middle = (low + high + 1) // 2
@@ -52,7 +52,7 @@ def first_from(ring: Ring, at: int) -> int:
 
 @compiled
 def around(ring: Ring, at: int) -> tuple[int, int, float]:
-    """Places of the samples before and after a time, ns, and the share of the later one; the ends hold."""
+    """Return the indices of the samples around a time, ns, and the weight of the later one; clamped at the ends."""
     back = first_from(ring, at)
     later = place(ring, max(back, 1))
     if back == 0 or back == ring.length:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be wrong with a sensor, as data: code, unit, place, value and limit. The words are in `fault_messages`."""
+"""Sensor faults as data: code, unit, sensor, axis, value and limit. The texts are in `fault_messages`."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from mwd_sensors.core import mount
 from mwd_sensors.core.arrays import Array
 
-# Bits of the sensors that must not be used. The last one is the whole precision unit.
+# Bits for sensors that must not be used. The last one stands for the whole precision unit.
 GYRO, ACCEL, MAG, PRECISION = 1, 2, 4, 8
 SENSORS = ("gyro", "accelerometer", "magnetometer")
 
 
 class Unit(enum.IntEnum):
-    """Whose sensors are meant; EITHER: one of the two units, it is not known which."""
+    """Unit that a fault belongs to; EITHER: one of the two units, but it is unknown which."""
 
     CONVENTIONAL = 0
     PRECISION = 1
@@ -26,14 +26,15 @@ class Unit(enum.IntEnum):
 
 class FaultCode(enum.IntEnum):
     """
-    One check each, with the same meaning for every unit.
+    Checks of the sensors; each code means the same for every unit.
 
-    Of one axis: STUCK, SATURATED (always at the end of the range), CLIPPED (often). Of one sensor: INVALID (values
-    that are not finite or that the gate refused), DEAD (all axes repeat), NOISE (random numbers), NEVER_CAME and
-    SILENT (no samples), REPEATED (sent twice), UNIT, MISMATCH (fits no axis of the other unit), GRAVITY (the mean force
-    is not gravity), REST_RATE (turns at rest). Of the stream: RATE, STAMPS, REPLAYED (old samples come again).
-    Between sensors: AXES, SIGN, POINTS_UP (a sign, seen without a reference), FRAME. Of all of them: MOUNT (the string
-    turns about another axis of the unit than x).
+    On one axis: STUCK, SATURATED (always at the end of the range), CLIPPED (often at the end of the range). On one
+    sensor: INVALID (values that are not finite or that the gate refused), DEAD (all axes repeat), NOISE (random
+    numbers), NEVER_CAME and SILENT (no samples), REPEATED (sent twice), UNIT (wrong unit of measurement), MISMATCH
+    (matches no axis of the other unit), GRAVITY (the mean force is not gravity), REST_RATE (shows rotation at rest). On
+    the stream: RATE, STAMPS, REPLAYED (old samples come again). Between sensors: AXES, SIGN, POINTS_UP (a wrong sign,
+    found without a reference), FRAME. On the whole unit: MOUNT (the string rotates about another axis of the unit than
+    x).
     """
 
     STUCK = 0
@@ -70,20 +71,20 @@ OF_INSTALLATION = frozenset(
 
 @dataclasses.dataclass(frozen=True)
 class SensorFault:
-    """One fault, or its end."""
+    """A sensor fault, or the end of one."""
 
     code: FaultCode
     unit: Unit
     place: int  #: row of the check: three times the sensor (0 gyro, 1 accelerometer, 2 magnetometer), plus the axis
-    #: `value`, `limit`: what was seen and what a healthy sensor keeps, in SI units; a share where samples are counted.
+    #: `value`, `limit`: value found and limit for a healthy sensor, in SI units; a share if samples are counted.
     value: float
     limit: float
-    #: As the check keeps it; `mappings`, `axes`, `sensors`, `other_unit` and `mount` read it by the code.
+    #: Details as the check stores them; `mappings`, `axes`, `sensors`, `other_unit` and `mount` decode them.
     which: tuple[int, int, int]
-    unusable: int  #: bits GYRO, ACCEL, MAG, PRECISION of what must not be used while it lasts
-    since_ns: int  #: stamp from which on the evidence stands
-    cleared_ns: int = 0  #: stamp at which it was gone; 0 while it lasts
-    #: INVALID, DEAD: the sensor's own messages declare it not provided (covariance -1), so that it is not broken.
+    unusable: int  #: bits GYRO, ACCEL, MAG, PRECISION of the sensors that must not be used while the fault lasts
+    since_ns: int  #: stamp from which the fault is evident
+    cleared_ns: int = 0  #: stamp at which the fault had ended; 0 while it lasts
+    #: For INVALID and DEAD: the messages of the sensor declare it not provided (covariance -1), so it is not broken.
     declared: bool = False
     #: A fault of the installation of sensors that were never seen in order: it was there since the first sample.
     from_start: bool = False
@@ -95,22 +96,22 @@ class SensorFault:
 
     @property
     def check(self) -> int:
-        """Number of the check: the same fault, narrowed down or cleared, has the same."""
+        """Number of the check; a fault keeps it when it is narrowed down or cleared."""
         return 1000 * int(self.unit != Unit.CONVENTIONAL) + 9 * int(self.code) + self.place
 
     @property
     def mappings(self) -> tuple[int, int, int]:
-        """AXES, FRAME: of gyro, accelerometer and magnetometer the bits of the `axis_mappings` that explain it."""
+        """For AXES and FRAME: `axis_mappings` that explain it, as bits, for gyro, accelerometer and magnetometer."""
         return self.which if self.code in (FaultCode.AXES, FaultCode.FRAME) else (0, 0, 0)
 
     @property
     def axes(self) -> tuple[int, ...]:
-        """INVALID, NOISE: the axes that are meant."""
+        """For INVALID and NOISE: the faulty axes."""
         return tuple(k for k in range(3) if self.which[0] >> k & 1)
 
     @property
     def other_unit(self) -> int:
-        """UNIT: number of the unit that was found, in `fault_messages.OTHER_UNITS`."""
+        """For UNIT: index in `fault_messages.OTHER_UNITS` of the unit of measurement that the sensor seems to send."""
         return max(self.which[0] - 1, 0)
 
     @property
@@ -131,7 +132,7 @@ class SensorFault:
 
     @property
     def sensors(self) -> tuple[int, ...]:
-        """Sensors that are meant: 0 gyro, 1 accelerometer, 2 magnetometer."""
+        """Sensors that the fault concerns: 0 gyro, 1 accelerometer, 2 magnetometer."""
         if self.code in (FaultCode.AXES, FaultCode.FRAME):
             named = tuple(s for s in range(3) if self.mappings[s])
             return named or (1, 2)

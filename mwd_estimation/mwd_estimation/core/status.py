@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Status bits of an attitude sample and the words people read for them."""
+"""Status bits of an attitude sample, and their names."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import IntFlag
 
 
 class Status(IntFlag):
-    """Bits of mwd_msgs/msg/Attitude.status; several may be set. The meaning of each is in that file."""
+    """Bits of mwd_msgs/msg/Attitude.status; several may be set. That file explains each of them."""
 
     INITIALISING = 1
     STILL = 2
@@ -34,5 +34,5 @@ _WORDS = {bit: (bit.name or "").lower() for bit in Status}
 
 
 def words(mask: int) -> str:
-    """Words of the bits set, joined by ``|``, for example ``still|corrected``; empty when none is set."""
+    """Return the names of the bits that are set, joined by ``|``, such as ``still|corrected``; empty if none is set."""
     return "|".join(word for bit, word in _WORDS.items() if mask & bit)

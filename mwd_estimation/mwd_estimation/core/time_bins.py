@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Sums over equal bins of time: what surveys are averaged from, in constant memory.
+Sums over equal time bins, from which surveys are averaged in constant memory.
 
-A stream is cut at multiples of the bin length since the epoch, so that the same messages fall into the same bins
-however they arrive. Within a bin, sums are taken in order and about the bin's first sample, so that any cut of the
-stream into blocks gives the same bits and a variance loses no digits.
+A stream is cut at multiples of the bin length since the epoch, so that the same samples always fall into the same bins.
+Within a bin, samples are added in order, relative to the first sample of the bin. Thus the result does not depend, even
+in the last bit, on how the stream is cut into blocks, and the variance loses no digits.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 _NONE = np.iinfo(np.int64).min
-_ROOM = 64  # bins that one call of the kernel can close
+_ROOM = 64  # number of bins that one call of the kernel can close
 
 
 @dataclasses.dataclass(frozen=True)
 class Bin:
     """One closed bin of a stream with c channels."""
 
-    index: int  #: start of the bin over its length, both in ns since the epoch
-    count: int  #: samples in it
-    mean: Array  #: shape (c,); in the channels' units
-    scatter: Array  #: shape (c, c); sum of outer products about the mean, in the units' squares
-    #: `low`, `high`: shape (c,); extremes.
+    index: int  #: start of the bin divided by its length, both in ns since the epoch
+    count: int  #: number of samples in the bin
+    mean: Array  #: shape (c,), in the units of the channels
+    scatter: Array  #: shape (c, c); sum of outer products of the deviations from the mean, in the units squared
+    #: `low`, `high`: shape (c,); smallest and largest value.
     low: Array
     high: Array
 
 
 @dataclasses.dataclass(frozen=True)
 class Average:
-    """Mean, shape (c,), covariance of the mean, shape (c, c), and number of samples of several bins together."""
+    """Average of several bins: mean, shape (c,), covariance of the mean, shape (c, c), and number of samples."""
 
     mean: Array
     covariance: Array
@@ -46,19 +46,19 @@ class Average:
 
 
 class ClosedAt:
-    """Which bin, and where it closed."""
+    """A bin, and the sample that closed it."""
 
-    #: `index`, `count`: as of `Bin`; index is _NONE where no bin is open.
+    #: `index`, `count`: see `Bin`; index is _NONE if no bin is open.
     index: int
     count: int
-    place: int  #: in the block, of the sample that closed it
+    place: int  #: index in the block of the sample that closed the bin
 
 
 _CLOSED_AT = dtype_of(ClosedAt)
 
 
 class Sums(NamedTuple):
-    """Of the open bin: first sample, sum, lowest and highest, shape (c,); sums of products about the first, (c, c)."""
+    """Sums of the open bin: first sample, sum, lowest, highest, shape (c,); products about the first sample, (c, c)."""
 
     first: Array
     total: Array
@@ -68,7 +68,7 @@ class Sums(NamedTuple):
 
 
 class Closed(NamedTuple):
-    """Bins closed in one call of the kernel: places, shape (k,); the figures of `Bin`, shapes (k, c) and (k, c, c)."""
+    """Bins closed in one call of the kernel: where, shape (k,), and values of `Bin`, shapes (k, c) and (k, c, c)."""
 
     places: Samples
     mean: Array
@@ -78,7 +78,7 @@ class Closed(NamedTuple):
 
 
 class Binner:
-    """Cuts one stream, of so many channels, into bins of `length_ns`."""
+    """Cuts a stream with the given number of channels into bins of `length_ns`."""
 
     def __init__(self, channels: int, length_ns: int) -> None:
         self.length_ns = length_ns
@@ -91,15 +91,15 @@ class Binner:
 
     def add(self, stamp_ns: Stamps, values: Array) -> list[Bin]:
         """
-        Take a block, shapes (n,) and (n, channels); give the bins that it closed.
+        Add a block, shapes (n,) and (n, channels), and return the bins that it closed.
 
-        Samples that are not finite or older than the open bin are left out. A bin closes with the
-        first sample of a later one.
+        Samples that are not finite or are older than the open bin are ignored. The first sample of a later bin closes
+        the open one.
         """
         return [closed for closed, _ in self.add_placed(stamp_ns, values)]
 
     def add_placed(self, stamp_ns: Stamps, values: Array) -> list[tuple[Bin, int]]:
-        """As `add`, and with each bin the place in the block of the sample that closed it."""
+        """Do the same as `add`, and return with each bin the index in the block of the sample that closed it."""
         closed: list[tuple[Bin, int]] = []
         start, n = 0, len(stamp_ns)
         while start < n:
@@ -109,7 +109,7 @@ class Binner:
         return closed
 
     def flush(self, before_ns: int) -> list[Bin]:
-        """Close the open bin where the stream fell silent and the bin ends before that time, ns."""
+        """Close the open bin if it ends before a time, ns; for a stream that has stopped."""
         index = int(self._open["index"][0])
         if index == _NONE or (index + 1) * self.length_ns > before_ns:
             return []
@@ -126,12 +126,12 @@ class Binner:
 
 def average(bins: list[Bin]) -> Average:
     """
-    Mean of all samples of the bins and its covariance from the scatter of all samples.
+    Return the mean of all samples in the bins, and its covariance from the scatter of these samples.
 
     Raises
     ------
     ValueError
-        No bins, or fewer than two samples in them.
+        If there are fewer than two samples.
     """
     count = sum(b.count for b in bins)
     if count < 2:
@@ -146,7 +146,7 @@ def average(bins: list[Bin]) -> Average:
 
 @compiled
 def _close(s: ClosedAt, sums: Sums, closed: Closed, row: int, place: int) -> None:
-    """Write the open bin into a row of `closed`, and open none."""
+    """Write the open bin into a row of `closed`, and mark that no bin is open."""
     channels, count = len(sums.first), s.count
     at = closed.places[row]
     at.index, at.count, at.place = s.index, count, place
@@ -165,12 +165,12 @@ def _close(s: ClosedAt, sums: Sums, closed: Closed, row: int, place: int) -> Non
 def _fill(
     state: Samples, sums: Sums, stamp_ns: Stamps, values: Array, start: int, length_ns: int, closed: Closed
 ) -> tuple[int, int]:
-    """Take samples from `start` on until the block ends or no room is left for closed bins; their number comes last."""
+    """Add samples from `start` on; stop if `closed` is full. Return the next sample and the number of closed bins."""
     s = state[0]
     first, total, low, high, products = sums
     channels = len(first)
     done = 0
-    # Where the open bin began and ends; a division for each sample would cost more than its sums.
+    # Start and end of the open bin, kept because a division for each sample would cost more than the sums.
     begin, end = 0, 0
     if s.index != _NONE:
         begin, end = s.index * length_ns, (s.index + 1) * length_ns
@@ -199,7 +199,7 @@ def _fill(
             total[c] += away
             low[c] = min(low[c], values[i, c])
             high[c] = max(high[c], values[i, c])
-            # The products are the same either way round.
+            # The matrix is symmetric, so half of it is enough.
             for r in range(c + 1):
                 products[r, c] += away * (values[i, r] - first[r])
     return len(stamp_ns), done

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Stamps that jump: a data gap, a recording that loops or is wound back, a clock that was set; and single wrong stamps.
+Detect jumps in time: a data gap, a recording that loops or is wound back, a clock that was set, or single wrong stamps.
 
-A stamp more than a second off the last one, either way, is a new time only when a few in a row advance from there.
-The leading stream (the AHRS) decides. After a jump forward it goes on; of the samples that had to confirm the jump all
-but the last are rejected. When its time has gone back the estimate begins anew with exactly the samples that showed it.
-The other streams may change their time before or after the leader: samples that are already of a new time wait for the
-leader to come there, from whichever side, and samples that are still of an old time are dropped. Where a stream returns
-to the time it came from before the leader has followed, only its clock was wrong: what waited is dropped.
+A stamp more than a second before or after the last one counts as a new time only when a few stamps in a row advance
+from there. One stream, the AHRS, leads. If it jumps forward, the estimate continues; the samples that confirm the jump
+are rejected, except the last. If it jumps back, the estimate restarts with exactly the samples that confirmed the jump.
+
+The other streams may jump earlier or later than the leader. Their samples of the new time wait until the leader arrives
+there, and their samples of the old time are dropped after it has left. If a stream returns to its old time before the
+leader has followed, only its own clock was wrong, and the waiting samples are dropped.
 """
 
 from __future__ import annotations
@@ -18,33 +19,33 @@ from numpy.typing import NDArray
 from mwd_sensors.core.arrays import Samples, Stamps
 
 BACK_NS = 1_000_000_000
-# Samples in a row that confirm a new time.
+# Number of samples in a row that confirm a new time.
 CONFIRMED = 3
-# A slow stream may step farther than `BACK_NS`: up to this multiple of its last step.
+# The step of a slow stream may exceed `BACK_NS`, up to this multiple of its previous step.
 _PACES = 4
 MOST_AHEAD = 500_000
 """
-Samples kept of a stream that runs ahead of the leader; more means that the leader does not follow.
+Largest number of samples kept of a stream that is ahead of the leader; beyond it, the leader does not follow.
 
-A smoother holds 60 000 samples of the leader back, beside which a stream of seven times its rate is kept whole.
+A smoother delays 60 000 samples of the leader; a stream with seven times the leader's rate still fits meanwhile.
 """
 _NONE = np.iinfo(np.int64).min
 
 
 def advances(stamps: Stamps, newest_ns: int) -> NDArray[np.bool_]:
-    """Which samples are later than all before them, shape (n,); newest_ns: the latest stamp before the block."""
+    """Return which samples are later than all before them, shape (n,); newest_ns: latest stamp before the block."""
     return np.asarray(stamps > np.maximum.accumulate(np.concatenate([[newest_ns], stamps]))[:-1])
 
 
 class _Pace:
-    """Time of one stream: its latest stamp, and how far a step may go without being confirmed."""
+    """Clock of one stream: its latest stamp, and how large a step it may make without confirmation."""
 
     def __init__(self) -> None:
         self.last_ns = _NONE
         self._step = 0
 
     def follows(self, stamp: int) -> bool:
-        """Whether a stamp is near the latest one."""
+        """Return whether a stamp is near the latest one."""
         if self.last_ns == _NONE:
             return True
         return -BACK_NS < stamp - self.last_ns <= max(BACK_NS, _PACES * self._step)
@@ -56,11 +57,11 @@ class _Pace:
             self.last_ns = stamp
 
     def begin(self, stamp: int, step: int) -> None:
-        """Go on from a stamp that was confirmed, after the last step before it."""
+        """Continue from a confirmed stamp; `step` is the last step before it."""
         self.last_ns, self._step = stamp, step
 
     def take_block(self, stamps: Stamps) -> bool:
-        """Accept a block of stamps that each follow the one before; return False, and accept none, otherwise."""
+        """Accept a block if each stamp is near the one before, and return True; otherwise accept none, return False."""
         first = int(stamps[0]) if self.last_ns == _NONE else self.last_ns
         latest = np.maximum.accumulate(np.concatenate([[first], stamps]))
         if not ((stamps > latest[:-1] - BACK_NS) & (stamps <= latest[:-1] + BACK_NS)).all():
@@ -73,7 +74,7 @@ class _Pace:
 
 
 class _Beside:
-    """A stream other than the leader: its pace, its waiting samples, and samples that jump away from these."""
+    """A stream other than the leader: its clock, its waiting samples, and samples that jump away from these."""
 
     def __init__(self) -> None:
         self.pace = _Pace()
@@ -82,12 +83,12 @@ class _Beside:
 
     @property
     def first_ns(self) -> int:
-        """Stamp of the first sample that waits."""
+        """Stamp of the first waiting sample."""
         return int(self.waiting[0]["stamp_ns"][0])
 
     @property
     def step_ns(self) -> int:
-        """Last step between samples that wait."""
+        """Last step between waiting samples."""
         return int(self.waiting[-1]["stamp_ns"][0]) - int(self.waiting[-2]["stamp_ns"][0])
 
     @property
@@ -105,14 +106,14 @@ class _Beside:
 
 class Clocks:
     """
-    The time of one leading stream and of those beside it.
+    Clocks of the leading stream and of all other streams.
 
     Attributes
     ----------
     dropped : int
-        Samples of other streams that were of no time in use.
+        Number of samples of other streams that were dropped because they belong to no time in use.
     went_back : list of (int, int)
-        The leader's latest stamp before time went back and its first one after that, ns, each time.
+        For each jump back, the leader's latest stamp before it and its first stamp after it, ns.
     """
 
     def __init__(self) -> None:
@@ -125,14 +126,14 @@ class Clocks:
 
     def lead(self, samples: Samples) -> list[tuple[Samples, Samples | None]]:
         """
-        Cut a block of the leading stream where time goes back.
+        Cut a block of the leading stream where time jumps back.
 
         Returns
         -------
         list of (samples, new)
-            `samples` belong to the time so far (rejected ones included; a stamp that jumps ahead unconfirmed is set to
-            the latest one, so that nothing behind takes it for the time); where `new` is not None, time goes back
-            behind them and begins anew with `new`: their last few, which were rejected until then.
+            `samples` belong to the time so far, rejected ones included. An unconfirmed stamp far ahead is replaced by
+            the latest one, so that later stages do not mistake it for the time. If `new` is not None, time jumps back
+            after `samples` and restarts with `new`: the last few samples, rejected until the jump was confirmed.
         """
         stamps = samples["stamp_ns"]
         if not len(stamps) or (not self._pending and self._lead.take_block(stamps)):
@@ -164,7 +165,7 @@ class Clocks:
         return pieces
 
     def beside(self, name: str, samples: Samples) -> Samples:
-        """Return the samples of another stream that belong to the leader's time; the rest waits or is dropped."""
+        """Return the samples of another stream that belong to the leader's time; the others wait or are dropped."""
         stamps = samples["stamp_ns"]
         if not len(stamps):
             return samples
@@ -175,10 +176,10 @@ class Clocks:
         return np.concatenate([samples[:0], *taken])
 
     def _taken(self, name: str, other: _Beside, sample: Samples) -> Samples:
-        """Return the samples of a stream that can be used now that this one has come."""
+        """Return the samples of a stream that can be used after this one arrived."""
         pace, stamp = other.pace, int(sample["stamp_ns"][0])
         if name in self._behind:
-            # Still of the time before; a sample near the leader is of its time, even if it comes after a data gap.
+            # The stream has not jumped yet. A sample near the leader belongs to the new time, even after a data gap.
             if stamp > self._lead.last_ns + BACK_NS and stamp > pace.last_ns - BACK_NS:
                 pace.take(stamp)
                 self.dropped += 1
@@ -188,7 +189,7 @@ class Clocks:
             pace.begin(stamp, 0)
             return sample
         if not other.is_ahead and pace.follows(stamp):
-            # The stamps before were wrong, or nothing has changed.
+            # Either the waiting stamps were wrong, or there was no jump at all.
             self.dropped += len(other.waiting)
             other.waiting = []
             pace.take(stamp)
@@ -217,9 +218,9 @@ class Clocks:
 
     def reached(self, before_ns: int) -> dict[str, Samples]:
         """
-        Return the samples of each stream that waited and that the leader has come to; it was at `before_ns`, ns.
+        Return, per stream, the waiting samples whose time the leader reached since it was at `before_ns`, ns.
 
-        A stream whose clock was ahead and is right again waits no longer than to the leader's next sample.
+        Thus a stream whose clock was ahead and is right again waits only until the next sample of the leader.
         """
         found = {}
         for name, other in self._others.items():
@@ -232,15 +233,15 @@ class Clocks:
 
     @property
     def lead_ns(self) -> int:
-        """Latest stamp of the leader, ns; far before any where none came."""
+        """Latest stamp of the leader, ns; the smallest integer before its first sample."""
         return self._lead.last_ns
 
     def release(self) -> dict[str, Samples]:
-        """Return the samples of each stream that waited for the leader to go back; to be called once it has."""
+        """Return, per stream, the samples that waited for the leader to jump back; call this after the jump."""
         return {name: other.released() for name, other in self._others.items() if other.is_ahead}
 
 
 def _in_a_row(pending: list[Samples], sample: Samples) -> list[Samples]:
-    """Add a sample to those before it; where it does not advance from them it is the first of its own."""
+    """Append a sample if its stamp advances from the pending ones; otherwise start again with this sample alone."""
     follows = pending and sample["stamp_ns"][0] > pending[-1]["stamp_ns"][0]
     return [*pending, sample.copy()] if follows else [sample.copy()]

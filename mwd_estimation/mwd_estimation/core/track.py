@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Track: what every gravity method publishes, sample by sample, and the checks every sample passes first.
+Track: the output of every gravity method for each sample, and the checks that each sample passes first.
 
-A sample is admitted, admitted after a gap, or rejected (not finite, or its stamp does not advance). Rejected samples
-leave the filter as it was and repeat the last estimate with a flag; nothing not finite ever reaches a filter.
+A sample is admitted, admitted after a gap, or rejected (not finite, or its stamp does not advance). A rejected sample
+does not change the filter; the last estimate is repeated with a flag. Thus no filter ever gets a value that is not
+finite.
 """
 
 from __future__ import annotations
@@ -20,17 +21,16 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
 ROTATING_ABOVE = 0.5  # rad/s, low-passed rate about the tool axis (4.8 r/min)
-STILL_RATE = 0.05  # rad/s, held peak of the angular rate
-STILL_NON_GRAVITY = 0.5  # m/s^2, held peak of the non-gravity acceleration
-STILL_HOLD = 1.0  # s, time constant with which a peak is forgotten
+STILL_RATE = 0.05  # rad/s, decaying peak of the angular rate
+STILL_NON_GRAVITY = 0.5  # m/s^2, decaying peak of the non-gravity acceleration
+STILL_HOLD = 1.0  # s, time constant of the decay of both peaks
 ROTARY_LAG = 0.5  # s, time constant of the rotary speed
-NEAR_VERTICAL_BELOW = math.radians(3.0)  # where the high side is too short to name a toolface
-BACKWARD_LIMIT = 50  # samples whose stamps advance again, after which a clock that jumped back counts
+NEAR_VERTICAL_BELOW = math.radians(3.0)  # inclination below which gravity across the tool is too small for a toolface
+BACKWARD_LIMIT = 50  # number of samples with advancing stamps after which a clock that jumped back is accepted
 FORCE_ABOVE = 1e-6  # m/s^2, less than any accelerometer resolves
-GAP_NS = 500_000_000  # a longer step between samples is a data gap, for those that have no rule of their own
-AT_RANGE = (
-    0.9995  # of the range: rounding and the steps of the converter leave readings of a clipped sensor short of it
-)
+GAP_NS = 500_000_000  # a longer step between samples is a data gap, for methods without a rule of their own
+# Share of the range from which a reading counts as clipped; rounding and converter steps can leave it just below 1.
+AT_RANGE = 0.9995
 
 FIRST, NEXT, AFTER_GAP, REJECTED = 0, 1, 2, 3
 
@@ -42,20 +42,20 @@ _NEAR_VERTICAL = int(Status.NEAR_VERTICAL)
 class Clock:
     """Stamps of the samples admitted so far; zeros before the first."""
 
-    last_ns: int  #: stamp of the last sample admitted
-    started: bool  #: whether there is one
-    #: `backward_ns`, `backward_count`: last of the stamps that went back, and how many of these have advanced among
-    #: themselves.
+    last_ns: int  #: stamp of the last admitted sample
+    started: bool  #: whether a sample has been admitted
+    #: `backward_ns`, `backward_count`: the last stamp that was not later than `last_ns`, and how many such stamps have
+    #: advanced from each other.
     backward_ns: int
     backward_count: int
 
 
 class Motion:
-    """Rotary speed and held peaks; zeros before the first sample."""
+    """Rotary speed and decaying peaks; zeros before the first sample."""
 
     rotary_speed: float  #: low-passed rate about the tool axis, rad/s
-    #: `peak_rate`, `peak_force`: peaks of the angular rate, rad/s, and of the non-gravity acceleration, m/s^2,
-    #: forgotten over STILL_HOLD.
+    #: `peak_rate`, `peak_force`: peaks of the angular rate, rad/s, and of the non-gravity acceleration, m/s^2; they
+    #: decay with the time constant STILL_HOLD.
     peak_rate: float
     peak_force: float
 
@@ -65,32 +65,32 @@ CLOCK, MOTION = dtype_of(Clock), dtype_of(Motion)
 
 @compiled
 def clips(v: Vector, full: float) -> bool:
-    """Whether a component of v, a rate, rad/s, or force, m/s^2, is at the end of the range `full`."""
+    """Return whether a component of v, a rate, rad/s, or force, m/s^2, is at the end of the range `full`."""
     return bool(max(abs(v[0]), abs(v[1]), abs(v[2])) >= AT_RANGE * full)
 
 
 class Track(NamedTuple):
-    """Gravity followed through n samples; kernels fill it row by row."""
+    """Estimate of gravity for n samples; kernels fill it row by row."""
 
     g_t: Array  #: shape (n, 3); unit vector down, in tool axes. NaN until a first estimate exists.
-    #: `sigma_inclination`, `sigma_toolface`: shape (n,); one sigma, rad, at most pi.
+    #: `sigma_inclination`, `sigma_toolface`: shape (n,); 1 sigma, rad, at most pi.
     sigma_inclination: Array
     sigma_toolface: Array
-    #: shape (n,); largest magnitude of the specific force that is not gravity, forgotten over about a second, m/s^2.
+    #: shape (n,); decaying peak of the magnitude of the non-gravity specific force, time constant STILL_HOLD, m/s^2.
     non_gravity: Array
     rotary_speed: Array  #: shape (n,); low-passed rate about the tool axis, rad/s, positive clockwise looking down-hole
     status: NDArray[np.uint32]  #: uint32, shape (n,); bits of `mwd_estimation.core.status.Status`
 
     @classmethod
     def empty(cls, n: int) -> Track:
-        """Room for n samples, to be filled by a kernel."""
+        """Create a track for n samples, to be filled by a kernel."""
         one = (n,)
         return cls(
             np.empty((n, 3)), np.empty(one), np.empty(one), np.empty(one), np.empty(one), np.zeros(one, dtype=np.uint32)
         )
 
     def part(self, samples: slice) -> Track:
-        """Return some of the samples."""
+        """Return the track of some of the samples."""
         return Track._make(column[samples] for column in self)
 
     @property
@@ -101,12 +101,12 @@ class Track(NamedTuple):
 
 def sample_arrays(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> tuple[Stamps, Array, Array]:
     """
-    Arrays of one block, checked for shape and laid out for a kernel.
+    Return the arrays of one block, checked for shape, in the types and memory layout that kernels need.
 
     Raises
     ------
     ValueError
-        Stamps not of shape (n,), or rates or forces not of shape (n, 3).
+        If the stamps do not have shape (n,), or rates or forces not shape (n, 3).
     """
     stamps = np.ascontiguousarray(stamp_ns, dtype=np.int64)
     gyro = np.ascontiguousarray(gyro_t, dtype=np.float64)
@@ -122,13 +122,13 @@ def sample_arrays(stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) ->
 @compiled
 def admit(clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int) -> int:
     """
-    Judge one sample and move the clock: FIRST, NEXT, AFTER_GAP or REJECTED.
+    Check one sample, update the clock, and return FIRST, NEXT, AFTER_GAP or REJECTED.
 
     clock : record of `Clock`; stamp, gap_ns : ns; w, f, shape (3,) : rate, rad/s, and force, m/s^2.
 
-    No force on any axis is no measurement: an accelerometer has gravity or noise. A stamp that does not advance is
-    rejected. When the stamps after a backward jump advance among themselves for
-    BACKWARD_LIMIT samples the new clock counts (AFTER_GAP), so that a clock set back does not end the estimate.
+    A sample without force on any axis is rejected, because a real accelerometer shows gravity or at least noise. A
+    stamp that does not advance is rejected too. But if after a jump back BACKWARD_LIMIT stamps advance from each other,
+    the new clock is accepted (AFTER_GAP); otherwise setting the clock back would stop the estimate.
     """
     finite = math.isfinite(w[0] + w[1] + w[2] + f[0] + f[1] + f[2])
     if not finite or max(abs(f[0]), abs(f[1]), abs(f[2])) <= FORCE_ABOVE:
@@ -157,16 +157,16 @@ def take(
     clock: Clock, stamp: int, w: Vector, f: Vector, gap_ns: int, gyro_range: float, accel_range: float
 ) -> tuple[int, float, int]:
     """
-    Take one sample as every gravity method does.
+    Check one sample for any gravity method, and return its step in time and its status bits.
 
-    Arguments as of `admit`; gyro_range, rad/s, accel_range, m/s^2 : where the sensors clip.
+    Arguments as in `admit`; gyro_range, rad/s, accel_range, m/s^2 : ranges beyond which the sensors clip.
 
     Returns
     -------
     verdict : int
-        As `admit`.
+        As in `admit`.
     step : float
-        Time since the last sample admitted, s; 0 for the first, and for one that is rejected.
+        Time since the last admitted sample, s; 0 for the first sample and for a rejected one.
     bits : int
         REJECTED, GAP and CLIPPED of `Status`.
     """
@@ -182,7 +182,7 @@ def take(
 
 @compiled
 def follow_motion(motion: Motion, dt: float, w: Vector, non_gravity: float) -> int:
-    """Rotary speed (S3 eq 11 with the previous output in its second term) and STILL, SLIDING or ROTATING."""
+    """Update the rotary speed (S3 eq 11, second term with the previous output); return STILL, SLIDING or ROTATING."""
     share = dt / (ROTARY_LAG + dt)
     motion.rotary_speed += share * (w[0] - motion.rotary_speed)
     forget = math.exp(-dt / STILL_HOLD)
@@ -198,15 +198,15 @@ def follow_motion(motion: Motion, dt: float, w: Vector, non_gravity: float) -> i
 @compiled
 def write_row(out: Track, i: int, across: float, sigma: float, motion: Motion, bits: int) -> None:
     """
-    Fill row i but for its direction.
+    Fill row i, except for its direction.
 
-    across: sine of the inclination; sigma: of the direction, rad; motion: as `follow_motion` keeps it; bits: of
-    `Status`, to which NEAR_VERTICAL is added here.
+    across: sine of the inclination; sigma: of the direction, rad; motion: as updated by `follow_motion`; bits: of
+    `Status`; NEAR_VERTICAL is added here.
     """
     if across < math.sin(NEAR_VERTICAL_BELOW):
         bits |= _NEAR_VERTICAL
     out.sigma_inclination[i] = sigma
-    # The toolface turns by the error across the axis over the sine of the inclination.
+    # An error across the axis rotates the toolface by the error divided by the sine of the inclination.
     out.sigma_toolface[i] = min(math.pi, sigma / max(across, 1e-3))
     out.non_gravity[i] = motion.peak_force
     out.rotary_speed[i] = motion.rotary_speed

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The words of a verdict, and which of two is the graver."""
+"""Words for verdicts, and which of two verdicts is worse."""
 
 from __future__ import annotations
 
 ACCEPT, DOUBTFUL, REJECT = "accept", "doubtful", "reject"
-# Of one quantity: this attitude does not define it.
+# For one quantity: it is not defined at this attitude.
 NOT_DETERMINED = "not_determined"
 
 
 def worse(a: str, b: str) -> str:
-    """The graver of two verdicts; one that says something goes before one of a quantity that is not determined."""
+    """Return the worse of two verdicts; "not determined" counts less than any other verdict."""
     order = (NOT_DETERMINED, ACCEPT, DOUBTFUL, REJECT)
     return order[max(order.index(a), order.index(b))]

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tool sends: a state machine from flow and rotation to the words of a transmission. Imports no ROS."""
+"""Transmission of the tool: a state machine that turns flow, rotation and measurements into words. Imports no ROS."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands that a tool has received by downlink, and the tool configuration to which they lead."""
+"""Commands that a tool has received by downlink, and the tool configuration that results from them."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 class Commands:
     """
-    Commands of one tool.
+    Commands received by one tool.
 
     Parameters
     ----------
     tool : ToolConfiguration
-        As delivered; without a downlink it takes no commands.
+        Configuration as delivered; if it has no downlink, the tool accepts no commands.
 
     Attributes
     ----------
     settings : ToolSettings
-        In force.
+        Settings in force.
     echo : int
-        Code of the last command for the word that repeats it; 0: none yet.
+        Code of the last command, for the word that repeats it; 0 before the first command.
     """
 
     def __init__(self, tool: ToolConfiguration) -> None:
@@ -35,12 +35,12 @@ class Commands:
         self.settings, self.echo = tool_commands.ToolSettings(), 0
 
     def listen(self, medium: str, stamps: Stamps, signal: Array) -> None:
-        """Take samples of the flow, m^3/s, or of the rotation, rad/s; both of shape (n,), stamps in ns."""
+        """Add samples of the flow, m^3/s, or the rotation, rad/s, depending on `medium`; shape (n,), stamps in ns."""
         if self._decoder is not None and self._downlink is not None and self._downlink.medium == medium:
             self._received.extend(self._decoder.push(stamps, signal))
 
     def obey(self, now: int) -> bool:
-        """Take over the commands known at a time, ns, however the samples were cut; returns whether there were any."""
+        """Apply the commands decoded by a time, ns, and return whether there were any."""
         before = self.echo
         while self._decoder is not None and self._received:
             if now < self._received[0].stamp_ns + self._decoder.delay_ns:
@@ -50,15 +50,16 @@ class Commands:
             try:
                 tool_commands.applied(self._tool, settings)
             except ValueError:
-                # The surface asks for what this tool does not have; a missing echo says that nothing changed.
+                # The tool cannot do what the command asks for. It does not echo it, so the surface sees that nothing
+                # changed.
                 continue
             self.settings, self.echo = settings, frame.echo
         return self.echo != before
 
     def speak(self) -> None:
-        """Flow is on again: be no longer mute."""
+        """End the muting, because the flow has been switched on again."""
         self.settings = self.settings._replace(mute=False)
 
     def tool(self) -> ToolConfiguration:
-        """Tool configuration in force."""
+        """Return the tool configuration in force."""
         return self._tool if self._downlink is None else tool_commands.applied(self._tool, self.settings)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surveys in the background: means over some seconds while the string moves, of which the least noisy one is kept."""
+"""Surveys while the string moves: averages over some seconds, of which the least noisy one is kept."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _OF_SURVEY = {
 
 
 class ContinuousSurvey:
-    """Means of inclination and azimuth over windows of equal length, `window_ns`."""
+    """Averages of inclination and azimuth over windows of equal length, `window_ns`."""
 
     def __init__(self, window_ns: int) -> None:
         self._window_ns = window_ns
@@ -25,7 +25,7 @@ class ContinuousSurvey:
         self._best: Readings = {}
 
     def take(self, stamp_ns: int, readings: Readings) -> None:
-        """Take the readings of a sample."""
+        """Add the readings of one sample."""
         if self._begin is None:
             self._begin = stamp_ns
         elif stamp_ns - self._begin >= self._window_ns:
@@ -38,11 +38,11 @@ class ContinuousSurvey:
                     sums[k] += more
 
     def best(self) -> Readings:
-        """Words of a survey from the least noisy window since the last call of `forget`; empty without one."""
+        """Return the readings of the least noisy window since the last call of `forget`; empty if there was none."""
         return dict(self._best)
 
     def forget(self) -> None:
-        """Begin a new choice: the best one was sent."""
+        """Forget the best window, because it has been sent."""
         self._least, self._best = math.inf, {}
 
     def _close(self, stamp_ns: int) -> None:

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Commands from the surface, found in the tool's own rotation or flow.
+Find commands from the surface in the rotation or flow that the tool measures.
 
-The signal is averaged in cells of 0.2 s and smoothed over a hold with a triangle: two means over half a hold, one after
-the other, so that an oscillation whose period is half a hold (stick-slip) is left out twice. At every cell the smoothed
-signal one symbol apart is compared with the start of a command: drilling value, lowest level, drilling value. Where
-that fits, the nine levels between are read on the scale of these three, and count if they lie near whole levels and
-the check holds. All sums are of whole numbers, so that the result does not depend on how the samples are cut.
+The signal is averaged over cells of 0.2 s and smoothed over one hold with a triangular window, made of two averages
+over half a hold, one after the other. An oscillation whose period is half a hold (stick-slip) is thus removed twice. At
+every cell, smoothed values one symbol apart are compared with the start of a command: drilling value, lowest level,
+drilling value. If they match, these three give the scale on which the nine levels after them are read. The levels count
+if they are near whole numbers and the check code is right. All sums are of whole numbers, so that the result does not
+depend on how the samples are cut into blocks.
 """
 
 from __future__ import annotations
@@ -22,15 +23,15 @@ from mwd_sensors.telemetry.downlink import HEAD, LEVELS, TAIL, Downlink, Frame, 
 _CELL_NS = 200_000_000
 _DATA = 9
 _SAMPLES = len(HEAD) + _DATA + len(TAIL)
-# Signal as whole numbers: 1e-6 rad/s or 1e-9 m^3/s, far below any sensor's noise.
+# Unit of the signal as whole numbers: 1e-6 rad/s or 1e-9 m^3/s, far below the noise of any sensor.
 _SCALE = {"rotation": 1e6, "flow": 1e9}
-# The drop to the lowest level over what the tool configuration says. Gauges and slipping strings are not exact.
+# Allowed ratio of the drop to the configured one. Gauges are inexact, and strings slip.
 _DROP = (0.6, 1.5)
-# Drilling values of one command differ by less than this share of the drop; more would be another step of the scale.
+# Drilling values within one command differ by less than this share of the drop; more would look like another level.
 _STEADY = 1.0 / (2.0 * (LEVELS - 1))
-# Distance of the levels read from whole ones: root mean square, and each. Any values would be 0.29 away on average.
+# Allowed distance of the levels from whole numbers: rms and largest. Random values would be 0.29 away (rms).
 _RMS, _MOST = 0.2, 0.42
-# Longest time without samples, cells; beyond it the signal begins anew.
+# Longest time without samples, cells; after a longer one the decoder restarts.
 _GAP = 10
 
 
@@ -50,13 +51,13 @@ class DownlinkDecoder:
         self._half = max(round(0.5 * downlink.hold_s / cell_s), 1)
         places = [round(k * downlink.symbol_s / cell_s) for k in range(_SAMPLES)]
         self._places = [place - places[-1] - 1 for place in places]
-        # The best fit comes within this time of the first one.
+        # The best match comes at most this long after the first one.
         self._settle = max(round(0.5 * downlink.symbol_s / cell_s), 1)
         self._begin()
 
     @property
     def delay_ns(self) -> int:
-        """Longest time from the end of a command to its being known, ns."""
+        """Longest time from the end of a command until it is decoded, ns."""
         return (self._settle + 2) * _CELL_NS
 
     def _begin(self) -> None:
@@ -71,10 +72,10 @@ class DownlinkDecoder:
 
     def push(self, stamp_ns: Stamps, signal: Array) -> list[Received]:
         """
-        Take samples in order of time and give the commands that ended.
+        Add samples in order of time, and return the commands that ended in them.
 
-        stamp_ns, shape (n,): ns. signal, shape (n,): rotation about the axis, rad/s, or flow, m^3/s; what is not
-        finite is left out.
+        stamp_ns, shape (n,): ns. signal, shape (n,): rotation about the axis, rad/s, or flow, m^3/s; values that are
+        not finite are ignored.
         """
         known = np.isfinite(signal)
         cells = stamp_ns[known] // _CELL_NS
@@ -89,7 +90,7 @@ class DownlinkDecoder:
         return found
 
     def _take(self, cell: int, total: int, count: int) -> list[Received]:
-        """Take what a cell holds, perhaps not all of it yet."""
+        """Add samples of one cell; more samples of the same cell may follow."""
         found: list[Received] = []
         if self._cell is not None and not 0 <= cell - self._cell <= _GAP:
             self._begin()
@@ -104,7 +105,7 @@ class DownlinkDecoder:
         return found
 
     def _close(self, cell: int) -> list[Received]:
-        """Smooth the signal up to a cell, and look for a command that ends with it."""
+        """Smooth the signal up to the end of a cell, and look for a command that ends there."""
         half, history = self._half, self._history
         self._once += self._value
         self._twice += self._once
@@ -128,7 +129,7 @@ class DownlinkDecoder:
         return [received]
 
     def _fit(self, cell: int) -> tuple[float, Received] | None:
-        """Distance from whole levels and the command that ends with this cell, if there is one."""
+        """Return the rms error of the levels and the command that ends with this cell; None if there is no command."""
         smooth, places, downlink = self._smooth, self._places, self._downlink
         first, low, second, last = (smooth[places[k]] for k in (0, 1, 2, -1))
         high = (first + second + last) / 3.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The newest measurement for each word of a tool, in SI, with its sigma and its time."""
+"""Newest measurement for each word of a tool, in SI, with its sigma and its stamp."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NORTH = {code: name for name, code in NORTH_CODES.items()}
 
 
 class Reading(NamedTuple):
-    """Value, 1 sigma (-1 unknown), SI, and the stamp of the measurement, ns."""
+    """Value and its 1 sigma, SI (-1: unknown), and the stamp of the measurement, ns."""
 
     value: float
     sigma: float
@@ -32,16 +32,16 @@ Readings = dict[str, Reading]
 
 def to_magnetic(north: str, reference: Reference | None) -> float | None:
     """
-    What turns an azimuth from a named north into one from magnetic north, rad; None where that is not known.
+    Return the angle to add to an azimuth from a named north to refer it to magnetic north, rad; None if unknown.
 
-    A tool's string is read by people who expect magnetic north: declination and convergence are added at the surface.
+    Azimuths are sent from magnetic north, as people at the surface expect; declination and convergence are added there.
     """
     correction = north_correction(reference, north) if north in NORTHS else None
     return None if correction is None else -correction
 
 
 def of_attitude(row: Samples, reference: Reference | None) -> Readings:
-    """Readings of one sample of `wire.ATTITUDE`; what is not known is left out."""
+    """Return the readings of one sample of `wire.ATTITUDE`, without those that are unknown."""
     stamp, status = int(row["stamp_ns"]), int(row["status"])
     found: Readings = {}
     if row["sigma_inclination"] >= 0.0:
@@ -59,7 +59,7 @@ def of_attitude(row: Samples, reference: Reference | None) -> Readings:
     if row["sigma_magnetic_toolface"] >= 0.0 and turn is not None:
         angle = (float(row["magnetic_toolface"]) + turn) % math.tau
         found[meanings.MAGNETIC_TOOLFACE] = Reading(angle, float(row["sigma_magnetic_toolface"]), stamp)
-    # Near vertical there is no high side: the toolface is then from magnetic north.
+    # Near vertical there is no high side, so the toolface is measured from magnetic north.
     automatic = meanings.MAGNETIC_TOOLFACE if status & Status.NEAR_VERTICAL else meanings.GRAVITY_TOOLFACE
     if automatic in found:
         found[meanings.TOOLFACE] = found[automatic]
@@ -67,7 +67,7 @@ def of_attitude(row: Samples, reference: Reference | None) -> Readings:
 
 
 def of_dynamics(row: Samples) -> Readings:
-    """Readings of one summary of `wire.DYNAMICS`."""
+    """Return the readings of one summary of `wire.DYNAMICS`."""
     stamp = int(row["stamp_ns"])
     fields = {
         meanings.LATERAL_RMS: "lateral_rms",
@@ -79,7 +79,7 @@ def of_dynamics(row: Samples) -> Readings:
 
 
 def of_survey(survey: Survey) -> Readings:
-    """Readings of a survey taken at rest; an azimuth that the survey withholds is left out."""
+    """Return the readings of a survey taken at rest, without the azimuth if the survey withholds it."""
     station, stamp = survey.station, survey.stamp_ns
     variance = np.asarray(station.covariance, dtype=float)
     found: Readings = {}
@@ -97,7 +97,7 @@ def of_survey(survey: Survey) -> Readings:
         put(meanings.AZIMUTH, (station.azimuth + turn) % math.tau, sigma_azimuth)
         put(meanings.SIGMA_AZIMUTH, sigma_azimuth, -1.0)
     put(meanings.G_TOTAL, station.g_total, -1.0)
-    # Of the field that the azimuth was computed from: what the drill string adds along the axis is taken off.
+    # Use the field from which the azimuth was computed, without the axial field of the drill string.
     axial = station.interference if station.corrected and math.isfinite(station.interference) else 0.0
     b_t = np.asarray(station.b_t, dtype=float) - np.array([axial, 0.0, 0.0])
     put(meanings.DIP, float(magnetic_geometry.dip(station.f_t, b_t)), -1.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be set about the tool's transmission, beside its tool configuration."""
+"""Settings of the tool's transmission that are not part of its tool configuration."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from mwd_sensors.telemetry.switch import FLOW_HOLD_S
 
 @dataclasses.dataclass(frozen=True)
 class Transmit:
-    """When the tool transmits. What it sends, and how, stands in its tool configuration (tool.yaml)."""
+    """When the tool transmits. The tool configuration (tool.yaml) says what it sends, and how."""
 
     tool_file: str = setting(
         "",
-        "Tool configuration (tool.yaml) by which the tool transmits; empty: it does not. The receiver at the surface "
-        "needs the same file.",
+        "Tool configuration (tool.yaml) that says what the tool transmits; empty: the tool does not transmit. The "
+        "receiver at the surface needs the same file.",
     )
     second_tool_file: str = setting(
         "",
-        "Tool configuration of a second link, such as EM beside mud pulses: the tool sends over both at once; empty: "
-        "none.",
+        "Tool configuration of a second link, such as EM in addition to mud pulses, over which the tool transmits at "
+        "the same time; empty: no second link.",
         expert=True,
     )
     flow_hold_s: float = setting(
         FLOW_HOLD_S,
-        "Time for which the flow has to stay above or below the threshold of the tool configuration. Raising it "
-        "ignores longer interruptions and delays each transmission by as much.",
+        "Time for which the flow must stay above or below the threshold of the tool configuration before it counts as "
+        "on or off. A larger value ignores longer interruptions and delays each transmission by the same time.",
         unit="s",
         low=0.0,
         high=60.0,
@@ -35,10 +35,10 @@ class Transmit:
     )
     rotation_switching_s: float = setting(
         0.0,
-        "Begin anew when rotation begins (survey, then the second toolface sequence) and when it ends (first toolface "
-        "sequence): time for which the string has to turn, or to stand, before that; 0: no switching. Raising it "
-        "survives longer stick phases; 10 s is usual. Needs header_bits in the tool configuration, so that the surface "
-        "knows which sequence comes.",
+        "Time for which the string must turn, or stand still, before the transmission restarts with another sequence: "
+        "survey and second toolface sequence when rotation begins, first toolface sequence when it ends; 0: never "
+        "switch. A larger value tolerates longer stick phases; 10 s is usual. Needs header_bits in the tool "
+        "configuration, so that the surface knows which sequence follows.",
         unit="s",
         low=0.0,
         high=300.0,
@@ -46,7 +46,7 @@ class Transmit:
     )
 
     def __post_init__(self) -> None:
-        """Refuse a time shorter than half a second, which a jerk of the string would exceed."""
+        """Refuse a time shorter than half a second, because single jerks of the string last that long."""
         if 0.0 < self.rotation_switching_s < 0.5:
             raise ValueError(
                 f"rotation_switching_s: {self.rotation_switching_s:g} s is below the shortest time, 0.5 s; 0: no "

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The tool's transmission: a state machine from flow and rotation to words on air.
+Transmission of the tool: a state machine that turns flow, rotation and measurements into words.
 
-Without flow the tool is silent. Flow that has held for a while starts the transmit delay; behind it come sync, header,
-the survey, and the toolface sequence again and again, each word measured when it goes on air. On a carrier blocks of
-words take the place of sync, header and words. A tool on a wire does not ask for flow: it sends toolface frames all the
-time, and each survey as soon as it was taken. The machine moves in steps of 0.1 s of the tool's clock, so that what is
-sent does not depend on how the samples are cut into blocks.
+Without flow the tool is silent. When the flow has been on for a while, the transmit delay starts; after it the tool
+sends sync, header, the survey, and then the toolface sequence repeatedly. Each word is measured when its transmission
+starts. On a carrier, blocks of words take the place of sync, header and words. A tool on a wire does not wait for flow:
+it sends toolface frames all the time, and each survey as soon as it has been taken. The machine moves in steps of 0.1 s
+of the tool's clock, so that the result does not depend on how the samples are cut into blocks.
 
-A command of the downlink changes what is sent from the next sync on, which then follows the word on air.
+A downlink command takes effect with the next sync, which follows the word being sent.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from mwd_sensors.telemetry.tool_configuration import PULSE_CODES, ToolConfigurat
 
 NANOSECONDS = 1_000_000_000
 _STEP_NS = NANOSECONDS // 10
-# Averaging time of the surveys taken while the string moves, s: at 30 m/h a tenth of a metre of hole.
+# Averaging time of surveys while the string moves, s; at 30 m/h the hole grows by a tenth of a metre meanwhile.
 _CONTINUOUS_S = 10.0
-# Attitude that waits longer for its flow is dropped: a flow that never comes must not fill the memory.
+# Attitude that waits longer than this for the flow of the same time is dropped, so that memory stays bounded.
 _KEPT_NS = 60 * NANOSECONDS
 Row = TypeVar("Row", bound=tuple[Any, ...])
 
 
 class Kind(enum.IntEnum):
-    """What a part of a transmission is, by the numbers of mwd_msgs/Transmission."""
+    """Kinds of parts of a transmission, with the numbers of mwd_msgs/Transmission."""
 
     SYNC = 0
     HEADER = 1
@@ -55,36 +55,36 @@ class Kind(enum.IntEnum):
 
 
 class TransmitterState(enum.StrEnum):
-    """What the tool does."""
+    """What the tool is doing, in words for the operator."""
 
     SILENT = "silent: no flow"
     WAITING = "flow is on: transmit delay"
     SENDING = "sending"
-    MUTED = "silent: told so by downlink, until the next flow-on or command"
+    MUTED = "silent: muted by downlink until the flow is switched on again or a command comes"
 
 
 @dataclasses.dataclass(frozen=True)
 class Sent:
-    """A sync, header or word that went on air."""
+    """A sync, header or word that was transmitted."""
 
     kind: Kind
-    frame: int  #: counts the passes of sequences from 0
+    frame: int  #: number of the pass through a sequence, from 0
     sequence: int  #: number of the sequence
-    name: str  #: of the word; empty for a sync or header
+    name: str  #: name of the word; empty for a sync or header
     #: `raw`, `bits`: code without parity, and its length.
     raw: int
     bits: int
-    reading: Reading | None  #: what was measured, SI; None where there is no measurement
-    start_ns: int  #: begin on air, clock of the tool
+    reading: Reading | None  #: measurement, SI; None if there is none
+    start_ns: int  #: start of the transmission, clock of the tool
     duration_s: float
-    edges_s: tuple[float, ...]  #: begin of each pulse after the start, s
-    tool: ToolConfiguration  #: in force
-    phases: tuple[float, ...] = ()  #: of each symbol on a carrier, rad; empty but at the first word of a block
-    octets: bytes = b""  #: on a line; empty but at the first word of a frame
+    edges_s: tuple[float, ...]  #: start of each pulse, counted from `start_ns`, s
+    tool: ToolConfiguration  #: configuration in force
+    phases: tuple[float, ...] = ()  #: phase of each symbol on a carrier, rad; only for the first word of a block
+    octets: bytes = b""  #: bytes on a serial line; only for the first word of a frame
 
 
 class _Part(NamedTuple):
-    """What goes on air next: kind, number of the sequence, words; of a sync none."""
+    """Next part to transmit: kind, number of the sequence, and words (none for a sync)."""
 
     kind: Kind
     number: int
@@ -95,7 +95,7 @@ _KINDS = {"survey": Kind.SURVEY, "toolface": Kind.TOOLFACE}
 
 
 class Transmitter:
-    """The transmission of one tool: `tool` says what is sent, and how, `settings` when."""
+    """Transmission of one tool: `tool` says what is sent and how, `settings` says when."""
 
     def __init__(self, tool: ToolConfiguration, settings: Transmit) -> None:
         self.tool, self._settings = tool, settings
@@ -117,7 +117,7 @@ class Transmitter:
         self.state = TransmitterState.SILENT
 
     def take_flow(self, samples: Samples) -> None:
-        """Take samples of `wire.TOOL_FLOW`, in order; those of a time must come before its attitude."""
+        """Add samples of `wire.TOOL_FLOW` in order; they must come before the attitude of the same time."""
         samples = input_gate.flow(samples)
         self._commands.listen(FLOW, samples["stamp_ns"], samples["flow"])
         if self.wired:
@@ -125,27 +125,27 @@ class Transmitter:
         self._flows.extend(zip(samples["stamp_ns"].tolist(), samples["flow"].tolist(), strict=True))
 
     def take_rotation(self, samples: Samples) -> None:
-        """Take samples of `wire.IMU` in tool axes, in order; those of a time must come before its attitude."""
+        """Add samples of `wire.IMU` in tool axes, in order; they must come before the attitude of the same time."""
         self._commands.listen(ROTATION, samples["stamp_ns"], samples["angular_velocity"][:, 0])
 
     def take_survey(self, survey: Survey) -> None:
-        """Keep a survey taken at rest for the next transmission."""
+        """Keep a survey taken at rest, for the next transmission."""
         self._survey = readings.of_survey(survey)
         self._fresh = True
 
     def take_dynamics(self, samples: Samples) -> None:
-        """Take summaries of `wire.DYNAMICS`; the last one counts."""
+        """Add summaries of `wire.DYNAMICS`; only the last one is used."""
         if len(samples):
             self._slow |= readings.of_dynamics(samples[-1])
 
     def advance(self, attitude: Samples, reference: Reference | None) -> list[Sent]:
         """
-        Take samples of `wire.ATTITUDE` and give what went on air up to the last one whose flow is known.
+        Add samples of `wire.ATTITUDE`, and return what was transmitted up to the last time whose flow is known.
 
-        reference : field whose declination and convergence turn azimuths to magnetic north.
+        reference : field whose declination and convergence are used to refer azimuths to magnetic north.
         """
         stamps = attitude["stamp_ns"]
-        # The first sample of each step is enough.
+        # The first sample in each step is enough.
         last = self._attitudes[-1][0] // _STEP_NS if self._attitudes else (self._now or 0) // _STEP_NS
         for k, cell in enumerate((stamps // _STEP_NS).tolist()):
             if cell > last:
@@ -168,17 +168,17 @@ class Transmitter:
 
     @property
     def wired(self) -> bool:
-        """Whether it sends over a line, with flow or without."""
+        """Whether the tool sends over a serial line, which does not depend on flow."""
         return self.tool.code == "serial"
 
     @property
     def knows_flow(self) -> bool:
-        """Whether samples of the flow have come at all."""
+        """Whether any sample of the flow has arrived."""
         return bool(self._flows)
 
     @property
     def waits_s(self) -> float:
-        """Attitude that waits for its flow, s, at most 60."""
+        """How much attitude waits for the flow of the same time, s, at most 60."""
         if not self._attitudes:
             return 0.0
         known = max(self._attitudes[0][0], self._flows[-1][0] if self._flows else 0)
@@ -225,7 +225,7 @@ class Transmitter:
         return sent
 
     def _begin_sending(self, at_ns: int) -> None:
-        """Begin with a survey, by the tool configuration that commands have led to."""
+        """Start with a survey, and use the tool configuration in force after the commands received."""
         self.state, self._next_ns, self._commanded, self._begins_anew = TransmitterState.SENDING, at_ns, False, False
         self.tool = self._commands.tool()
         self._on_air = self._frames() if self.wired else self._parts(with_survey=True)
@@ -248,7 +248,7 @@ class Transmitter:
         return int(self._rotation.on) if switches else self._commands.settings.sequence
 
     def _parts(self, *, with_survey: bool) -> Iterator[_Part]:
-        """Sync, header, survey and for ever the toolface sequence."""
+        """Yield sync, header and survey, then the toolface sequence until muted."""
         number = self._number
         if self.tool.code in PULSE_CODES:
             yield _Part(Kind.SYNC, number, Group("", number, 0, ()))
@@ -263,7 +263,7 @@ class Transmitter:
             yield from self._pass("toolface", number)
 
     def _frames(self) -> Iterator[_Part]:
-        """Of a tool on a wire: a survey where one was taken, else toolfaces, for ever."""
+        """Yield the frames of a tool on a wire until muted: the survey if there is a new one, else toolfaces."""
         while not self._commands.settings.mute:
             kind = "survey" if self._fresh else "toolface"
             if self._fresh:
@@ -276,7 +276,7 @@ class Transmitter:
         return (_Part(_KINDS[kind], number, group) for group in on_air.groups(self.tool, kind, number))
 
     def _choose_survey(self) -> None:
-        """Send the survey taken at rest since the last transmission, else the least noisy continuous one."""
+        """Choose the survey taken at rest since the last transmission, or else the least noisy continuous one."""
         self._frame += 1
         if not self._fresh:
             self._survey = self._continuous.best() or self._survey
@@ -292,7 +292,7 @@ class Transmitter:
             number if kind == Kind.HEADER else self._code(item, reading)
             for item, reading in zip(group.items, measured, strict=True)
         )
-        # Sync and header belong to the pass behind them.
+        # Sync and header belong to the pass that follows them.
         frame = self._frame if kind in (Kind.SURVEY, Kind.TOOLFACE) else self._frame + 1
         if kind == Kind.SYNC:
             signal = on_air.sync(self.tool)
@@ -317,7 +317,7 @@ class Transmitter:
         return (self._survey | of_now if kind == Kind.TOOLFACE else of_now | self._survey).get(quantity)
 
     def _code(self, item: SequenceItem, reading: Reading | None) -> int | None:
-        """Code of a reading; None where there is none: what is sent then cannot be taken for a reading."""
+        """Return the code of a reading; None if there is none (what is then sent cannot be mistaken for a reading)."""
         if reading is None:
             return None
         word = self.tool.table[item.name]
@@ -325,7 +325,7 @@ class Transmitter:
 
 
 def _newest(rows: deque[Row], now: int) -> Row | None:
-    """Last row with a stamp up to now; older ones are dropped. None: the first one is later."""
+    """Return the last row with a stamp up to `now` and drop older ones; None if the first row is later than `now`."""
     while len(rows) > 1 and rows[1][0] <= now:
         rows.popleft()
     return rows[0] if rows[0][0] <= now else None

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Accelerometer alone as a gravity method: the row that every other method is compared with.
+Accelerometer alone as a gravity method: the baseline with which every other method is compared.
 
-Down is minus the direction of the specific force, sample by sample; no gyro, no memory of motion. The same method
-remains where the gyros are faulty (`fallback`). Limits: ``docs/methods/fuzzy_mahony.md``.
+Down is minus the direction of the specific force, sample by sample, without a gyro and without memory. This method also
+takes over when the gyros are faulty (`fallback`). Limits: ``docs/methods/fuzzy_mahony.md``.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from mwd_sensors.core.records import dtype_of
 _INITIALISING = int(Status.INITIALISING)
 
 State = NDArray[np.void]
-"""One record of the fields of `Record`, shape (1,); a copy resumes."""
+"""One record with the fields of `Record`, shape (1,); a run can continue from a copy."""
 
 
 class Params(NamedTuple):
-    """Settings of the accelerometer alone."""
+    """Settings of the accelerometer-only method."""
 
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
-    memory: float = 2.0  #: time over which the disturbance is averaged for sigma, s
+    memory: float = 2.0  #: averaging time of the disturbance, from which sigma is computed, s
     accel_range: float = 16.0 * STANDARD_GRAVITY  #: force at which the accelerometer clips, m/s^2
-    sigma_floor: float = 0.003  #: sigma is not given smaller, rad
+    sigma_floor: float = 0.003  #: smallest sigma, rad
 
 
 class Record:
-    """Common clock and motion; last direction down, mean square of the force's error in magnitude, (m/s^2)^2."""
+    """Common clock and motion, last direction down, and mean square error of the force's magnitude, (m/s^2)^2."""
 
     clock: track.Clock
     motion: track.Motion
@@ -50,7 +50,7 @@ RECORD = dtype_of(Record)
 
 
 def initial(params: Params) -> State:  # noqa: ARG001  (every method has this signature)
-    """State before the first sample."""
+    """Return the state before the first sample."""
     state = np.zeros(1, RECORD)
     state["down"] = np.nan
     state["power"] = 1e6
@@ -59,9 +59,9 @@ def initial(params: Params) -> State:  # noqa: ARG001  (every method has this si
 
 def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
-    Direction of minus the specific force, sample by sample; arguments and errors as `fuzzy_mahony.run`.
+    Return minus the direction of the specific force, sample by sample; arguments and errors as for `fuzzy_mahony.run`.
 
-    Sigma takes the disturbance across gravity to be as large as the change of magnitude that it causes along gravity.
+    Sigma assumes that the disturbance across gravity is as large as the observed change of magnitude along gravity.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
@@ -73,7 +73,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Track) -> None:
     for i in range(len(stamps)):
         w, f = (gyro[i, 0], gyro[i, 1], gyro[i, 2]), (accel[i, 0], accel[i, 1], accel[i, 2])
-        # The gyro is not used, and its clipping says nothing.
+        # The gyro is not used, so its clipping is ignored.
         verdict, dt, bits = track.take(s.clock, stamps[i], w, f, track.GAP_NS, math.inf, p.accel_range)
         if verdict == track.REJECTED:
             if not math.isfinite(s.down[0]):

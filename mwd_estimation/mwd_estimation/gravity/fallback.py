@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gravity while a sensor is faulty: without the faulty one, or none, never a wrong one.
+Gravity while a sensor is faulty: leave the faulty sensor out, and give no gravity rather than a wrong one.
 
-Without usable gyros gravity is the direction of the accelerometer alone, with a sigma by its own disturbance; without a
-usable accelerometer there is none. When the fault has gone the method starts anew, because the state that it carried
-through the fault is not to be trusted.
+Without usable gyros, gravity is the direction of the accelerometer alone with a sigma from its own disturbance. Without
+a usable accelerometer there is no gravity. When the fault has ended the method restarts, because its state during the
+fault cannot be trusted.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mwd_sensors.core.arrays import Array, Stamps
 
 class GravityWithFallback:
     """
-    A gravity method that leaves faulty sensors out.
+    Gravity method that leaves faulty sensors out.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class GravityWithFallback:
     params : Any
         Parameters of the method.
     remaining : accelerometer_only.Params
-        Parameters of what remains while the gyros are faulty.
+        Parameters of the accelerometer-only method, used while the gyros are faulty.
     """
 
     def __init__(self, method: Method, params: Any, remaining: accelerometer_only.Params) -> None:
@@ -45,7 +45,7 @@ class GravityWithFallback:
 
     @property
     def innovations(self) -> list[Innovation]:
-        """Of the directions that inclination and toolface see; empty for a method that keeps none."""
+        """Innovations that concern inclination and toolface; empty for a method that has none."""
         if not isinstance(self._state, State):
             return []
         found = self._state.record[0]["innovations"]
@@ -64,18 +64,18 @@ class GravityWithFallback:
         followed: Track | None = None,
     ) -> Track:
         """
-        Gravity of samples during which the same sensors are unusable.
+        Return gravity for samples during which the same sensors are unusable.
 
         Parameters
         ----------
         unusable : int
-            Bits of the sensors that are unusable, as the health checks name them.
+            Unusable sensors, bits as in the health checks.
         stamps, gyro, accel : ndarray, shapes (n,), (n, 3) and (n, 3)
-            ns, rad/s and m/s^2, in tool axes.
+            Stamps, ns, rates, rad/s, and forces, m/s^2, in tool axes.
         clipped : ndarray of uint8, shape (n,)
             Bits of `core.clip_flags`.
         followed : Track, optional
-            Gravity found otherwise (a smoother), given back where both sensors are usable.
+            Gravity found in another way (by a smoother), returned if both sensors are usable.
         """
         unusable, before = unusable & (GYRO | ACCEL), self._unusable
         self._unusable = unusable
@@ -96,10 +96,10 @@ class GravityWithFallback:
 
 def without_faulty(unusable: int, gyro: Array, full: float) -> Array:
     """
-    Rates for the steps after gravity: not a number where the gyros are unusable, or across the tool at their end.
+    Return the rates for the steps after gravity, NaN if the gyros are unusable or clip across the tool.
 
-    full: end of the range, rad/s. About its axis a string may turn faster than its gyro reads; no tool turns so across,
-    and what a clipped sample hides of a blow is as unknown as a missing one.
+    full is the end of the range, rad/s. A string may rotate about its axis faster than its gyro reads. No tool rotates
+    so fast across its axis, so a clipped sample is a blow and as unknown as a missing one.
     """
     if unusable & GYRO:
         return np.full_like(gyro, np.nan)

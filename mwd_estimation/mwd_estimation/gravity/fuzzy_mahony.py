@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-S3: gravity while drilling from a rotation-vector recursion, a PI correction and a fuzzy proportional gain.
+S3: gravity while drilling by a rotation-vector recursion, a PI correction and a fuzzy proportional gain.
 
-The recursion (S3 eq 5, sign in the exponent as eq 1 demands) carries the filtered gravity of the last sample by the
-raw gyro; its difference from the accelerometer drives a proportional-integral correction of the rates (S3 figure 4,
-Mahony's filter with one vector); the proportional gain follows non-gravity acceleration and rotary speed by the fuzzy
-table 1. Derivation, limits and what is observable when: ``docs/methods/fuzzy_mahony.md``.
+The recursion (S3 eq 5, with the sign in the exponent as eq 1 requires) propagates the last filtered gravity by the raw
+gyro. Its difference from the accelerometer drives a proportional-integral correction of the rates (S3 figure 4,
+Mahony's filter with one vector). The proportional gain follows non-gravity acceleration and rotary speed by the fuzzy
+table 1. Derivation, limits and observability: ``docs/methods/fuzzy_mahony.md``.
 """
 
 from __future__ import annotations
@@ -25,63 +25,63 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
 from mwd_sensors.core.records import dtype_of
 
-# S3 table 1 and eq (12): rows rotary speed S, M, L; columns non-gravity acceleration S, M, L; steps of the output.
+# S3 table 1 and eq (12): rows are rotary speed S, M, L, columns are non-gravity acceleration S, M, L; output steps.
 RULES: Array = np.array([[0.06, 0.03, -0.03], [0.0, 0.0, -0.03], [0.0, -0.03, -0.06]])
 WINDOW_MOST = 512
 RPM = 60.0 / (2.0 * math.pi)
-# While it starts, the disturbance is taken to stay alike for so long, s.
+# Correlation time of the disturbance assumed during a start, s.
 _ALIKE = 0.03
-# Least bandwidth at which the error that is left is seen, 1/s, and the share of it at which its square is averaged.
+# Least bandwidth at which the remaining error is observed, 1/s, and share of it with which its square is averaged.
 _SLOWEST, _SQUARE_SHARE = 0.02, 0.3
 
 _INITIALISING = int(Status.INITIALISING)
 
 State = NDArray[np.void]
-"""One record of the fields of `Record`, shape (1,); a copy resumes."""
+"""One record with the fields of `Record`, shape (1,); a run can continue from a copy."""
 
 
 class Params(NamedTuple):
-    """Settings of the S3 method; `fuzzy` off makes it the plain PI filter (Mahony)."""
+    """Settings of the S3 method; with `fuzzy` False it is the plain PI filter (Mahony)."""
 
-    #: `k_p`, `k_i`: base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 leaves the gyro bias alone.
+    #: `k_p`, `k_i`: base proportional gain, 1/s, and integral gain, 1/s^2; k_i = 0 does not estimate the gyro bias.
     k_p: float = 0.15
     k_i: float = 0.003
-    k_p_least: float = 0.01  #: the fuzzy table lowers the gain no further, 1/s
+    k_p_least: float = 0.01  #: least proportional gain that the fuzzy table can set, 1/s
     fuzzy: bool = True  #: let the fuzzy table move k_p
-    window: int = 20  #: samples whose largest non-gravity acceleration feeds the table, at most WINDOW_MOST
-    coning: float = 0.0  #: share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates
+    window: int = 20  #: number of samples whose largest non-gravity acceleration enters the table, at most WINDOW_MOST
+    coning: float = 0.0  #: share of the 1/12 coning term: 1 for mean rates, 0 if the sensor integrates (strapdown)
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
-    start_s: float = 2.0  #: mean in gyro axes that makes the first estimate, s
+    start_s: float = 2.0  #: averaging time of the first estimate, in gyro axes, s
     #: `gyro_range`, `accel_range`: rate, rad/s, and force, m/s^2, at which the sensors clip.
     gyro_range: float = math.radians(2000.0)
     accel_range: float = 16.0 * STANDARD_GRAVITY
-    sigma_floor: float = 0.003  #: sigma is not given smaller, rad
+    sigma_floor: float = 0.003  #: smallest sigma, rad
 
 
 class Record:
-    """All that changes."""
+    """State of the filter."""
 
-    #: `clock`, `motion`: common to all methods, as `track.admit` and `track.follow_motion` keep them.
+    #: `clock`, `motion`: common to all methods, kept by `track.admit` and `track.follow_motion`.
     clock: track.Clock
     motion: track.Motion
     down: Annotated[Array, 3]  #: unit vector down, tool axes
-    integral: Annotated[Array, 3]  #: correction of the rates that the integral has learnt, rad/s
-    last_angle: Annotated[Array, 3]  #: angle of the sample before, rad
-    #: `mean`, `mean_power`: shape (3,), and float; integral of force over gravity in gyro axes while starting, s, and
-    #: of the square of what disturbs it.
+    integral: Annotated[Array, 3]  #: integral correction of the rates, rad/s
+    last_angle: Annotated[Array, 3]  #: rotation angle of the previous sample, rad
+    #: `mean`, `mean_power`: shape (3,), and float; integrals during a start of force over gravity in gyro axes, s, and
+    #: of the square of its disturbance.
     mean: Annotated[Array, 3]
     mean_power: float
-    #: `slow_error`, `slow_power`: shape (3,), and float; the error signal at the filter's own bandwidth, and its mean
+    #: `slow_error`, `slow_power`: shape (3,), and float; error signal at the filter's own bandwidth, and its mean
     #: square.
     slow_error: Annotated[Array, 3]
     slow_power: float
-    start_power: float  #: mean square error that the start has left, rad^2
+    start_power: float  #: remaining mean square error of the start, rad^2
     #: `age`, `non_gravity`, `sigma`: time since the start, s; acceleration that is not gravity, m/s^2; sigma of the
     #: direction, rad.
     age: float
     non_gravity: float
     sigma: float
-    #: `ring`, `ring_at`: non-gravity acceleration of the last samples, m/s^2, and the place of the next.
+    #: `ring`, `ring_at`: non-gravity acceleration of the last samples, m/s^2, and the index of the next one.
     ring: Annotated[Array, WINDOW_MOST]
     ring_at: int
 
@@ -90,7 +90,7 @@ RECORD = dtype_of(Record)
 
 
 def initial(params: Params) -> State:  # noqa: ARG001  (every method has this signature)
-    """State before the first sample."""
+    """Return the state before the first sample."""
     state = np.zeros(1, RECORD)
     state["down"] = np.nan
     state["sigma"] = math.pi
@@ -105,7 +105,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     ----------
     params : Params
     state : State
-        Changed in place; blocks of any length give the same numbers.
+        State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes.
@@ -113,7 +113,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
     Raises
     ------
     ValueError
-        Shapes that do not match.
+        Shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
@@ -123,7 +123,7 @@ def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, ac
 
 @compiled
 def membership(value: float, low: float, middle: float, high: float) -> tuple[float, float, float]:
-    """Triangular memberships small, medium, large (S3 figure 3 a, b); beyond the ends the shoulder stays at one."""
+    """Return triangular memberships small, medium, large (S3 figure 3 a, b), equal to 1 beyond the ends."""
     if value <= low:
         return 1.0, 0.0, 0.0
     if value >= high:
@@ -138,9 +138,9 @@ def membership(value: float, low: float, middle: float, high: float) -> tuple[fl
 @compiled
 def fuzzy_step(non_gravity: float, rotary_rpm: float) -> float:
     """
-    Change of k_p, 1/s, by S3 table 1 and eq (13): minimum for AND, centroid of the (up to four) fired rules.
+    Return the change of k_p, 1/s, by S3 table 1 and eq (13): minimum for AND, centroid of the active rules.
 
-    non_gravity in m/s^2 (not in g: eq 9 divides by g0 but the universe of eq 12 does not), rotary_rpm in r/min.
+    non_gravity is in m/s^2 (eq 9 divides by g0, but the ranges of eq 12 do not), rotary_rpm in r/min.
     """
     v = membership(non_gravity, 0.0, 25.0, 50.0)
     r = membership(abs(rotary_rpm), 0.0, 100.0, 200.0)
@@ -185,7 +185,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
 
 @compiled
 def _begin(p: Params, s: Any) -> None:
-    """Begin the mean that starts the estimate; the integral, a gyro bias, is kept over a gap."""
+    """Begin the average of a start; the integral, which is a gyro bias, is kept over a gap."""
     for c in range(3):
         s.last_angle[c] = s.mean[c] = s.slow_error[c] = 0.0
     s.age = s.slow_power = s.mean_power = 0.0
@@ -195,7 +195,7 @@ def _begin(p: Params, s: Any) -> None:
 
 @compiled
 def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, float]) -> None:
-    """Mean force in axes that the gyro carries along: vibration averages out, rotation does not matter."""
+    """Average the force in axes carried by the gyro, so that vibration averages out and rotation has no effect."""
     mx, my, mz = in_turned_axes(s.mean[0], s.mean[1], s.mean[2], turn[0], turn[1], turn[2])
     step = max(dt, 1e-3)
     mx += u[0] * step
@@ -206,7 +206,7 @@ def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, 
     if norm > 0.0:
         s.down[0], s.down[1], s.down[2] = mx / norm, my / norm, mz / norm
     ex, ey, ez = u[0] - s.down[0], u[1] - s.down[1], u[2] - s.down[2]
-    # Variance of the mean, as if the disturbance stayed alike for a moment.
+    # Variance of the mean, for a disturbance that is correlated over `_ALIKE`.
     s.mean_power += step * (ex * ex + ey * ey + ez * ez)
     total = s.age + 1e-3
     s.start_power = s.mean_power / total * _ALIKE / (total + _ALIKE)
@@ -215,7 +215,7 @@ def _average(p: Params, s: Any, dt: float, u: Vector, turn: tuple[float, float, 
 
 @compiled
 def _proportional_gain(p: Params, s: Any) -> float:
-    """Gain k_p of now, 1/s; the ring already holds the sample's non-gravity acceleration."""
+    """Return the present gain k_p, 1/s; the ring must already hold the sample's non-gravity acceleration."""
     if not p.fuzzy:
         return p.k_p
     most = 0.0
@@ -226,7 +226,7 @@ def _proportional_gain(p: Params, s: Any) -> float:
 
 @compiled
 def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[float, float, float]) -> None:
-    """S3 figure 4: the last filtered gravity carried by the raw gyro, and its error against the accelerometer."""
+    """Propagate and correct by S3 figure 4: last gravity carried by the raw gyro, error against the accelerometer."""
     px, py, pz = turn
     hx, hy, hz = in_turned_axes(s.down[0], s.down[1], s.down[2], px, py, pz)
     ex, ey, ez = u[1] * hz - u[2] * hy, u[2] * hx - u[0] * hz, u[0] * hy - u[1] * hx
@@ -235,7 +235,7 @@ def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[flo
     s.ring[s.ring_at] = s.non_gravity
     s.ring_at = (s.ring_at + 1) % p.window
     k_p = _proportional_gain(p, s)
-    # A young estimate weighs all samples alike, as a mean does.
+    # A young estimate weighs all samples equally, like a mean.
     gain = max(k_p, 1.0 / s.age) if k_p > 0.0 else 0.0
     s.integral[0] += p.k_i * ex * dt
     s.integral[1] += p.k_i * ey * dt
@@ -247,7 +247,7 @@ def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[flo
     gx, gy, gz = in_turned_axes(s.down[0], s.down[1], s.down[2], ox, oy, oz)
     norm = math.sqrt(gx * gx + gy * gy + gz * gz)
     s.down[0], s.down[1], s.down[2] = gx / norm, gy / norm, gz / norm
-    # What the correction still has to do, seen at its own bandwidth, is the error it has not removed.
+    # The error signal, low-passed at the correction's bandwidth, is the error that has not been removed yet.
     e = s.slow_error
     qx, qy, qz = in_turned_axes(e[0], e[1], e[2], px, py, pz)
     share = min(1.0, max(gain, _SLOWEST) * dt)
@@ -256,5 +256,5 @@ def _correct(p: Params, s: Any, dt: float, w: Vector, u: Vector, turn: tuple[flo
     e[2] = qz + share * (ez - qz)
     power = 0.5 * (e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
     s.slow_power += _SQUARE_SHARE * share * (power - s.slow_power)
-    # The error of the start is forgotten as fast as the gain corrects it.
+    # The error of the start decays as fast as the gain corrects it.
     s.start_power *= math.exp(-2.0 * gain * dt)

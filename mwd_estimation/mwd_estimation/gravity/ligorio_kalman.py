@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Linear Kalman extraction of gravity: the framework S3 compares itself with (Ligorio and Sabatini's inclinometer).
+Linear Kalman extraction of gravity, with which S3 compares itself (Ligorio and Sabatini's inclinometer).
 
-Gravity in tool axes is carried by the gyro, the acceleration of the tool is a first-order Gauss-Markov process carried
-alike, the accelerometer is their difference plus noise. With noises alike on the three axes the six-state covariance is
-three numbers times the unit matrix, which rotation leaves alone, so that the filter is exact and cheap. A gyro
-bias is removed by an integral beside the filter. Derivation and limits: ``docs/methods/fuzzy_mahony.md``.
+The gyro propagates gravity in tool axes and the tool's acceleration, a first-order Gauss-Markov process. The
+accelerometer measures their difference plus noise. With equal noise on the three axes the six-state covariance is three
+numbers times the identity matrix, which rotation does not change, so the filter is exact and cheap. An integral next to
+the filter removes the gyro bias. Derivation and limits: ``docs/methods/fuzzy_mahony.md``.
 """
 
 from __future__ import annotations
@@ -26,57 +26,57 @@ from mwd_sensors.core.kalman import coning_rotation, in_turned_axes
 from mwd_sensors.core.records import dtype_of
 
 _INITIALISING = int(Status.INITIALISING)
-# Time over which the squared innovations are averaged, s, and the bounds of the scale that they give the covariance.
+# Averaging time of the squared innovations, s, and bounds of the factor that they give to the covariance.
 _SQUARE_TIME, _SCALE_LEAST, _SCALE_MOST = 5.0, 0.1, 100.0
 
 State = NDArray[np.void]
-"""One record of the fields of `Record`, shape (1,); a copy resumes."""
+"""One record with the fields of `Record`, shape (1,); a run can continue from a copy."""
 
 
 class Params(NamedTuple):
     """Settings of the linear Kalman extraction."""
 
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2
-    #: `gyro_noise`, `rate_noise`: gyro white noise, rad/s/sqrt(Hz), and its growth with the rate.
+    #: `gyro_noise`, `rate_noise`: gyro white noise, rad/s/sqrt(Hz), and its increase per rate.
     gyro_noise: float = 0.01
     rate_noise: float = 0.005
     accel_noise: float = 0.5  #: accelerometer noise of a sample, m/s^2
-    #: `motion`, `memory`: acceleration of the tool, m/s^2, and its correlation time, s.
+    #: `motion`, `memory`: acceleration of the tool, 1 sigma, m/s^2, and its correlation time, s.
     motion: float = 10.0
     memory: float = 0.05
-    bias_gain: float = 0.005  #: integral gain of the gyro bias beside the filter, 1/s^2
-    coning: float = 0.0  #: share of the 1/12 coning term: 1 for mean rates, 0 where the sensor strapdown-integrates
-    start_s: float = 0.5  #: time over which the estimate counts as starting, s
+    bias_gain: float = 0.005  #: integral gain of the gyro bias, which is not a state of the filter, 1/s^2
+    coning: float = 0.0  #: share of the 1/12 coning term: 1 for mean rates, 0 if the sensor integrates (strapdown)
+    start_s: float = 0.5  #: time after a start during which the estimate is marked as initialising, s
     #: `gyro_range`, `accel_range`: rate, rad/s, and force, m/s^2, at which the sensors clip.
     gyro_range: float = math.radians(2000.0)
     accel_range: float = 16.0 * STANDARD_GRAVITY
-    sigma_floor: float = 0.003  #: sigma is not given smaller, rad
+    sigma_floor: float = 0.003  #: smallest sigma, rad
 
 
 class Record:
-    """All that changes."""
+    """State of the filter."""
 
-    #: `clock`, `motion`: common to all methods, as `track.admit` and `track.follow_motion` keep them.
+    #: `clock`, `motion`: common to all methods, kept by `track.admit` and `track.follow_motion`.
     clock: track.Clock
     motion: track.Motion
     #: `gravity`, `acceleration`: shape (3,); gravity and acceleration of the tool, tool axes, m/s^2.
     gravity: Annotated[Array, 3]
     acceleration: Annotated[Array, 3]
-    last_angle: Annotated[Array, 3]  #: angle of the sample before, rad
+    last_angle: Annotated[Array, 3]  #: rotation angle of the previous sample, rad
     bias: Annotated[Array, 3]  #: correction of the rates, rad/s
     #: `p_gg`, `p_ga`, `p_aa`: covariances of gravity and acceleration on each axis, (m/s^2)^2.
     p_gg: float
     p_ga: float
     p_aa: float
     age: float  #: time since the start, s
-    square: float  #: mean square of the innovations over those expected by the covariance
+    square: float  #: mean square of the innovations divided by the square expected from the covariance
 
 
 RECORD = dtype_of(Record)
 
 
 def initial(params: Params) -> State:
-    """State before the first sample."""
+    """Return the state before the first sample."""
     state = np.zeros(1, RECORD)
     state["gravity"] = np.nan
     state["p_gg"] = (math.pi * params.gravity) ** 2
@@ -85,7 +85,7 @@ def initial(params: Params) -> State:
 
 
 def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
-    """Follow gravity through a block of samples; arguments and errors as `fuzzy_mahony.run`."""
+    """Follow gravity through a block of samples; arguments and errors as for `fuzzy_mahony.run`."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     out = Track.empty(len(stamps))
     _run(params, state[0], stamps, gyro, accel, out)
@@ -105,7 +105,7 @@ def _run(p: Params, s: Any, stamps: Stamps, gyro: Array, accel: Array, out: Trac
             bits |= track.follow_motion(s.motion, dt, w, non_gravity)
         if s.age < p.start_s or not math.isfinite(s.gravity[0]):
             bits |= _INITIALISING
-        # Innovations larger or smaller than expected scale the covariance they came from.
+        # Scale the covariance by how much larger or smaller the innovations are than expected.
         scaled = s.p_gg / p.gravity**2 * min(max(s.square, _SCALE_LEAST), _SCALE_MOST)
         sigma = min(math.pi, math.sqrt(scaled + p.sigma_floor**2))
         for c in range(3):
@@ -128,7 +128,7 @@ def _begin(p: Params, s: Any, f: Vector) -> None:
 
 @compiled
 def _step(p: Params, s: Any, dt: float, w: Vector, f: Vector) -> float:
-    """Predict over dt, s, and update with one force; returns the acceleration that is not gravity, m/s^2."""
+    """Predict over dt, s, and update with one force; return the non-gravity acceleration, m/s^2."""
     s.age += dt
     bx, by, bz = (w[0] + s.bias[0]) * dt, (w[1] + s.bias[1]) * dt, (w[2] + s.bias[2]) * dt
     px, py, pz = coning_rotation(s.last_angle[0], s.last_angle[1], s.last_angle[2], bx, by, bz, p.coning)
@@ -141,12 +141,12 @@ def _step(p: Params, s: Any, dt: float, w: Vector, f: Vector) -> float:
     s.p_aa = keep * keep * s.p_aa + (1.0 - keep * keep) * p.motion**2
     ax, ay, az = in_turned_axes(s.acceleration[0], s.acceleration[1], s.acceleration[2], px, py, pz)
     ax, ay, az = keep * ax, keep * ay, keep * az
-    # Integral of the force against carried gravity, as in Mahony's filter: the gyro bias, with its sign turned.
+    # Integrate the force against the propagated gravity, as in Mahony's filter: minus the gyro bias.
     step = p.bias_gain * dt / p.gravity**2
     s.bias[0] -= step * (f[1] * gz - f[2] * gy)
     s.bias[1] -= step * (f[2] * gx - f[0] * gz)
     s.bias[2] -= step * (f[0] * gy - f[1] * gx)
-    # Force is acceleration less gravity: H = [-1 1].
+    # Force is acceleration minus gravity: H = [-1 1].
     yx, yy, yz = f[0] - ax + gx, f[1] - ay + gy, f[2] - az + gz
     cg, ca = s.p_ga - s.p_gg, s.p_aa - s.p_ga
     total = ca - cg + p.accel_noise**2
@@ -156,7 +156,7 @@ def _step(p: Params, s: Any, dt: float, w: Vector, f: Vector) -> float:
     s.p_gg -= kg * cg
     s.p_ga -= kg * ca
     s.p_aa -= ka * ca
-    # Gravity keeps its length.
+    # Keep the length of gravity fixed.
     scale = p.gravity / math.sqrt(gx * gx + gy * gy + gz * gz)
     s.gravity[0], s.gravity[1], s.gravity[2] = gx * scale, gy * scale, gz * scale
     s.square += min(1.0, dt / _SQUARE_TIME) * ((yx * yx + yy * yy + yz * yz) / (3.0 * total) - s.square)

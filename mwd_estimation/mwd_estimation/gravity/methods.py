@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gravity methods by name: each source's system is a row that can be chosen, and all give the same `Track`.
+Gravity methods by name: each published method can be selected, and all return the same `Track`.
 
-A method is four things with the same meaning everywhere: `Params` (settings with defaults), `initial(params)` (the
-state before the first sample, with `copy`), `run(params, state, stamp_ns, gyro_t, accel_t)` (a block of any length,
-state changed in place) and a sentence that describes it.
+A method has four parts with the same meaning everywhere: `Params` (settings with defaults), `initial(params)` (state
+before the first sample, with `copy`), `run(params, state, stamp_ns, gyro_t, accel_t)` (process a block of any length
+and change the state in place), and a sentence that describes it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ DEFAULT = "bounded"
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """One way to follow gravity; see the module's own description for what the members mean."""
+    """One gravity method; the module docstring explains the members."""
 
     name: str
     doc: str
@@ -33,7 +33,7 @@ class Method:
     initial: Callable[[Any], Any]
     run: Callable[..., Track]
     uses_clip_flags: bool = False
-    """Whether `run` takes what the unit says of its clipping (`core.clip_flags`) as its last argument."""
+    """Whether `run` accepts the unit's clip flags (`core.clip_flags`) as its last argument."""
 
 
 _MAHONY = functools.partial(fuzzy_mahony.Params, fuzzy=False)
@@ -80,12 +80,12 @@ METHODS: dict[str, Method] = {one.name: one for one in _ALL}
 
 def method(name: str) -> Method:
     """
-    Return the method of that name.
+    Return the method with this name.
 
     Raises
     ------
     ValueError
-        No such method; the message lists those there are.
+        The method does not exist; the message lists the methods that do.
     """
     if name not in METHODS:
         raise ValueError(f"method: no gravity method {name!r}; known: {', '.join(METHODS)}")

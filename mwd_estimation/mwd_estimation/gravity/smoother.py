@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Smooth gravity of the bounded filter with later samples, for logs and reports. Works offline only.
+Smooth the gravity of the bounded filter with later samples, for logs and reports. Works offline only.
 
-The forward pass is `bounded.filter` itself; the backward pass carries what later measurements show of the errors back
-over each start of the filter. Tilt between updates is interpolated.
+The forward pass is `bounded.filter` itself. The backward pass carries the information of later measurements back to
+earlier errors, within each start of the filter. Tilt between updates is interpolated.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-AHEAD = 30_000  # least number of later samples from which a sample is smoothed
-BLOCK = 3 * AHEAD  # samples of one backward pass
+AHEAD = 30_000  # least number of later samples with which a sample is smoothed
+BLOCK = 3 * AHEAD  # number of samples in one backward pass
 _NO_UPDATES = np.zeros(0, UPDATE)
 
 
 def smooth(params: Params, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Track:
     """
-    Return the gravity of a whole recording, each sample from all samples before it and a long stretch after it.
+    Return the gravity of a whole recording, each sample from all earlier samples and a long run of later ones.
 
-    Parameters and errors as `bounded.filter.run`. Before the filter's first start nothing is smoothed.
+    Parameters and errors as for `bounded.filter.run`. Samples before the filter's first start are not smoothed.
     """
     smoother = Smoother(params)
     return joined([smoother.push(stamp_ns, gyro_t, accel_t), smoother.finish()])
 
 
 def joined(parts: list[Track]) -> Track:
-    """Return tracks one after another as one."""
+    """Concatenate tracks."""
     return Track._make(np.concatenate(columns) for columns in zip(*parts, strict=True))
 
 
 class _Forward(NamedTuple):
-    """Samples behind the forward pass: their track, the updates within them, and the first level axis at each."""
+    """Samples after the forward pass: track, updates within them, and first level axis at each sample."""
 
     part: Track
     updates: Any
@@ -52,9 +52,9 @@ class _Forward(NamedTuple):
 
 class Smoother:
     """
-    Smooth a stream of samples in constant memory; a sample comes out as soon as enough samples after it were seen.
+    Smooths a stream of samples in constant memory; a sample is returned when enough later samples are known.
 
-    Blocks of any length give the same numbers. Settings and errors as `smooth`.
+    The result does not depend on how the samples are cut into blocks. Settings and errors as for `smooth`.
     """
 
     def __init__(self, params: Params) -> None:
@@ -66,31 +66,31 @@ class Smoother:
     def push(
         self, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike, clipped: ArrayLike | None = None
     ) -> Track:
-        """Accept a block and return the gravity of the samples that are done; they follow on those returned before."""
+        """Accept a block and return the gravity of finished samples, which follow those returned before."""
         part, log = bounded.run_logged(self.params, self._state, stamp_ns, gyro_t, accel_t, clipped)
         updates = log.updates[: log.entries[0]].copy()
         updates["sample"] += self._count
         self._waiting.append(_Forward(part, updates, log.north_t))
         self._count += len(part.g_t)
         parts = [Track.empty(0)]
-        # Passes overlap: the end of each is smoothed again by the next one, which sees more of what follows.
+        # Passes overlap: the end of each is smoothed again by the next pass, which knows more later samples.
         while self._count > BLOCK:
             parts.append(self._smoothed(BLOCK, BLOCK - AHEAD))
         return joined(parts)
 
     def finish(self) -> Track:
-        """Return the gravity of the samples that wait."""
+        """Return the gravity of all waiting samples."""
         return self._smoothed(self._count, self._count)
 
     def _smoothed(self, size: int, done: int) -> Track:
-        """Go back over the first `size` samples that wait, and remove and return the first `done` of them."""
+        """Smooth the first `size` waiting samples, and remove and return the first `done` of them."""
         if not self._waiting:
             return Track.empty(0)
         parts, updates, north_t = zip(*self._waiting, strict=True)
         part, update, north = joined(list(parts)), np.concatenate([_NO_UPDATES, *updates]), np.concatenate(north_t)
         smoothed = part.part(slice(done))
         _back(smoothed, update[: np.searchsorted(update["sample"], size)], north)
-        # Keep the last update before the remaining samples: their tilt is interpolated from there.
+        # Keep the last update before the remaining samples, because their tilt is interpolated from there.
         first = max(int(np.searchsorted(update["sample"], done, side="right")) - 1, 0)
         stays = update[first:].copy()
         stays["sample"] -= done
@@ -103,8 +103,8 @@ def _back(part: Track, updates: Any, north_t: Array) -> None:
     """
     Replace directions and sigmas of `part` by smoothed ones, equation (12) of the filter's page.
 
-    updates: structured array of `Update`, shape (m,); `sample` counts from the first sample of the part and may be
-    negative or behind its end. north_t: first level axis in tool axes, shape (at least n, 3).
+    updates is a structured array of `Update`, shape (m,); `sample` counts from the first sample of the part and may be
+    negative or beyond its end. north_t is the first level axis in tool axes, shape (at least n, 3).
     """
     if len(updates) < 2:
         return
@@ -117,13 +117,13 @@ def _back(part: Track, updates: Any, north_t: Array) -> None:
 @compiled
 def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array) -> None:
     """
-    Carry back through the updates of a block what later measurements show of the errors.
+    Carry the information of later measurements about the errors back through the updates of a block.
 
-    A row of A holds, for one error, the row of the information matrix that later measurements add, and behind it their
-    information vector: after update k the smoothed errors are P A[:, -1] and their covariance P - P A[:, :-1] P, with
-    the covariance P of the filter. Needs no inverse: Bierman, Fixed interval smoothing with discrete measurements,
-    Int. J. Control 18 (1973). Fills the tilt after each update and before it, shapes (m, 2), rad, and its covariance,
-    shape (m, 2, 2), rad^2.
+    Each row of A holds, for one error, the row of the information matrix that later measurements add, and in its last
+    column their information vector. With the filter's covariance P after update k, the smoothed errors are P A[:, -1]
+    and their covariance is P - P A[:, :-1] P. No inverse is needed: Bierman, Fixed interval smoothing with discrete
+    measurements, Int. J. Control 18 (1973). Fills the tilt after and before each update, rad, shape (m, 2) each, and
+    its covariance, rad^2, shape (m, 2, 2).
     """
     A, B = np.zeros((STEADY, STEADY + 1)), np.zeros((STEADY, STEADY + 1))
     row = np.zeros((2, STEADY + 1))
@@ -155,7 +155,7 @@ def _smooth_tilts(updates: Any, tilts: Array, before: Array, covariances: Array)
 
 @compiled
 def _carry_over(update: Any, A: Array, B: Array, w: Array) -> None:
-    """Carry A of `_smooth_tilts` from behind an update to before its interval; B and w: scratch of its size."""
+    """Carry A of `_smooth_tilts` back from after an update to before its interval; B and w are scratch space."""
     for axis in range(2, -1, -1):
         measured, gain = update.measured[axis], update.gain[axis]
         add_measurement(A, measured, gain, update.innovation[axis], update.spread[axis], w)
@@ -172,11 +172,11 @@ def _carry_over(update: Any, A: Array, B: Array, w: Array) -> None:
 @compiled
 def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: float, w: Array) -> None:
     """
-    Carry information back over one scalar measurement, and add its own.
+    Carry information back over one scalar measurement, and add the measurement's own information.
 
-    A, shape (STEADY, STEADY + 1): as in `_smooth_tilts`, with the information vector L in the last column. h, gain:
-    row of H and gain, shape (STEADY,). innovation, spread: m, m^2. w, shape (STEADY + 1,): scratch.
-    With C = I - gain h it becomes C^T A C + h h^T / spread, and C^T L + h innovation / spread.
+    A, shape (STEADY, STEADY + 1), is as in `_smooth_tilts`, with the information vector L in the last column. h and
+    gain are row of H and gain, shape (STEADY,); innovation, m, and spread, m^2, belong to it; w, shape (STEADY + 1,),
+    is scratch. With C = I - gain h, A becomes C^T A C + h h^T / spread, and L becomes C^T L + h innovation / spread.
     """
     for j in range(STEADY + 1):
         w[j] = 0.0
@@ -200,13 +200,13 @@ def add_measurement(A: Array, h: Array, gain: Array, innovation: float, spread: 
 
 @compiled
 def carry_back(sums: Sums, A: Array) -> None:
-    """Replace A, shape (STEADY, n), by F^T A with the transition F of one update, `mechanisation.propagate`."""
+    """Replace A, shape (STEADY, n), by F^T A, with the transition matrix F of `mechanisation.propagate`."""
     T = sums.time
-    # Gravity acts through the mean of the tilts before and after.
+    # Gravity acts through the mean of the tilts before and after the interval.
     pull = -0.5 * STANDARD_GRAVITY * T
     for j in range(A.shape[1]):
         x, y, down = A[VEL, j], A[VEL + 1, j], A[VEL + 2, j]
-        # Information about the tilts after the update, to which the errors of the sensors add.
+        # Information about the tilts after the interval, to which the sensor errors contribute.
         tilt_x, tilt_y = A[TILT, j] - pull * y, A[TILT + 1, j] + pull * x
         A[TILT, j] = tilt_x - pull * (y + 0.5 * T * A[POS + 1, j])
         A[TILT + 1, j] = tilt_y + pull * (x + 0.5 * T * A[POS, j])
@@ -221,7 +221,7 @@ def carry_back(sums: Sums, A: Array) -> None:
 
 
 def _apply(part: Track, updates: Any, north_t: Array, smoothed: tuple[Array, Array, Array]) -> None:
-    """Turn each sample by the tilt interpolated from the update behind it to just before the update ahead."""
+    """Turn each sample by the tilt interpolated between the update before it and just before the next update."""
     tilts, before, covariances = smoothed
     sample, epoch = updates["sample"], updates["epoch"]
     rows = np.arange(max(sample[0], 0), min(sample[-1], len(part.g_t)))
@@ -231,13 +231,14 @@ def _apply(part: Track, updates: Any, north_t: Array, smoothed: tuple[Array, Arr
     share = ((rows - sample[k]) / (sample[k + 1] - sample[k]))[:, None]
     tilt = tilts[k] + share * (before[k + 1] - tilts[k])
     north, down = north_t[rows], part.g_t[rows]
-    # East axis: down x north. The level axes turned by (a, b, 0) see down at (-b, a, 1).
+    # East axis: down x north. Level axes turned by (a, b, 0) see down at (-b, a, 1).
     east = np.cross(down, north)
     turned = down - tilt[:, 1:] * north + tilt[:, :1] * east
     part.g_t[rows] = turned / np.linalg.norm(turned, axis=1)[:, None]
     P = covariances[k] + share[:, :, None] * (covariances[k + 1] - covariances[k])
     factors, floors = updates["factors"][k], updates["floors"][k]
-    # The tool axis, level: the tilt about the axis across it changes inclination, the one about itself the toolface.
+    # Level part of the tool axis: tilt about the horizontal axis across it changes inclination, tilt about itself
+    # toolface.
     level = np.stack([north[:, 0], east[:, 0]], axis=1)
     sine2 = np.maximum(np.sum(level**2, axis=1), 1e-6)
     along = level / np.sqrt(sine2)[:, None]

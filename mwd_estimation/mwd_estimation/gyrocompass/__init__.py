@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Azimuth from the Earth rate: seeks, filters and their posterior."""
+"""Azimuth from the Earth's rotation: north seeks, their filters and the posterior of the azimuth."""

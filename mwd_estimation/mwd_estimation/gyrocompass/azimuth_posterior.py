@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-An azimuth on the circle of the latitude: a Gaussian of the horizontal Earth rate, given its length.
+Posterior of the azimuth: a Gaussian of the horizontal Earth rate, restricted to the circle given by the latitude.
 
-The prior of the Earth-rate state is isotropic about zero, hence constant on the circle |horizontal Earth rate| =
-We cos(latitude): restricting the filter's Gaussian to the circle is the posterior, however wide, with one mode or two.
+The prior of the Earth-rate state is isotropic about zero, so it is constant on the circle |horizontal Earth rate| =
+We cos(latitude). Restricting the filter's Gaussian to the circle therefore gives the posterior at any width, with one
+mode or two.
 """
 
 from __future__ import annotations
@@ -17,23 +18,23 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi
 
-# Width of a peak, rad, that the angles all around resolve; and how much wider than the last one the next is resolved.
+# Width of a peak, rad, that the coarse grid resolves. A peak this factor wider than the last one needs no new grid.
 _NARROW, _ALIKE = 0.1, 1.4
 
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """Gaussian of the horizontal Earth rate and of an angle that is added to the azimuth found on the circle."""
+    """Gaussian of the horizontal Earth rate, and of an angle that is added to the azimuth found on the circle."""
 
-    log_weight: float  #: evidence for it against the other parts
-    #: `earth`, `S`: shapes (2,) and (2, 2); mean and covariance of the horizontal Earth rate in the level frame, rad/s.
+    log_weight: float  #: log evidence of this part relative to the other parts
+    #: `earth`, `S`: shapes (2,) and (2, 2); mean and covariance of the horizontal Earth rate, level frame, rad/s.
     earth: Array
     S: Array
-    #: `cross`, `own`: shape (2,), and float; how the added angle follows the Earth rate, rad per rad/s, and its own
-    #: variance, rad^2.
+    #: `cross`, `own`: shape (2,), and float; regression of the added angle on the Earth rate, rad per rad/s, and its
+    #: remaining variance, rad^2.
     cross: Array
     own: float
-    shift: float  #: its mean, rad
+    shift: float  #: mean of the added angle, rad
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,24 +43,24 @@ class OnCircle:
 
     mean: float
     sigma: float
-    misfit: float  #: squared distance of the likeliest part from the circle, in sigmas
-    several: tuple[float, ...]  #: the angles that fit alike, where there are several
+    misfit: float  #: squared distance of the most likely part from the circle, in sigmas
+    several: tuple[float, ...]  #: the angles that fit equally well, if there are several
 
 
 def part(log_weight: float, earth: Array, P: Array, right: Array, at: slice, shift: float = 0.0) -> Part:
     """
-    Part of a Gaussian.
+    Return the part that follows from a Gaussian of states.
 
     Parameters
     ----------
     log_weight, shift : float
-        As in `Part`.
+        See `Part`.
     earth : ndarray, shape (2,)
         Mean of the horizontal Earth rate, rad/s.
     P : ndarray, shape (n, n)
-        Covariance of the states, of which `at` are the Earth rate.
+        Covariance of the states; `at` selects the Earth rate.
     right : ndarray, shape (n,)
-        Row that makes the added angle of the states.
+        Row that computes the added angle from the states.
     """
     S = np.asarray(P[at, at])
     cross: Array = np.asarray(np.linalg.solve(S, P[at] @ right), dtype=float)
@@ -68,7 +69,7 @@ def part(log_weight: float, earth: Array, P: Array, right: Array, at: slice, shi
 
 
 class _Cost:
-    """The parts along the circle: squared distances in sigmas and log likelihoods, shape (parts, n)."""
+    """The parts as functions of the angle on the circle: squared distances, in sigmas, and log likelihoods."""
 
     def __init__(self, parts: Sequence[Part], horizontal: float) -> None:
         self.inverses = [np.linalg.inv(one.S) for one in parts]
@@ -82,33 +83,34 @@ class _Cost:
         self._horizontal = horizontal
 
     def distances(self, angle: Array) -> Array:
-        """Squared distance of each part from the circle at these angles, rad."""
+        """Return the squared distance of each part from the circle at these angles, rad; shape (parts, n)."""
         d_n = self._horizontal * np.cos(angle) - self._north
         d_e = -self._horizontal * np.sin(angle) - self._east
         return np.asarray(self._nn * d_n * d_n + 2.0 * self._ne * d_n * d_e + self._ee * d_e * d_e)
 
     def each(self, angle: Array) -> Array:
-        """Minus twice the log likelihood of each part."""
+        """Return minus twice the log likelihood of each part, shape (parts, n)."""
         return np.asarray(self.distances(angle) + self._offsets)
 
     def total(self, angle: Array) -> Array:
-        """Minus twice the log likelihood of all parts together, shape (n,)."""
+        """Return minus twice the log likelihood of all parts together, shape (n,)."""
         each = self.each(angle)
         least = each.min(axis=0)
         return np.asarray(least - 2.0 * np.log(np.exp(-0.5 * (each - least)).sum(axis=0)))
 
     def grid(self, modes: Sequence[float], lone: bool) -> tuple[Array, Array]:
         """
-        Angles that resolve every mode, and the width that each stands for, rad.
+        Return angles that resolve every mode, and the width that each represents, rad.
 
-        lone: only the half circle around the one mode counts, because an expected azimuth excludes the rest.
+        lone means that only the half circle around the single mode counts, because an expected azimuth excludes the
+        rest.
         """
         spread = [modes[0] + np.linspace(-0.5, 0.5, 361) * math.pi if lone else np.linspace(-1.0, 1.0, 721) * math.pi]
         for mode in modes:
             tangent = self._horizontal * np.array([-math.sin(mode), -math.cos(mode)])
             resolved = 0.0
             for width in sorted(1.0 / math.sqrt(float(tangent @ inverse @ tangent)) for inverse in self.inverses):
-                # A narrow peak needs a finer grid; that of a peak a little narrower is fine enough for it too.
+                # A narrow peak needs its own grid, unless the last grid was made for a peak that is nearly as narrow.
                 if _ALIKE * resolved < width < _NARROW:
                     spread.append(mode + np.linspace(-8.0, 8.0, 81) * width)
                     resolved = width
@@ -121,16 +123,16 @@ class _Cost:
 
 def along(parts: Sequence[Part], horizontal: float) -> tuple[Array, Array, Array]:
     """
-    Each part along the circle.
+    Evaluate each part along the circle.
 
     Returns
     -------
     angle : ndarray, shape (n,)
-        rad; they resolve every mode.
+        Angles, rad, that resolve every mode.
     share : ndarray, shape (parts, n)
-        Probability of each within its part.
+        Probability of each angle within its part.
     log_weight : ndarray, shape (parts,)
-        Of each part on the circle, up to a constant.
+        Log evidence of each part on the circle, up to a constant.
     """
     cost = _Cost(parts, horizontal)
     angle, spacing = cost.grid([mode for mode, _ in _modes(cost.total)], lone=False)
@@ -143,16 +145,16 @@ def along(parts: Sequence[Part], horizontal: float) -> tuple[Array, Array, Array
 
 def posterior(parts: Sequence[Part], horizontal: float, expected: float | None = None) -> OnCircle:
     """
-    Mean and sigma of the azimuth, given that the horizontal Earth rate has its length.
+    Return mean and sigma of the azimuth, given the length of the horizontal Earth rate.
 
     Parameters
     ----------
     parts : sequence of Part
-        The estimate from the data, weighed by their evidence.
+        Estimate from the data, weighted by the evidence.
     horizontal : float
         Earth rate times the cosine of the latitude, rad/s.
     expected : float, optional
-        An azimuth, rad, that chooses between several that fit; it does not move the answer.
+        An azimuth, rad, that selects one of several that fit; it does not move the result.
     """
     cost = _Cost(parts, horizontal)
     modes = _modes(cost.total)
@@ -175,7 +177,7 @@ def posterior(parts: Sequence[Part], horizontal: float, expected: float | None =
 
 
 def _modes(cost: Callable[[Array], Array]) -> list[tuple[float, float]]:
-    """Every angle, rad, where the cost is least nearby and within 25 of the best, with that cost."""
+    """Return the angles, rad, of all local minima of the cost within 25 of the lowest, each with its cost."""
     grid = np.linspace(-math.pi, math.pi, 360, endpoint=False)
     values = cost(grid)
     low = (values <= np.roll(values, 1)) & (values < np.roll(values, -1))

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a run has shown of the biases of its gyros: a mixture over how good the unit is, station after station.
+Gyro errors learnt during a run: a mixture over how good the unit is, updated station after station.
 
-The stated bias is one figure for all units of a type, and so is what it drifts by. How good this one is, its run tells:
-along the vertical and in the length of the horizontal Earth rate every station measures what the latitude knows, and at
-other toolfaces other axes of the tool. So bias and ramp of the three axes are followed for several scales of the stated
-bias and of the stated drift (a scale mixture, as of Student's t; Gelman et al., Bayesian Data Analysis, section 17.2),
-which weigh themselves by their evidence: a Kalman filter each, with the azimuth marginalised on the circle of the
-latitude. Biases that a shock has changed are a change point before any station (Adams and MacKay, Bayesian online
-changepoint detection, 2007), whose probability follows from the same evidence.
+The stated bias and drift are figures for all units of a type; the run shows how good this unit is. At every station the
+vertical rate and the length of the horizontal Earth rate are known from the latitude, and other toolfaces show other
+axes of the tool. Bias and ramp of the three axes are therefore estimated for several scales of the stated bias and of
+the stated drift (a scale mixture, as for Student's t; Gelman et al., Bayesian Data Analysis, section 17.2). Each is a
+Kalman filter, weighted by its evidence, with the azimuth marginalised on the circle of the latitude. A shock may change
+the biases: this is a possible change point before any station (Adams and MacKay, Bayesian online changepoint detection,
+2007), whose probability follows from the same evidence.
 """
 
 from __future__ import annotations
@@ -24,38 +24,38 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.constants import DEG_PER_HOUR
 from mwd_sensors.core.frames import wrap_pi
 
-# Scales of the stated bias, from a 256th, which is noise, and of its stated drift, evenly in the logarithm. How many
-# units are better than stated, as stated, and worse is a guess: few are better, because the checks of some units as
-# stated agree by chance, too, and would make a sigma that is too small.
+# Scales of the stated bias, from 1/256, which is below the noise, and of the stated drift, in logarithmic steps. The
+# shares of units that are better than stated, as stated, and worse are a guess. Few are assumed to be better, because
+# some units that are as stated look better by chance, and their sigma would be too small.
 _BIAS_SCALES: Array = np.array([4.0**k for k in range(-4, 2)])
 _DRIFT_SCALES: Array = np.array([4.0**k for k in range(-2, 2)])
 _BETTER, _AS_STATED, _WORSE = 0.05, 0.8, 0.15
-# Time after which a ramp of the bias is another one, s: a collar takes up the temperature around it.
+# Correlation time of a ramp of the bias, s: a collar takes up the temperature around it.
 _RAMP_S = 3600.0
 _BIAS, _RAMP = slice(0, 3), slice(3, 6)
-# Places in the Gaussian of a seek.
+# Indices in the Gaussian of a seek.
 _EARTH, _DRIFTING, _HEADING = slice(0, 2), slice(2, 8), 8
-# Kinds of unit whose biases have stepped in the run, and do so before this station.
+# Kinds of unit whose biases stepped earlier in the run, and those that step before this station.
 _EARLIER, _NOW = len(_BIAS_SCALES), len(_BIAS_SCALES) + 1
-# Middles of overlapping arcs of azimuths, rad, so short that the Earth rate of one is nearly a straight line, and the
-# least probability of one that has a Gaussian of its own.
+# Centres of overlapping arcs of azimuth, rad, short enough that the Earth rate along one is nearly straight, and least
+# probability of an arc that gets its own Gaussian.
 _ARCS, _WORTH_AN_ARC = np.arange(12) * math.tau / 12.0, 1e-4
-# Odds that no kind falls below, for the unit may change; and a probability that is none.
+# Least odds of a kind, because the unit may change; and a probability treated as zero.
 _LEAST_ODDS, _NONE = 1e-6, 1e-300
-# Probability that the biases step between two stations, as by a shock: one shock in a run of fifty stations, a guess.
+# Probability that the biases step between two stations (a shock): a guess of one shock in a run of fifty stations.
 _STEP = 0.02
 
 
 @dataclasses.dataclass(frozen=True)
 class GyroErrors:
-    """Bias and ramp of the gyros as k Gaussians, one or more of each kind of unit."""
+    """Bias and ramp of the gyros as k Gaussians, one or more for each kind of unit."""
 
     log_weight: Array  #: shape (k,)
-    #: `bias_kind`, `drift_kind`: shape (k,); places in the scales of the stated bias, or `_EARLIER` or `_NOW`, and in
-    #: those of the stated drift.
+    #: `bias_kind`, `drift_kind`: shape (k,); index of the scale of the stated bias, or `_EARLIER` or `_NOW`, and index
+    #: of the scale of the stated drift.
     bias_kind: Indices
     drift_kind: Indices
-    #: `mean`, `covariance`: shapes (k, 6) and (k, 6, 6); of biases x, y, z, rad/s, and their ramps, rad/s^2.
+    #: `mean`, `covariance`: shapes (k, 6) and (k, 6, 6), of biases x, y, z, rad/s, and their ramps, rad/s^2.
     mean: Array
     covariance: Array
 
@@ -66,33 +66,33 @@ class GyroErrors:
 
     @property
     def bias_sigma(self) -> Array:
-        """1 sigma of it, rad/s, shape (3,)."""
+        """1 sigma of the mean bias, rad/s, shape (3,)."""
         own = np.diagonal(self.covariance, axis1=1, axis2=2)[:, _BIAS]
         return np.sqrt(np.exp(self.log_weight) @ (own + (self.mean[:, _BIAS] - self.bias) ** 2))
 
 
 @dataclasses.dataclass(frozen=True)
 class Sought:
-    """What a seek found: horizontal Earth rate 2, biases 3, their ramps 3, rad/s and rad/s^2, and heading, rad."""
+    """Result of a seek: horizontal Earth rate (2), biases (3) and ramps (3), rad/s and rad/s^2, and heading, rad."""
 
-    #: `mean`, `covariance`: shapes (9,) and (9, 9), or with one more axis in front, of length k.
+    #: `mean`, `covariance`: shapes (9,) and (9, 9), or with a leading axis of length k.
     mean: Array
     covariance: Array
-    prior: Array  #: shape (6, 6); of biases and ramps at its end, as the seek supposed it to be, about zero
+    prior: Array  #: shape (6, 6); covariance of biases and ramps at the end that the seek assumed, about zero
 
 
 def stated(params: SeekParams) -> GyroErrors:
-    """What the parameters say, before any station."""
+    """Return the gyro errors as the parameters state them, before any station."""
     bias, drift = (kinds.ravel() for kinds in np.indices((len(_BIAS_SCALES), len(_DRIFT_SCALES))))
     of_drift = _beforehand(_DRIFT_SCALES)[drift]
-    # A unit whose bias is worse than stated as likely as not drifts more, too.
+    # A unit whose bias is worse than stated has a greater drift with a probability of one half.
     of_drift[(_BIAS_SCALES[bias] > 1.0) & (_DRIFT_SCALES[drift] >= 1.0)] = 0.5 * (_AS_STATED + _WORSE)
     weight = _beforehand(_BIAS_SCALES)[bias] * of_drift
     return _as_stated(params, weight, bias, drift, _BIAS_SCALES[bias])
 
 
 def _as_stated(params: SeekParams, weight: Array, bias_kind: Indices, drift_kind: Indices, scale: Array) -> GyroErrors:
-    """Biases of these scales of the stated one, shape (k,), and ramps of those of `drift_kind`."""
+    """Return Gaussians with these scales of the stated bias, shape (k,), and with the ramps of `drift_kind`."""
     one = np.array([params.gyro_x_bias_deg_h, params.gyro_bias_deg_h, params.gyro_bias_deg_h]) * DEG_PER_HOUR
     variances = np.zeros((len(scale), 6))
     variances[:, _BIAS] = (scale[:, None] * np.maximum(one, LEAST_BIAS * DEG_PER_HOUR)) ** 2
@@ -108,9 +108,9 @@ def _beforehand(scales: Array) -> Array:
 
 def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
     """
-    The same so many seconds later: biases have moved by their ramps and walked.
+    Return the gyro errors after some seconds: biases have moved by their ramps and random walks.
 
-    A ramp is a first-order Gauss-Markov process: the warmth that causes it is gone, or another, after an hour. Brown
+    A ramp is a first-order Gauss-Markov process, because its thermal cause changes within about an hour. Source: Brown
     and Hwang, Introduction to Random Signals, the integrated process.
     """
     p = kernel_params(params)
@@ -131,7 +131,7 @@ def after(errors: GyroErrors, params: SeekParams, seconds: float) -> GyroErrors:
 
 
 def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
-    """The same before another station: the biases may have stepped since, to those of a unit as it is stated."""
+    """Return the gyro errors before the next station, to which the biases may step to those of a unit as stated."""
     drift = np.arange(len(_DRIFT_SCALES))
     weight: Array = np.asarray(np.bincount(errors.drift_kind, np.exp(errors.log_weight), len(drift)), dtype=float)
     steps = _as_stated(params, _STEP * weight, np.full(len(drift), _NOW), drift, np.ones(len(drift)))
@@ -146,9 +146,10 @@ def between_stations(errors: GyroErrors, params: SeekParams) -> GyroErrors:
 
 def joined(errors: GyroErrors, sought: Sought) -> tuple[Array, Sought]:
     """
-    What a seek found, for each Gaussian of `errors`, of the time of its end: log evidence, shape (k,), and Gaussians.
+    Combine the result of a seek with each Gaussian of `errors` at the end of the seek.
 
-    What the seek supposed of biases and ramps is divided out, so that they are known beforehand once in a run.
+    Returns log evidence, shape (k,), and the combined Gaussians. The seek's own prior of biases and ramps is divided
+    out, so that the prior counts only once in a run.
     """
     unit = np.sqrt(np.diagonal(sought.covariance))
     unit = np.where(unit > 0.0, unit, 1.0)
@@ -170,7 +171,7 @@ def joined(errors: GyroErrors, sought: Sought) -> tuple[Array, Sought]:
 
 
 def parts(errors: GyroErrors, log_evidence: Array, found: Sought) -> list[Part]:
-    """Gaussians of the horizontal Earth rate, weighed by their evidence; the last two as of `joined`."""
+    """Return Gaussians of the horizontal Earth rate, weighted by evidence; the last two arguments are from `joined`."""
     heading = np.eye(9)[_HEADING]
     return [
         part(log, mean[_EARTH], S, heading, _EARTH, float(mean[_HEADING]))
@@ -180,15 +181,16 @@ def parts(errors: GyroErrors, log_evidence: Array, found: Sought) -> list[Part]:
 
 def learnt(errors: GyroErrors, log_evidence: Array, found: Sought, horizontal: float) -> GyroErrors:
     """
-    What a station adds, as of `parts`, given the length of the horizontal Earth rate, rad/s.
+    Return the gyro errors after a station, given the length of the horizontal Earth rate, rad/s; see `parts`.
 
-    Given the azimuth the biases are nearly known, so that for each kind of unit the Gaussians of all azimuths of an arc
-    are collapsed to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). One Gaussian for the whole circle
-    would be the disc inside it: the next station's circle would cut it as if it had learnt of the azimuth.
+    For a known azimuth the biases are nearly known. For each kind of unit, the Gaussians of all azimuths of an arc are
+    therefore merged to their mean and covariance (Murphy, Machine Learning, 2012, 18.6). A single Gaussian for the
+    whole circle would cover the disc inside it, and the next station's circle would cut it as if the azimuth had been
+    learnt.
     """
     angle, share, log_weight = along(parts(errors, log_evidence, found), horizontal)
     circle = horizontal * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
-    # Arcs overlap as a partition of unity does: their Gaussians together have no ripples.
+    # Arcs overlap as a partition of unity, so that the sum of their Gaussians has no ripples.
     arcs = np.maximum(1.0 - np.abs(wrap_pi(angle - _ARCS[:, None])) / (_ARCS[1] - _ARCS[0]), 0.0)
     of_arc = share[:, None, :] * arcs
     mass = of_arc.sum(axis=2)
@@ -206,14 +208,15 @@ def learnt(errors: GyroErrors, log_evidence: Array, found: Sought, horizontal: f
 
 def _collapsed(errors: GyroErrors, log_weight: Array, mass: Array, mean: Array, covariance: Array) -> GyroErrors:
     """
-    Gaussians of a station for each kind of unit and arc; improbable arcs of a kind are one.
+    Merge the Gaussians of a station by kind of unit and arc; the improbable arcs of a kind are merged into one.
 
-    log_weight, shape (k,), of each former Gaussian; mass, shape (k, a), its share of each arc; mean and covariance,
-    shapes (k, a, 6) and (k, a, 6, 6).
+    log_weight, shape (k,), is that of each previous Gaussian; mass, shape (k, a), its share in each arc; mean and
+    covariance have shapes (k, a, 6) and (k, a, 6, 6).
     """
     kind = errors.bias_kind * len(_DRIFT_SCALES) + errors.drift_kind
     kinds, of_kind = np.unique(kind, return_inverse=True)
-    # Weights within a kind: of the whole mixture those of an improbable kind would be 0.
+    # Weights relative to the best of each kind; relative to the whole mixture those of an improbable kind would
+    # underflow.
     most = np.full(len(kinds), -math.inf)
     np.maximum.at(most, of_kind, log_weight)
     weight = np.exp(log_weight - most[of_kind])[:, None] * mass

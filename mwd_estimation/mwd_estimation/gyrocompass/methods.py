@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The methods a station may seek north with: the seek with all its states, and S1's filter.
+Methods of seeking north at a station: the seek with all its states, and the filter of S1.
 
-S1's filter assumes a tool that keeps still and a gyro whose bias calibration has made small; a turn ends it.
+The filter of S1 assumes that the tool does not move and that calibration has made the gyro bias small; a rotation ends
+it.
 """
 
 from __future__ import annotations
@@ -24,9 +25,9 @@ from mwd_sensors.core.frames import mat_nt
 
 
 class NorthSeek:
-    """`north_seek`; `errors`: what earlier seeks have found of the gyros, at the time it begins; None: nothing yet."""
+    """Seek by `north_seek`; `errors` are the gyro errors known at its start, None if there is no earlier seek."""
 
-    #: Whether a turn about the tool's axis may go into it.
+    #: Whether a rotation about the tool's axis may be part of the seek.
     turns = True
 
     def __init__(self, params: SeekParams, errors: GyroErrors | None = None) -> None:
@@ -35,26 +36,26 @@ class NorthSeek:
 
     @property
     def elapsed(self) -> float:
-        """Duration of the data used, s."""
+        """Duration of the used data, s."""
         return float(self.state.elapsed)
 
     @property
     def moved(self) -> bool:
-        """Whether the hole axis lay elsewhere meanwhile."""
+        """Return whether the hole axis moved during the seek."""
         return bool(self.state.moved > 0)
 
     def run(self, samples: UnitSamples) -> None:
-        """Take samples."""
+        """Process samples."""
         stamps, values, clipped = samples
         north_seek.run(self.params, self.state, stamps, values[:, :3], values[:, 3:], clipped)
 
     def solution(self) -> Solution:
-        """North so far, or why there is none."""
+        """Return north so far, or the reason why there is none."""
         return north_seek.solution(self.params, self.state, self.errors)
 
 
 class StaticSeek:
-    """S1's fifteen states (`static_ekf`) with the parameters that it shares with `north_seek`."""
+    """Seek by the fifteen states of S1 (`static_ekf`), with the parameters that it shares with `north_seek`."""
 
     turns = False
 
@@ -67,16 +68,16 @@ class StaticSeek:
 
     @property
     def elapsed(self) -> float:
-        """Duration of the data used, s."""
+        """Duration of the used data, s."""
         return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) * 1e-9
 
     @property
     def moved(self) -> bool:
-        """Whether the tool has moved, by the filter's own test."""
+        """Return whether the tool has moved, by the filter's own test."""
         return bool(self._state.ratio > static_ekf.MOVED_RATIO)
 
     def run(self, samples: UnitSamples) -> None:
-        """Take samples; those in which a gyro clipped refuse the seek."""
+        """Process samples; too many samples in which a gyro clipped make the seek fail."""
         stamp_ns, values, clipped = samples
         if len(stamp_ns) == 0 or polar(self.params.latitude_deg) is not None:
             return
@@ -88,7 +89,7 @@ class StaticSeek:
         self._last_ns = int(stamp_ns[-1])
 
     def solution(self) -> Solution:
-        """North so far, or why there is none."""
+        """Return north so far, or the reason why there is none."""
         params, found = self.params, static_ekf.north(self._state)
         horizontal = EARTH_RATE * math.cos(math.radians(params.latitude_deg))
         noise = params.gyro_noise_deg_rth * DEG_PER_ROOT_HOUR

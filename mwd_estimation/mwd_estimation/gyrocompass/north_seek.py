@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-North from the Earth's rotation with a tool that keeps still, is turned to other positions, or turns all the time.
+North from the Earth's rotation, with a tool that is still, is turned to other positions, or rotates all the time.
 
-One filter for all three: attitude is integrated in a level frame whose own heading need not be known, and the
-horizontal Earth rate in that frame is a *linear* unknown, so that any first azimuth will do. What the tool cannot do is
-the measurement: it gains no velocity (S1), and the hole axis it lies in does not turn. Cross-axis bias, x leakage,
-g-sensitivity, x scale, gyro lag and once-per-turn wobble are states: what the motion shows is estimated, what it hides
-stays in the sigma. Azimuth is read from the posterior on the circle |horizontal Earth rate| = We cos(latitude).
-Derivation, what is observable when and limits: ``docs/methods/gyrocompass.md``.
+One filter serves all three. The attitude is integrated in a level frame of unknown heading, and the horizontal Earth
+rate in that frame is a *linear* unknown, so that any first azimuth will do. The measurements are what the tool cannot
+do: it gains no velocity (S1), and the hole axis that it lies in does not turn. Cross-axis bias, x leakage,
+g-sensitivity, x scale, gyro lag and once-per-turn wobble are states: those that the motion shows are estimated, the
+others stay in the sigma. The azimuth is taken from the posterior on the circle |horizontal Earth rate| = We
+cos(latitude). Derivation, observability and limits: ``docs/methods/gyrocompass.md``.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 _EARTH, _RAMPS = slice(Error.EARTH_RATE, Error.GYRO_BIAS), range(Error.BIAS_RAMP, Error.SIZE)
-# A bias so many sigmas from zero is found; of an x gyro that turns steadily it may be its scale.
+# A bias this many sigmas from zero counts as found; for an x gyro in steady rotation it may really be a scale error.
 _FOUND = 3.0
-# Change of toolface or inclination, rad, from which a seek shows more than one before: half an arc of `gyro_errors`.
+# Least change of toolface or inclination, rad, with which a seek gives new information: half an arc of `gyro_errors`.
 _ANOTHER_ATTITUDE = math.radians(15.0)
 
 
 def initial() -> State:
-    """State before the first sample."""
+    """Return the state before the first sample."""
     state = cast(State, np.zeros(1, STATE)[0])
     state.mat[:] = np.eye(3)
     return state
@@ -54,23 +54,24 @@ def dual_unit(
     clipped: ArrayLike | None = None,
 ) -> Array:
     """
-    Rates of the precision unit with the x axis of the conventional unit, which does not clip while the string turns.
+    Return rates of the precision unit, with the conventional unit's x rate where the precision x axis clips.
 
-    stamp_ns, shape (n,) int64, and precision_t, shape (n, 3), rad/s: the unit whose stamps count. ahrs_stamp_ns, shape
-    (m,), and ahrs_t, shape (m, 3). x_range: rate at which the precision x axis clips, rad/s. clipped: `clip_flags` of
-    the precision unit, shape (n,). Its x rate is kept in every sample well below its range that no flag names. Returns
-    shape (n, 3). The x figures of `SeekParams` belong to the unit that gives most of the samples.
+    stamp_ns, shape (n,) int64, and precision_t, rad/s, shape (n, 3), are of the precision unit, whose stamps are used.
+    ahrs_stamp_ns, shape (m,), and ahrs_t, shape (m, 3), are of the conventional unit. x_range is the rate at which the
+    precision x axis clips, rad/s; clipped are its `clip_flags`, shape (n,). The precision x rate is kept in every
+    sample that is well below the range and not flagged. Returns shape (n, 3). The x figures of `SeekParams` must be
+    those of the unit that gives most samples.
 
     Raises
     ------
     ValueError
-        No AHRS sample.
+        There is no sample of the conventional unit.
     """
     stamps, ahrs_stamps = np.asarray(stamp_ns, dtype=np.int64), np.asarray(ahrs_stamp_ns, dtype=np.int64)
     rates, ahrs = np.array(precision_t, dtype=float), np.asarray(ahrs_t, dtype=float)
     if ahrs_stamps.size == 0:
         raise ValueError("ahrs_stamp_ns: the conventional unit gave no sample to take the x rate from")
-    # Seconds from a common start keep their digits in a float.
+    # Seconds from a common start, so that a float keeps the digits.
     start = ahrs_stamps[0]
     x = np.interp((stamps - start) * 1e-9, (ahrs_stamps - start) * 1e-9, ahrs[:, 0])
     flagged = clip_flags.given(clipped, len(stamps)) & clip_flags.AXIAL_GYRO != 0
@@ -88,24 +89,24 @@ def run(
     clipped: ArrayLike | None = None,
 ) -> None:
     """
-    Take in a block of samples; ask `solution` for the azimuth at any time.
+    Process a block of samples; call `solution` for the azimuth at any time.
 
     Parameters
     ----------
     params : SeekParams
     state : State
-        Changed in place; blocks of any length give the same numbers.
+        State of the seek, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s (see `dual_unit`), and specific force (up at rest), m/s^2, in tool axes. Rates are means
         over the interval that ends at the stamp.
     clipped : array_like of uint8, shape (n,), optional
-        What the unit says of each sample, bits of `core.clip_flags`.
+        Clip flags that the unit reports for each sample, bits of `core.clip_flags`.
 
     Raises
     ------
     ValueError
-        Shapes that do not match.
+        Shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     flags = clip_flags.given(clipped, len(stamps))
@@ -114,10 +115,10 @@ def run(
 
 def solution(params: SeekParams, state: State, errors: GyroErrors | None = None) -> Solution:
     """
-    Azimuth so far, or why there is none; call it as often as progress is to be shown.
+    Return the azimuth so far, or the reason why there is none; call it whenever progress is to be shown.
 
-    The reasons to refuse it are those of `seek_refusal`. errors: known of the gyros when the seek began; None: what the
-    parameters state.
+    The reasons are those of `seek_refusal`. errors are the gyro errors known at the start of the seek; None uses those
+    that the parameters state.
     """
     pole = polar(params.latitude_deg)
     if pole is not None:
@@ -160,9 +161,9 @@ def solution(params: SeekParams, state: State, errors: GyroErrors | None = None)
 
 def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
     """
-    Inclination and heading of the hole axis in the level frame, rad, and the heading's slope by the error state, (36,).
+    Return inclination and heading of the hole axis in the level frame, rad, and the heading's slope by the errors.
 
-    Of the mean axis of a tool that turns, of the axis as it lies of a tool that rests.
+    The slope has shape (36,). For a rotating tool this is its mean axis, for a resting tool its present axis.
     """
     right = np.zeros(Error.SIZE)
     if method in ("still", "two_position"):
@@ -178,16 +179,16 @@ def _hole_axis(state: State, method: str) -> tuple[float, float, Array]:
 
 
 def _limit(p: KernelParams, seen: float, elapsed: float) -> float:
-    """Sigma of an ideal estimator, rad: see `Solution.limit`; seen: share of the Earth rate that is measured."""
+    """Return the sigma of an ideal estimator, rad (`Solution.limit`); seen: measured share of the Earth rate."""
     rate = p.horizontal * max(seen, 1e-3)
     return min(p.gyro_noise / (rate * math.sqrt(max(elapsed, 1e-3))), math.pi)
 
 
 def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -> GyroErrors:
     """
-    What is known of the gyros at the end of a seek that `teaches`, from what was known when it began.
+    Return the gyro errors known at the end of a seek that `teaches`, from those known at its start.
 
-    errors: None: what the parameters state.
+    errors None uses those that the parameters state.
     """
     now, p = errors_now(params, state, errors), kernel_params(params)
     joined = gyro_errors.joined(now, _sought(p, state, _hole_axis(state, _method(state))[2]))
@@ -196,11 +197,11 @@ def learnt(params: SeekParams, state: State, errors: GyroErrors | None = None) -
 
 def teaches(params: SeekParams, state: State, before: State | None) -> bool:
     """
-    Whether a seek shows anything of the gyros' biases that an earlier one has not; before: that one, None without.
+    Return whether a seek gives new information about the gyro biases; before is the last such seek, or None.
 
-    One that has not got past levelling does not, nor one that is refused for its motion or near a pole. At one
-    inclination and toolface the same biases fit the same azimuths. The Gaussians of arcs of azimuths are not exactly
-    what a seek shows, and each station at that attitude would add what they miss.
+    A seek that did not get past levelling, or that is refused for its motion or near a pole, gives none. At the same
+    inclination and toolface the same biases fit the same azimuths. The Gaussians of arcs only approximate the result of
+    a seek, and repeating a station at the same attitude would add up the approximation errors.
     """
     method = _method(state)
     if state.phase != Phase.SEEKING or polar(params.latitude_deg) or motion(params, state, method):
@@ -222,13 +223,14 @@ def _toolface(state: State) -> float:
 
 def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
     """
-    Earth rate, biases, ramps and heading; right, shape (36,): row that makes the heading of the error state.
+    Return Earth rate, biases, ramps and heading of a seek, with their covariance and with the prior of the biases.
 
-    Beforehand the seek supposes a start sigma of the biases and the stated ramp, which drift while it lasts.
+    right, shape (36,): factors by which the error state adds to the heading. The prior has the start sigma of the
+    biases and the stated ramp, both propagated over the duration of the seek.
     """
     rows = np.vstack([np.eye(Error.SIZE)[[*range(Error.EARTH_RATE, Error.SCALE_X), *_RAMPS]], right])
     mean = rows @ estimate(state)
-    # The heading of the states as they are is added to the azimuth apart.
+    # The heading of the present states is added to the azimuth separately.
     mean[-1] = 0.0
     t = float(state.elapsed)
     drift = np.array([[1.0, t], [0.0, 1.0]])
@@ -241,7 +243,7 @@ def _sought(p: KernelParams, state: State, right: Array) -> gyro_errors.Sought:
 
 
 def errors_now(params: SeekParams, state: State, errors: GyroErrors | None) -> GyroErrors:
-    """What was known of the gyros before a seek, at its end."""
+    """Return the gyro errors known before a seek, propagated to its end."""
     begun = gyro_errors.stated(params) if errors is None else errors
     return gyro_errors.after(begun, params, float(state.level_time + state.elapsed))
 

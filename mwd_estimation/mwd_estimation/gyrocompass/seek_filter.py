@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The compiled filter behind `north_seek`: 36 error states of a tool that lies in its hole, still or turning.
+Compiled filter of `north_seek`: 36 error states of a tool that lies in its hole, still or rotating.
 
-Attitude is integrated in a level frame whose own heading need not be known; per sample only attitude, velocity and the
-integrals of the Jacobian move, per block one Kalman step follows: no velocity gained, hole axis and, at rest, roll
-where they were (`seek_measurement`). States and limits: ``docs/methods/gyrocompass.md``.
+The attitude is integrated in a level frame of unknown heading. For each sample only attitude, velocity and the
+integrals of the Jacobian are computed. Each block ends with a Kalman step (`seek_measurement`): no velocity gained,
+hole axis and, at rest, roll unchanged. States and limits: ``docs/methods/gyrocompass.md``.
 """
 
 from __future__ import annotations
@@ -23,42 +23,42 @@ from mwd_sensors.core.constants import DEG_PER_ROOT_HOUR, STANDARD_GRAVITY
 from mwd_sensors.core.kalman import level_matrix, propagate_covariance, rotate_left, rotate_right
 
 _GYRO_FLAGS, _ACCEL_FLAG = clip_flags.AXIAL_GYRO | clip_flags.CROSS_GYRO, clip_flags.ACCEL
-# A longer data gap begins the seek anew, ns.
+# A data gap longer than this restarts the seek, ns.
 GAP_NS = 1_000_000_000
 # Duration of the mean force that starts the filter, and time between two Kalman steps, s.
 LEVEL_S, _BLOCK_S = 2.0, 0.1
 # Random walk of the direction of the hole axis, rad/sqrt(s).
 _AXIS_WALK = 0.0005 * DEG_PER_ROOT_HOUR
-# A tenth of a turn ends a block too: mean and two harmonics of the wobble need more than five looks per turn.
+# A block also ends after a tenth of a turn: mean and two harmonics of the wobble need more than five blocks per turn.
 _BLOCK_TURN = 0.64
-# A mean tool axis shorter than this share of one is vertical: its heading is taken at will.
+# If the horizontal part of the mean tool axis is below this, the tool is vertical and any heading is used.
 _VERTICAL = 1e-3
-# Start sigmas: tilt, rad; velocity, m/s; hole axis and roll beside their references, rad; wobble once and twice per
-# turn, rad; heading, which is free by the choice of the level frame, as a variance.
+# Start sigmas: tilt, rad; velocity, m/s; hole axis and roll relative to their references, rad; wobble once and twice
+# per turn, rad. The heading is free by the choice of the level frame; the last number is its variance.
 _TILT, _VELOCITY, _DIRECTION, _WOBBLE_1, _WOBBLE_2, _HEADING_VARIANCE = 0.03, 0.1, 0.05, 0.02, 0.01, 1e-18
-# Start sigma of the horizontal Earth rate, in Earth rates: wide, and the same in every direction, so that on the circle
-# where azimuth is read it favours none.
+# Start sigma of the horizontal Earth rate in units of itself. It is wide and equal in all directions, so that it
+# favours no azimuth on the circle.
 _EARTH_RATES = 3.0
 
 
 @compiled
 def sample(p: KernelParams, s: State, half: Array, dt: float, w: Array, f: Array) -> None:
     """
-    Carry attitude and velocity through one sample and add what the block's error model needs, in place.
+    Propagate attitude and velocity by one sample, and add the integrals that the block's error model needs, in place.
 
-    half: filled with the matrix in the middle of the sample, shape (3, 3). w, f: rate, rad/s, and force, m/s^2, as
-    measured, shape (3,).
+    half, shape (3, 3), is filled with the attitude in the middle of the sample. w and f, shape (3,), are the measured
+    rate, rad/s, and force, m/s^2.
     """
     b, g, mat, sums = s.gyro_bias, s.g_sensitivity, s.mat, s.sums
     wx = (w[0] - b[0]) / (1.0 + s.scale_x)
     wy = w[1] - b[1] - s.leak[0] * wx - (g[0] + g[2]) * f[1] - (g[3] + g[1]) * f[2]
     wz = w[2] - b[2] - s.leak[1] * wx - (g[3] - g[1]) * f[1] - (g[0] - g[2]) * f[2]
-    # A late gyro measured the level frame from an earlier roll: turn its rates by what the tool rolled meanwhile.
+    # A delayed gyro measured the rate at an earlier roll: turn its rates by the roll since then.
     late = wx * s.lag
     c_late, s_late = math.cos(late), math.sin(late)
     wy, wz = c_late * wy + s_late * wz, c_late * wz - s_late * wy
     fx, gy, gz = f[0] - s.force_bias[0], f[1] - s.force_bias[1], f[2] - s.force_bias[2]
-    # The force was measured when the tool had rolled on beyond what the x gyro has shown yet.
+    # The force was measured at a later roll than the x gyro shows.
     ahead = wx * s.lead
     c, q = math.cos(ahead), math.sin(ahead)
     fy, fz = c * gy - q * gz, c * gz + q * gy
@@ -69,7 +69,7 @@ def sample(p: KernelParams, s: State, half: Array, dt: float, w: Array, f: Array
         for j in range(3):
             half[i, j] = mat[i, j]
     rotate_right(mat, 0.5 * dt * wx, 0.5 * dt * wy, 0.5 * dt * wz)
-    # Earth rate in tool axes, across the tool: what a lag turns.
+    # Earth rate across the tool in tool axes, which a lag turns.
     ey = half[0, 1] * en + half[1, 1] * ee + half[2, 1] * ed
     ez = half[0, 2] * en + half[1, 2] * ee + half[2, 2] * ed
     sums.time += dt
@@ -100,9 +100,9 @@ def sample(p: KernelParams, s: State, half: Array, dt: float, w: Array, f: Array
 @compiled
 def _lose(p: KernelParams, s: State, dt: float, w: Array, f: Array, flags: int) -> None:
     """
-    Count a sample in which a sensor was beyond its range, and what it may hide of attitude and velocity.
+    Count a sample in which a sensor was beyond its range, and add the variance that this may hide.
 
-    A gyro hides a rate of the size of its range, an accelerometer a velocity of the size of the one it shows: as
+    A gyro hides a rate as large as its range, an accelerometer a velocity as large as the one shown, like in
     `mwd_estimation.gravity.bounded`.
     """
     if flags & _GYRO_FLAGS or abs(w[1]) > p.gyro_range or abs(w[2]) > p.gyro_range:
@@ -115,7 +115,7 @@ def _lose(p: KernelParams, s: State, dt: float, w: Array, f: Array, flags: int) 
 
 @compiled
 def transition(p: KernelParams, s: State, phi: Array) -> None:
-    """Fill phi, shape (5, 36): attitude and velocity error after the block from the error state before it."""
+    """Fill phi, shape (5, 36): attitude and velocity errors after the block from the error state before it."""
     sums = s.sums
     t = sums.time
     en, ee, ed = s.earth_rate[0] * t, s.earth_rate[1] * t, p.down * t
@@ -134,7 +134,7 @@ def transition(p: KernelParams, s: State, phi: Array) -> None:
             phi[i, Error.LEAK + j] = -sums.leak[i, j]
         for j in range(4):
             phi[i, Error.G_SENSITIVITY + j] = -sums.g_sensitivity[i, j]
-    # Velocity: attitude error (mean of before and after) x force, less the force bias.
+    # Velocity error: attitude error (mean of before and after) x force, minus the force bias.
     fx, fy, fz = sums.force[0], sums.force[1], sums.force[2]
     for j in range(Error.SIZE):
         m0 = 0.5 * (phi[0, j] + (1.0 if j == 0 else 0.0))
@@ -152,7 +152,7 @@ def transition(p: KernelParams, s: State, phi: Array) -> None:
 def _predict(p: KernelParams, s: State, work: Work) -> None:
     P, t, mat = s.P, s.sums.time, s.sums.mat
     propagate_covariance(P, work.phi, work.rows)
-    # White noise: y and z alike, x its own; only the axis direction matters.
+    # White noise, equal for y and z; that of x differs and depends only on the direction of the axis.
     n2, extra = p.gyro_noise**2 * t + s.sums.lost_turn, (p.gyro_x_noise**2 - p.gyro_noise**2) / t
     for i in range(3):
         P[i, i] += n2
@@ -167,7 +167,7 @@ def _predict(p: KernelParams, s: State, work: Work) -> None:
 
 @compiled
 def _drift(s: State, i: int, t: float) -> None:
-    """Move the bias of a gyro by its ramp, with its covariance; what that turns within a block is nothing."""
+    """Move the bias of a gyro by its ramp, with its covariance; the effect within a block is negligible."""
     P, bias, ramp = s.P, Error.GYRO_BIAS + i, Error.BIAS_RAMP + i
     s.gyro_bias[i] += s.bias_ramp[i] * t
     for j in range(Error.SIZE):
@@ -178,7 +178,7 @@ def _drift(s: State, i: int, t: float) -> None:
 
 @compiled
 def _begin(p: KernelParams, s: State, work: Work) -> None:
-    """Level the frame on the mean force; its heading is that of the tool axis, and the start covariance follows."""
+    """Level the frame by the mean force, with the heading of the tool axis, and set the start covariance."""
     level, mat, sums = work.level, s.mat, s.sums
     for i in range(3):
         work.down[i], work.forward[i] = -sums.force[i], sums.mat[i, 0]
@@ -187,7 +187,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
         u, v, w = mat[0, j], mat[1, j], mat[2, j]
         for i in range(3):
             mat[i, j] = level[i, 0] * u + level[i, 1] * v + level[i, 2] * w
-    # The frame's x axis is the hole's heading: a linearisation point only, three Earth rates wide.
+    # The frame's x axis along the hole is only a point of linearisation, with an uncertainty of three Earth rates.
     s.earth_rate[0] = s.earth_rate[1] = 0.0
     s.roll = 0.0
     P = s.P
@@ -210,7 +210,7 @@ def _begin(p: KernelParams, s: State, work: Work) -> None:
 
 @compiled
 def _begin_instrument(p: KernelParams, s: State) -> None:
-    """Errors of the instrument as the parameters state them."""
+    """Set the errors of the instrument to the values and sigmas of the parameters."""
     P = s.P
     s.scale_x, s.lag, s.lead = 0.0, p.lag, p.lead
     for j in range(4):
@@ -232,7 +232,7 @@ def _begin_instrument(p: KernelParams, s: State) -> None:
 
 @compiled
 def clear(sums: Sums) -> None:
-    """Begin a block."""
+    """Clear the sums for a new block."""
     sums.time = sums.turn = sums.lost_turn = sums.lost_velocity = 0.0
     for i in range(3):
         sums.force[i] = sums.scale[i] = sums.lag[i] = 0.0
@@ -248,7 +248,7 @@ def clear(sums: Sums) -> None:
 
 @compiled
 def reset(s: State) -> None:
-    """Begin the seek anew, but for the clock: what the tool did in a data gap is unknown."""
+    """Restart the seek, except for the clock, because the motion in a data gap is not known."""
     clear(s.sums)
     for i in range(3):
         s.gyro_bias[i] = s.force_bias[i] = s.bias_ramp[i] = 0.0
@@ -268,7 +268,7 @@ def reset(s: State) -> None:
 def advance(
     p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, accel: Array, clipped: NDArray[np.uint8]
 ) -> None:
-    """Take samples in, as `north_seek.run`: the loop over `sample`, and a Kalman step where a block ends."""
+    """Process samples as in `north_seek.run`: call `sample` for each, with a Kalman step at the end of each block."""
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
         last = s.clock.last_ns

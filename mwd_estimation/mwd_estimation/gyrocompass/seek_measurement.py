@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a tool that lies in its hole cannot do, as measurements of a block of north seeking, compiled.
+Measurements of a north-seeking block: what a tool that lies in its hole cannot do.
 
-It gains no velocity; the hole axis lies where it lay; in a tool that does not turn, roll stays where it was. How much
-axis and roll scatter from block to block is followed and is the noise of the last two.
+The tool gains no velocity; its hole axis does not move; if it does not rotate, its roll does not change. The scatter of
+axis and roll from block to block is estimated and used as the noise of the last two measurements.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.kalman import project_covariance, reset_state, rotate_left, scalar_update
 
-# Blocks that give a first scatter of the axis.
+# Number of blocks from which the first scatter of the axis is computed.
 _SETTLE_BLOCKS = 10
-# A direction off by more than so many variances is left out; after so many blocks in a row the axis lies elsewhere.
+# Chi-square above which a direction is ignored; after this number of blocks in a row the axis has moved.
 _GATE, _MOVED_BLOCKS = 25.0, 5
-# Sigma of a direction beside its reference where nothing is known of it, rad, and the least noise of one.
+# Sigma of a direction relative to its reference if nothing is known, rad, and least noise of a direction, rad.
 _DIRECTION, _LEAST_DIRECTION = 0.05, 1e-6
-# Sigma of the velocity of a tool that lies in its hole, m/s, and the rate about its axis below which it rests, rad/s.
+# Sigma of the velocity of a tool that lies in its hole, m/s, and rate about its axis below which it rests, rad/s.
 LYING_VELOCITY, _STILL_RATE = 0.005, 0.05
-# Share with which a block moves the scatter: one over the first number and the blocks seen, up to the second, which is
-# longer than a string sways for once.
+# Weight of a block in the scatter: one over the sum of the first number and the number of blocks, the latter at most
+# the second number, which is longer than a sway of the string.
 _SCATTER_BLOCKS, _SCATTER_MOST = 10.0, 120.0
-# Blocks at rest in a row after which the roll is a reference.
+# Number of blocks at rest in a row after which the roll becomes a reference.
 _REST_BLOCKS = 2
 
 
 @compiled
 def measure(s: State, work: Work) -> None:
-    """Kalman step at the end of a block: no velocity gained, hole axis and roll where they were."""
+    """Perform the Kalman step at the end of a block: no velocity gained, hole axis and roll unchanged."""
     for j in range(Error.SIZE):
         work.error[j] = 0.0
     for i in range(2):
@@ -61,7 +61,7 @@ def measure(s: State, work: Work) -> None:
 
 @compiled
 def frame(axis: Array) -> tuple[float, float, float, float, float]:
-    """High side (3) and right side (north, east) of an axis, shape (3,), in the level frame."""
+    """Return high side (3) and right side (north, east) of an axis, shape (3,), in the level frame."""
     hx, hy, hz = axis[0], axis[1], axis[2]
     across = math.sqrt(hx * hx + hy * hy)
     if across < 1e-6:
@@ -78,7 +78,7 @@ def _clear(h: Array) -> None:
 
 @compiled
 def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
-    """Innovation of y = h . error on the error found so far, and its variance by the states; fills ph."""
+    """Return the innovation of y = h . error after the corrections so far, and its variance by the states; fill ph."""
     for j in range(Error.SIZE):
         c = work.h[j]
         if c != 0.0:
@@ -88,11 +88,11 @@ def _look(P: Array, work: Work, y: float) -> tuple[float, float]:
 
 @compiled
 def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
-    """Update by an angle that keeps still, with the scatter seen so far as its noise; False if it was gated out."""
+    """Update with an angle that should not change; its noise is the scatter so far. Return False beyond the gate."""
     innovation, spread = _look(s.P, work, y)
     r2 = max(_LEAST_DIRECTION**2, s.scatter[which])
     ok = innovation * innovation < _GATE * (spread + r2)
-    # What the prediction does not explain; never below zero, or a wide start would claim a noise that is not there.
+    # Excess over the prediction, at least zero, because a wide start would otherwise give a negative noise.
     seen = max(min(innovation * innovation, _GATE * (spread + r2)) - spread, 0.0)
     s.scatter[which] += share * (seen - s.scatter[which])
     if ok:
@@ -102,7 +102,7 @@ def _hold(s: State, work: Work, which: int, y: float, share: float) -> bool:
 
 @compiled
 def _settle(s: State) -> None:
-    """First look at how much the axis scatters from block to block."""
+    """Measure how much the axis scatters from block to block, and then begin to seek."""
     ax, ay, az = s.mat[0, 0], s.mat[1, 0], s.mat[2, 0]
     s.settled += 1
     if s.settled == 1:
@@ -123,7 +123,7 @@ def _settle(s: State) -> None:
 
 @compiled
 def _hold_axis(s: State, work: Work, share: float) -> None:
-    """Update by the hole axis, which lies where it lay but for a wobble once and twice per turn of the scribe line."""
+    """Update with the hole axis, which does not move except for a wobble once and twice per turn of the scribe line."""
     mat, reference, h = s.mat, s.axis_reference, work.h
     ax, ay, az, zx, zy, zz = mat[0, 0], mat[1, 0], mat[2, 0], mat[0, 2], mat[1, 2], mat[2, 2]
     hx, hy, hz, rx, ry = frame(reference)
@@ -146,7 +146,7 @@ def _hold_axis(s: State, work: Work, share: float) -> None:
         ok = _hold(s, work, i, y, share) and ok
     s.refused_blocks = 0 if ok else s.refused_blocks + 1
     if s.refused_blocks >= _MOVED_BLOCKS:
-        # The axis lies elsewhere now: forget where it lay.
+        # The axis has moved: forget its earlier direction.
         s.refused_blocks = 0
         s.moved += 1
         for j in range(2):
@@ -155,7 +155,7 @@ def _hold_axis(s: State, work: Work, share: float) -> None:
 
 @compiled
 def _hold_roll(s: State, work: Work, share: float) -> None:
-    """Update by the roll of a tool at rest, which stays where it was; the first of a rest is the reference."""
+    """Update with the roll of a resting tool, which does not change; the first roll of each rest is the reference."""
     mat, a, k, h = s.mat, s.axis_reference, s.roll_reference, work.h
     zx, zy, zz = mat[0, 2], mat[1, 2], mat[2, 2]
     if s.still_run == _REST_BLOCKS:
@@ -176,7 +176,7 @@ def _hold_roll(s: State, work: Work, share: float) -> None:
 
 @compiled
 def _correct(s: State, error: Array) -> None:
-    """Put an estimated error, shape (36,), into the estimate."""
+    """Apply an estimated error, shape (36,), to the estimate."""
     rotate_left(s.mat, error[0], error[1], error[2])
     for j in range(2):
         s.velocity[j] += error[Error.VELOCITY + j]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Parameters of a north seek, in the units of data sheets, and the same in SI for the compiled filters.
+Parameters of a north seek, in the units of data sheets and in SI for the compiled filters.
 
-One function finds the gyros' white noise from the samples of a tool at rest.
+One function measures the gyros' white noise from samples of a tool at rest.
 """
 
 from __future__ import annotations
@@ -18,58 +18,59 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR, EARTH_RA
 
 # Selectable methods: all states of `north_seek`, or the fifteen of S1 (`static_ekf`).
 SEEK, S1 = "seek", "s1"
-# White noise where neither the parameters nor the tool show it (a tactical MEMS gyro), and the least that is credible,
+# White noise assumed if neither the parameters nor the tool give it (a tactical MEMS gyro), and the least credible one,
 # deg/sqrt(h).
 TACTICAL_NOISE_DEG_RTH, _LEAST_NOISE = 0.05, 0.001
-# Samples averaged for the noise that counts, and by how much single ones may exceed it before they count no longer.
+# Number of samples averaged for the noise, and ratio of single to averaged noise above which the single one is ignored.
 _AVERAGED, _SHAKEN = 10, 1.5
-# Share of its range from which a gyro counts as clipped.
+# Share of its range above which a gyro counts as clipped.
 _CLIPS_FROM = 0.98
-# Least 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour: a Gaussian needs some. Time by which a bias that was
-# zeroed has drifted, h.
+# Least 1 sigma of a bias, deg/h, and of its ramp, deg/h per hour, so that the Gaussians are not degenerate. Time over
+# which the drift of a zeroed bias is counted, h.
 LEAST_BIAS, _LEAST_RAMP, _DRIFTED_H = 1e-6, 1e-9, 1.0
-# Start sigma of the biases of a seek in stated ones: four times the largest that is credible, for what the run knows of
-# them takes its place (`gyro_errors`). With a wider one bias and scale of the x gyro, alike in a steady turn, drift.
+# Start sigma of the biases in a seek as a multiple of the stated one: four times the largest credible one, because the
+# knowledge of the run replaces it (`gyro_errors`). A wider one lets bias and scale of the x gyro, which are not
+# separable in steady rotation, drift away.
 _UNKNOWN = 16.0
 
 
 @dataclasses.dataclass(frozen=True)
 class SeekParams:
-    """Settings of a north seek. Noise and calibration figures are one sigma; y and z belong to the precision unit."""
+    """Settings of a north seek. Noise and calibration figures are 1 sigma; y and z belong to the precision unit."""
 
-    #: Method of a station. seek estimates the biases from rests and half turns; s1 is the filter of S1, for a tool that
-    #: never moves and a gyro whose bias is small.
+    #: Method at a station. seek estimates the biases from rests and half turns. s1 is the filter of S1, for a tool that
+    #: never moves and a gyro with a small bias.
     method: str = SEEK
     latitude_deg: float = 34.0  #: geodetic latitude, north positive, deg
     gravity: float = STANDARD_GRAVITY  #: magnitude of local gravity, m/s^2; S1's filter uses it
-    #: What the tool does while north is sought. auto judges by the motion; the others refuse another motion.
+    #: Motion of the tool during the seek. auto accepts any; the others refuse a different motion.
     mode: str = "auto"
     shortest: float = 30.0  #: shortest seek that gives an azimuth, s
     gyro_noise_deg_rth: float = 0.05  #: white noise of y and z, deg/sqrt(h)
     gyro_x_noise_deg_rth: float = 0.42  #: white noise of x, deg/sqrt(h)
     accel_noise_ug_rthz: float = 30.0  #: white noise of the accelerometers, ug/sqrt(Hz)
-    #: Sigma of the bias of y and z, and of x, of a unit as it is stated, deg/h; how good this one is, its run tells.
+    #: Stated bias of y and z, and of x, 1 sigma, deg/h. The run estimates how good this unit is compared with it.
     gyro_bias_deg_h: float = 1.0
     gyro_x_bias_deg_h: float = 36.0
     accel_bias_ug: float = 100.0  #: sigma of the accelerometer bias, ug
-    gyro_walk_deg_h_rth: float = 0.02  #: random walk of the gyro bias in an hour, deg/h
-    gyro_ramp_deg_h2: float = 0.0  #: sigma of the ramp of the gyro bias, as where the tool warms up, deg/h per hour
+    gyro_walk_deg_h_rth: float = 0.02  #: random walk of the gyro bias in one hour, deg/h
+    gyro_ramp_deg_h2: float = 0.0  #: sigma of the ramp of the gyro bias, for example while warming up, deg/h per hour
     scale_x_ppm: float = 5000.0  #: sigma of the scale of the x gyro, ppm
-    leak_urad: float = 500.0  #: sigma of the x rate that y and z measure after calibration, urad
+    leak_urad: float = 500.0  #: sigma of the share of the x rate that y and z read after calibration, urad
     #: Sigma of each element of the g-sensitivity of y and z after calibration, deg/h/g.
     g_sensitivity_deg_h_g: float = 0.0
     #: Calibrated g-sensitivity: along, across, stretch, shear, deg/h/g.
     g_calibration_deg_h_g: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    lag_ms: float = 0.0  #: delay of the y and z gyros behind the x gyro, ms
+    lag_ms: float = 0.0  #: delay of the y and z gyros relative to the x gyro, ms
     lag_sigma_ms: float = 0.05  #: sigma of that delay, ms
-    lead_ms: float = 0.0  #: time by which the accelerometer is ahead of the x gyro, ms
-    lead_sigma_ms: float = 3.0  #: sigma of that time, ms; a spin-up shows it
-    longest_turn_s: float = 30.0  #: a turn between two rests that takes longer ends the seek of a station, s
+    lead_ms: float = 0.0  #: time by which the accelerometer precedes the x gyro, ms
+    lead_sigma_ms: float = 3.0  #: sigma of that time, ms; it is observed when the rotation starts
+    longest_turn_s: float = 30.0  #: longest rotation between two rests; a longer one ends the seek of a station, s
     gyro_range_dps: float = 400.0  #: rate at which y and z clip, deg/s
 
     @property
     def bias_sigma_deg_h(self) -> tuple[float, float, float]:
-        """1 sigma of the biases of x, y, z as stated, deg/h, with what they drift by in an hour."""
+        """1 sigma of the stated biases of x, y, z, deg/h, including the drift of one hour."""
         drift = math.hypot(self.gyro_walk_deg_h_rth * math.sqrt(_DRIFTED_H), self.gyro_ramp_deg_h2 * _DRIFTED_H)
         x, across = (
             math.hypot(max(bias, LEAST_BIAS), drift) for bias in (self.gyro_x_bias_deg_h, self.gyro_bias_deg_h)
@@ -77,7 +78,7 @@ class SeekParams:
         return x, across, across
 
 
-# A tactical MEMS unit as its data sheet describes it; its noise is measured.
+# Data-sheet figures of a tactical MEMS unit; its noise is measured.
 TACTICAL = SeekParams(
     gyro_noise_deg_rth=0.0,
     gyro_bias_deg_h=5.0,
@@ -96,17 +97,17 @@ def at_place(
     unit: SeekParams, latitude_deg: float, gravity: float | None, noise_deg_rth: float | None = None
 ) -> SeekParams:
     """
-    Parameters of a seek in which all three gyros are the precision unit's.
+    Return the parameters of a seek that uses all three gyros of the precision unit.
 
     Parameters
     ----------
     unit : SeekParams
-        Figures of the unit, and what an azimuth must reach. White noise of 0: as the tool at rest shows it.
+        Figures of the unit and requirements on the azimuth. White noise of 0 means: as measured at rest.
     latitude_deg : float
     gravity : float or None
-        Local gravity, m/s^2; None: standard gravity.
+        Local gravity, m/s^2; None uses standard gravity.
     noise_deg_rth : float or None
-        White noise as the tool at rest shows it, deg/sqrt(h).
+        White noise measured at rest, deg/sqrt(h).
     """
     noise = unit.gyro_noise_deg_rth or noise_deg_rth or TACTICAL_NOISE_DEG_RTH
     return dataclasses.replace(
@@ -119,10 +120,10 @@ def at_place(
 
 
 def kernel_params(params: SeekParams) -> KernelParams:
-    """Parameters in SI."""
+    """Return the parameters in SI."""
     latitude = math.radians(params.latitude_deg)
     horizontal = EARTH_RATE * math.cos(latitude)
-    # Four elements of one sigma: along, across, stretch and shear are half sums of two.
+    # Along, across, stretch and shear are half sums of two matrix elements, each of this sigma.
     element = params.g_sensitivity_deg_h_g * math.sqrt(0.5)
     start_x, start_y, start_z = (_UNKNOWN * sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     along, across, stretch, shear = np.array(params.g_calibration_deg_h_g) * DEG_PER_HOUR / STANDARD_GRAVITY
@@ -153,10 +154,11 @@ def kernel_params(params: SeekParams) -> KernelParams:
 
 def white_noise(stamp_ns: Stamps, gyro_t: Array) -> float | None:
     """
-    White noise of the y and z gyros of a tool at rest, deg/sqrt(h); None where there are too few samples.
+    Return the white noise of the y and z gyros of a tool at rest, deg/sqrt(h), or None for too few samples.
 
-    stamp_ns, shape (n,); gyro_t, shape (n, 3), rad/s. From neighbours' differences, which know no bias and no Earth
-    rate. Pumps shake single samples and leave tenths of a second alone: where both disagree, the latter count.
+    stamp_ns, shape (n,); gyro_t, rad/s, shape (n, 3). It is computed from differences of neighbours, which contain
+    neither bias nor Earth rate. Pumps shake single samples but not averages over tenths of a second; if the two
+    disagree, the averages are used.
     """
     usable = np.isfinite(gyro_t).all(axis=1)
     stamps, rates = stamp_ns[usable], gyro_t[usable, 1:]

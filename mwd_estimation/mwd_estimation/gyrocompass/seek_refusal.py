@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why a north seek has no azimuth that may be used: one reason, or none."""
+"""Decide whether a north seek gives a usable azimuth, and if not, why."""
 
 from __future__ import annotations
 
@@ -15,36 +15,37 @@ from mwd_sensors.core.constants import DEG_PER_HOUR, DEG_PER_ROOT_HOUR
 
 # An azimuth with a larger sigma is refused, rad.
 WORST_SIGMA = math.radians(20.0)
-# Geodetic latitude above which the Earth's rotation has no usable horizontal part.
+# Geodetic latitude above which the horizontal part of the Earth's rotation is too small, deg.
 _MAX_LATITUDE_DEG = 85.0
-# Share of clipped samples, of turning in a still shot and of turning in a rotating one.
+# Limits on the share of clipped samples, of rotation in a still seek, and of rotation in a rotating seek.
 _CLIPPED_SHARE, _TURNED_MOST, _TURNED_LEAST = 0.001, 0.02, 0.5
-# Sway of the hole axis allowed at rest, rms: more of it turns the Earth rate that the gyros see; and inclination from
-# which a hole has an azimuth.
+# Largest rms sway of the hole axis at rest, rad, because it turns the Earth rate that the gyros measure; and least
+# inclination with which a hole has an azimuth, rad.
 _AXIS_VARIATION, _LEAST_INCLINATION = math.radians(0.05), math.radians(3.0)
-# Turning about an axis this near horizontal east-west, as the share of the Earth rate it shows, shows no north.
+# Rotation about an axis near horizontal east-west shows no north: least share of the Earth rate that is measured.
 _LEAST_SENSITIVITY = 0.17
-# Sigmas: of the horizontal Earth rate off the latitude's, and of an instrument error off its statement.
+# Limits in sigmas: horizontal Earth rate compared with the latitude's, and instrument errors compared with their
+# figures.
 _MISFIT, _EXCESSIVE = 4.0, 5.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """The filter's estimate of north."""
+    """Estimate of north by the filter."""
 
-    method: str  #: what the tool did: still, two_position or rotating
-    #: `azimuth`, `sigma`, `inclination`: of the hole axis, rad.
+    method: str  #: motion of the tool: still, two_position or rotating
+    #: `azimuth`, `sigma`, `inclination`: values for the hole axis, rad.
     azimuth: float
     sigma: float
     inclination: float
     sensitivity: float  #: share of the horizontal Earth rate that this method measures at this attitude, 0 to 1
     misfit: float  #: squared distance of the horizontal Earth rate from the latitude's, in sigmas
-    azimuths: tuple[float, ...]  #: all that fit alike, rad, where there are several
-    bias: Array  #: shape (3,); of the gyros, rad/s; 0 where it is not found
+    azimuths: tuple[float, ...]  #: azimuths that fit equally well, rad, if there are several
+    bias: Array  #: shape (3,); gyro biases, rad/s; 0 for a bias that was not found
 
 
 def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
-    """Reason to refuse the azimuth: the motion first, then the hole's attitude, the instrument and the uncertainty."""
+    """Return the reason to refuse an azimuth, or None: motion, then attitude of the hole, instrument, uncertainty."""
     return (
         motion(params, state, fit.method)
         or _attitude(fit)
@@ -55,19 +56,19 @@ def refusal(params: SeekParams, state: State, fit: Fit) -> Reason | None:
 
 
 def polar(latitude_deg: float) -> Reason | None:
-    """Refusal near a pole, where the Earth's rotation has no usable horizontal part."""
+    """Return the refusal near a pole, where the horizontal part of the Earth's rotation is too small."""
     if abs(latitude_deg) <= _MAX_LATITUDE_DEG:
         return None
     return Reason(Code.LATITUDE_POLAR, math.radians(latitude_deg), math.radians(_MAX_LATITUDE_DEG))
 
 
 def too_short(elapsed: float, shortest: float) -> Reason:
-    """Refusal before the shortest time, s."""
+    """Return the refusal of a seek shorter than the shortest time, s."""
     return Reason(Code.SEEK_TOO_SHORT, elapsed, shortest)
 
 
 def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | None:
-    """Refusal where gyros were beyond their range in too many of the samples."""
+    """Return the refusal if gyros were beyond their range in too many samples."""
     if clipped <= _CLIPPED_SHARE * samples:
         return None
     given = (float(samples), math.radians(params.gyro_range_dps))
@@ -75,14 +76,14 @@ def gyro_clipped(params: SeekParams, clipped: int, samples: int) -> Reason | Non
 
 
 def vertical_hole(inclination: float) -> Reason | None:
-    """Refusal of an axis that points nowhere; inclination in rad."""
+    """Return the refusal of a vertical hole, which has no azimuth; inclination in rad."""
     if _LEAST_INCLINATION <= inclination <= math.pi - _LEAST_INCLINATION:
         return None
     return Reason(Code.VERTICAL_HOLE, inclination, _LEAST_INCLINATION)
 
 
 def motion(params: SeekParams, state: State, method: str) -> Reason | None:
-    """Refuse a seek that clipped, was too short, turned otherwise than it had to, or whose hole axis moved."""
+    """Return the refusal if gyros clipped, the seek was too short, the tool moved in another way, or the axis moved."""
     elapsed, turning, mode = float(state.elapsed), float(state.turn_time), params.mode
     clipped = gyro_clipped(params, state.clipped, state.samples)
     if clipped is not None:
@@ -109,7 +110,7 @@ def _attitude(fit: Fit) -> Reason | None:
         return vertical
     seen = fit.sensitivity
     if fit.azimuths:
-        # The mean of two that fit is neither.
+        # The mean of two fitting azimuths is not itself a fitting one.
         seen = max(math.sqrt(max(1.0 - (math.sin(fit.inclination) * math.sin(a)) ** 2, 0.0)) for a in fit.azimuths)
     uncertain = fit.sigma > WORST_SIGMA / 4.0
     if seen < _LEAST_SENSITIVITY and fit.method in ("rotating", "two_position") and uncertain:
@@ -119,14 +120,14 @@ def _attitude(fit: Fit) -> Reason | None:
 
 
 def _latitude(params: SeekParams, fit: Fit) -> Reason | None:
-    """Refuse a horizontal rate that no bias of such a unit makes that of the latitude."""
+    """Return the refusal if no plausible bias of the unit explains the horizontal rate at this latitude."""
     if fit.misfit <= _MISFIT**2:
         return None
     return Reason(Code.LATITUDE_MISFIT, math.sqrt(fit.misfit), _MISFIT, (math.radians(params.latitude_deg),))
 
 
 def _instrument(params: SeekParams, state: State, fit: Fit) -> Reason | None:
-    """Refuse an error of the instrument found far from its stated range."""
+    """Return the refusal if an error of the instrument is far outside its stated range."""
     bias, scale, leak = Code.GYRO_BIAS_EXCESSIVE, Code.GYRO_SCALE_EXCESSIVE, Code.GYRO_LEAK_EXCESSIVE
     x, y, z = (sigma * DEG_PER_HOUR for sigma in params.bias_sigma_deg_h)
     stated = (

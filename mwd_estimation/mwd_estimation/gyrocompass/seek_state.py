@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the compiled filter of north seeking reads and carries: parameters in SI, the order of its errors, its records.
+Parameters, error order and records of the compiled north-seeking filter, in SI.
 
-`mwd_estimation.gyrocompass.seek_filter` changes them.
+`mwd_estimation.gyrocompass.seek_filter` changes the records.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from mwd_sensors.core.records import dtype_of
 
 class ErrorOrder(NamedTuple):
     """
-    Order of the error state, truth minus estimate: the first place of each quantity of `State`, and their number.
+    Order of the error state, truth minus estimate: the first index of each quantity of `State`, and their number.
 
-    ATTITUDE is about the axes of the level frame, rad; the others are as many as `State` has of each, in its units:
-    VELOCITY and EARTH_RATE along the two horizontal axes of that frame, LEAK of the y and z gyros.
+    ATTITUDE is about the axes of the level frame, rad. Each other quantity has as many entries as in `State`, in the
+    same units: VELOCITY and EARTH_RATE along the two horizontal axes of that frame, LEAK for the y and z gyros.
     """
 
     ATTITUDE: int = 0
@@ -46,7 +46,7 @@ Error = ErrorOrder()
 
 
 class Phase(enum.IntEnum):
-    """What a seek is doing: mean force, first look at the scatter of the hole axis, seeking."""
+    """Phase of a seek: averaging the force, measuring the scatter of the hole axis, seeking."""
 
     LEVELLING = 0
     SETTLING = 1
@@ -54,7 +54,7 @@ class Phase(enum.IntEnum):
 
 
 class KernelParams(NamedTuple):
-    """`mwd_estimation.gyrocompass.seek_params.SeekParams` in SI; sigmas unless stated otherwise."""
+    """`mwd_estimation.gyrocompass.seek_params.SeekParams` in SI; sigmas unless marked as a value."""
 
     horizontal: float  #: horizontal Earth rate, rad/s
     down: float  #: vertical Earth rate, rad/s
@@ -64,34 +64,34 @@ class KernelParams(NamedTuple):
     gyro_x_noise: float  #: white noise of the x gyro, rad/s/sqrt(Hz)
     accel_noise: float  #: white noise of the accelerometers, m/s^2/sqrt(Hz)
     gyro_bias: float  #: bias of the y and z gyros, rad/s
-    start_bias: tuple[float, float, float]  #: bias of x, y, z where a seek begins, rad/s
+    start_bias: tuple[float, float, float]  #: bias of x, y, z at the start of a seek, rad/s
     accel_bias: float  #: bias of the accelerometers, m/s^2
     bias_walk: float  #: random walk of the gyro biases, rad/s/sqrt(s)
     bias_ramp: float  #: steady drift of the gyro biases, rad/s^2
     scale_x: float  #: scale error of the x gyro, as a share
-    leak: float  #: rate about x that y and z read, rad/s per rad/s
-    g_sensitivity: float  #: what calibration leaves along, across, of stretch and shear, rad/s per m/s^2
+    leak: float  #: share of the x rate that y and z read
+    g_sensitivity: float  #: g-sensitivity that calibration leaves: along, across, stretch and shear, rad/s per m/s^2
     g_calibration: tuple[float, float, float, float]  #: calibrated g-sensitivity in that order and unit, a value
-    lag: float  #: delay of the y and z gyros behind the x gyro, s, a value
-    lag_sigma: float  #: of that delay, s
-    lead: float  #: time by which the accelerometer is ahead of the x gyro, s, a value
-    lead_sigma: float  #: of that time, s
-    gyro_range: float  #: rate from which a sample counts as clipped, rad/s
+    lag: float  #: delay of the y and z gyros relative to the x gyro, s, a value
+    lag_sigma: float  #: sigma of that delay, s
+    lead: float  #: time by which the accelerometer precedes the x gyro, s, a value
+    lead_sigma: float  #: sigma of that time, s
+    gyro_range: float  #: rate above which a sample counts as clipped, rad/s
 
 
 class Sums:
-    """Integrals over one block: what the transition needs of the samples."""
+    """Integrals over one block that the transition needs."""
 
-    #: `time`, `turn`: duration, s, and turn about the tool axis, rad.
+    #: `time`, `turn`: duration, s, and rotation about the tool axis, rad.
     time: float
     turn: float
-    #: `lost_turn`, `lost_velocity`: variance of what clipped samples hide of attitude, rad^2, and of velocity, (m/s)^2.
+    #: `lost_turn`, `lost_velocity`: variance that clipped samples add to attitude, rad^2, and velocity, (m/s)^2.
     lost_turn: float
     lost_velocity: float
-    mat: Annotated[Array, 3, 3]  #: of the tool-to-level matrix
-    force: Annotated[Array, 3]  #: of the specific force in the level frame
-    #: `bias`, `leak`, `g_sensitivity`, `scale`, `lag`, `lead`: of the columns by which each of these errors enters
-    #: attitude (lead: velocity).
+    mat: Annotated[Array, 3, 3]  #: integral of the tool-to-level matrix
+    force: Annotated[Array, 3]  #: integral of the specific force in the level frame
+    #: `bias`, `leak`, `g_sensitivity`, `scale`, `lag`, `lead`: integrals of the columns by which each of these errors
+    #: changes the attitude (lead: the velocity).
     bias: Annotated[Array, 3, 2]
     scale: Annotated[Array, 3]
     leak: Annotated[Array, 3, 2]
@@ -101,11 +101,11 @@ class Sums:
 
 
 class State:
-    """All that changes: one record."""
+    """State of the filter: one record."""
 
-    clock: track.Clock  #: as of `mwd_estimation.core.track.admit`
+    clock: track.Clock  #: clock for `mwd_estimation.core.track.admit`
     mat: Annotated[Array, 3, 3]  #: tool to level frame
-    #: `velocity`, `earth_rate`: shape (2,); horizontal, in the level frame, m/s and rad/s.
+    #: `velocity`, `earth_rate`: shape (2,); horizontal components in the level frame, m/s and rad/s.
     velocity: Annotated[Array, 2]
     earth_rate: Annotated[Array, 2]
     #: `gyro_bias`, `scale_x`, `leak`, `g_sensitivity`, `lag`, `force_bias`, `lead`, `bias_ramp`: errors of the
@@ -116,60 +116,61 @@ class State:
     g_sensitivity: Annotated[Array, 4]
     lag: float
     force_bias: Annotated[Array, 3]
-    #: `axis`, `roll`, `wobble`: shape (2,), float, ndarray, shape (8,); where the hole axis lies beside its reference
-    #: and the roll beside its own, and the axis' motion once and twice per turn, rad.
+    #: `axis`, `roll`, `wobble`: shape (2,), float, shape (8,); hole axis and roll relative to their references, and
+    #: motion of the axis once and twice per turn, rad.
     axis: Annotated[Array, 2]
     roll: float
     wobble: Annotated[Array, 8]
     lead: float
     bias_ramp: Annotated[Array, 3]
     P: Annotated[Array, 36, 36]  #: covariance of the error, in the order of `Error`
-    sums: Sums  #: of the block under way
-    #: `phase`, `settled`, `seen`: `Phase`; blocks of settling and of seeking.
+    sums: Sums  #: sums of the current block
+    #: `phase`, `settled`, `seen`: `Phase`; number of blocks while settling, and while seeking.
     phase: int
     settled: int
     seen: int
-    #: `level_time`, `elapsed`, `still_time`, `turn_time`: s of levelling, and of seeking: all, at rest and turning.
+    #: `level_time`, `elapsed`, `still_time`, `turn_time`: time of levelling; time of seeking in total, at rest,
+    #: rotating; s.
     level_time: float
     elapsed: float
     still_time: float
     turn_time: float
-    #: `axis_reference`, `roll_reference`: shape (3,); hole axis and tool z in the level frame that `axis` and `roll`
-    #: count from.
+    #: `axis_reference`, `roll_reference`: shape (3,); reference directions of hole axis and tool z in the level frame,
+    #: relative to which `axis` and `roll` count.
     axis_reference: Annotated[Array, 3]
     roll_reference: Annotated[Array, 3]
-    #: `last_axis`, `axis_difference2`: shapes (3,) and (2,); axis of the block before, and summed squares of its steps
+    #: `last_axis`, `axis_difference2`: shapes (3,) and (2,); axis of the previous block, and sum of its squared steps
     #: while settling, rad^2.
     last_axis: Annotated[Array, 3]
     axis_difference2: Annotated[Array, 2]
-    #: shape (3,); variance by which high side and right side of the axis, and roll, scatter from block to block, rad^2.
+    #: shape (3,); variance of high side and right side of the axis, and of roll, from block to block, rad^2.
     scatter: Annotated[Array, 3]
     #: `still_run`, `positions`, `refused_blocks`, `moved`: blocks at rest in a row; rests that gave a roll; blocks in a
-    #: row whose axis was refused; moves found so.
+    #: row with a refused axis; detected moves of the axis.
     still_run: int
     positions: int
     refused_blocks: int
     moved: int
-    #: `samples`, `clipped`: samples taken, and those in which a gyro clipped.
+    #: `samples`, `clipped`: number of samples, and of those in which a gyro clipped.
     samples: int
     clipped: int
 
     if TYPE_CHECKING:
 
         def copy(self) -> State:
-            """Independent copy, as of every numpy record."""
+            """Return an independent copy, like every numpy record."""
             ...
 
 
 class Work:
-    """Scratch of a block."""
+    """Scratch space of a block."""
 
     half: Annotated[Array, 3, 3]  #: tool to level frame in the middle of a sample
-    #: `down`, `forward`, `level`: vectors and matrix of levelling.
+    #: `down`, `forward`, `level`: vectors and matrix used for levelling.
     down: Annotated[Array, 3]
     forward: Annotated[Array, 3]
     level: Annotated[Array, 3, 3]
-    #: `phi`, `rows`: shape (5, 36); moving rows of the transition, and of its product with P.
+    #: `phi`, `rows`: shape (5, 36); rows of the transition that are not identity, and of its product with P.
     phi: Annotated[Array, 5, 36]
     rows: Annotated[Array, 5, 36]
     #: `error`, `h`, `ph`: shape (36,); error found so far in a block; row of a measurement, and its product with P.
@@ -182,7 +183,7 @@ STATE, WORK = dtype_of(State), dtype_of(Work)
 
 
 def estimate(s: State) -> Array:
-    """Estimate in the order of `Error`, shape (36,); attitude, which is a matrix, counts as zero."""
+    """Return the estimate in the order of `Error`, shape (36,); attitude, which is a matrix, counts as zero."""
     instrument = (s.gyro_bias, s.scale_x, s.leak, s.g_sensitivity, s.lag, s.force_bias)
     return np.hstack(
         [np.zeros(3), s.velocity, s.earth_rate, *instrument, s.axis, s.roll, s.wobble, s.lead, s.bias_ramp]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-North sought on request: for a set time, with progress, whatever the tool does meanwhile.
+North seek on request: for a set time, with progress, whatever the tool does meanwhile.
 
-Bins of time go in as they close. While the string turns faster than the range of the precision unit's x gyro, the
-conventional unit's x gyro replaces it, with its own figures.
+Bins of time are processed as they close. If the string rotates faster than the range of the precision unit's x gyro,
+the conventional unit's x gyro replaces it, with its own figures.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from mwd_estimation.gyrocompass.seek_params import SeekParams, at_place, white_n
 from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
-# Bins whose samples give the unit's white noise, and the rate below which a tool rests, rad/s.
+# Number of bins from which the unit's white noise is measured, and rate below which a tool rests, rad/s.
 _NOISE_BINS = 8
 _AT_REST = 0.05
-# Time of settling after levelling, and of the bins that begin and end a seek, s.
+# Time for settling after levelling, and for the first and last bin of a seek, s.
 _SETTLING_S = 2.0
 MODES = ("still", "two_position", "rotating")
 
 
 @dataclasses.dataclass(frozen=True)
 class SessionParams:
-    """Duration of a north seek on request, and the conventional unit's x gyro, one sigma each."""
+    """Duration of a north seek on request, and figures of the conventional unit's x gyro, 1 sigma each."""
 
-    duration_s: float = 120.0  #: duration of a seek where the request names none, s
-    #: White noise of the conventional unit's x gyro, which a fast turning string needs, deg/sqrt(h).
+    duration_s: float = 120.0  #: duration of a seek if the request gives none, s
+    #: White noise of the conventional unit's x gyro, used on a string that rotates fast, deg/sqrt(h).
     x_noise_deg_rth: float = 0.42
     x_bias_deg_h: float = 400.0  #: sigma of that gyro's bias, deg/h
     x_scale_ppm: float = 5000.0  #: sigma of that gyro's scale, ppm
@@ -43,25 +43,25 @@ class SessionParams:
 
 class NorthSession:
     """
-    One seek on request.
+    One north seek on request.
 
     Parameters
     ----------
     params : SessionParams
     unit : SeekParams
-        The precision unit; latitude and gravity are set here.
+        Figures of the precision unit; latitude and gravity are set from the arguments below.
     latitude_deg : float
     gravity : float or None
-        Local, m/s^2.
+        Local gravity, m/s^2.
     duration_s : float
-        0: as configured.
+        Duration, s; 0 uses the configured one.
     mode : str
-        One of `MODES`, or empty: by what the tool does.
+        One of `MODES`, or empty to accept any motion.
 
     Raises
     ------
     ValueError
-        Another mode, a duration that is negative, not finite or too short for an answer.
+        The mode is another, or the duration is negative, not finite or too short for a result.
     """
 
     def __init__(
@@ -77,13 +77,13 @@ class NorthSession:
             raise ValueError(f"mode: must be {', '.join(MODES)}, or empty; got {mode!r}")
         if not (math.isfinite(duration_s) and (duration_s == 0.0 or duration_s >= unit.shortest)):
             raise ValueError(f"duration: must be 0 or at least {unit.shortest:g} s, got {duration_s:g}")
-        # Levelling and the first look at the scatter of the axis are no part of the shortest seek.
+        # Levelling and settling do not count for the shortest seek.
         self.duration = max(duration_s or params.duration_s, unit.shortest + LEVEL_S + _SETTLING_S)
         self.elapsed = 0.0
         self._conventional = params
         self._unit, self._latitude, self._gravity, self._mode = unit, latitude_deg, gravity, mode or "auto"
         self._params = dataclasses.replace(at_place(unit, latitude_deg, gravity), mode=self._mode)
-        # The first bins wait until the unit's noise is known from them.
+        # The first bins are kept until the unit's noise has been measured from them.
         self._first: list[tuple[UnitSamples, tuple[Stamps, Array]]] | None = []
         self._range = math.radians(unit.gyro_range_dps)
         self._state = north_seek.initial()
@@ -91,26 +91,26 @@ class NorthSession:
 
     @property
     def remaining(self) -> float:
-        """Time left, s."""
+        """Remaining time, s."""
         return max(self.duration - self.elapsed, 0.0)
 
     @property
     def done(self) -> bool:
-        """Whether the time is over."""
+        """Return whether the time is over."""
         return self.elapsed >= self.duration
 
     def add(self, seconds: float, precision: UnitSamples, ahrs: tuple[Stamps, Array]) -> None:
         """
-        Take one bin.
+        Process one bin.
 
         Parameters
         ----------
         seconds : float
-            Its length.
+            Length of the bin, s.
         precision : UnitSamples
-            Of the precision unit.
+            Samples of the precision unit.
         ahrs : (stamps (m,), rates (m, 3))
-            Of the conventional unit, rad/s.
+            Stamps and rates of the conventional unit, rad/s.
         """
         self.elapsed += seconds
         if not len(precision.stamps):
@@ -127,7 +127,7 @@ class NorthSession:
             self._first = None
 
     def _params_now(self, first: list[tuple[UnitSamples, tuple[Stamps, Array]]]) -> SeekParams:
-        """Choose the noise that the tool shows at rest, or the x gyro whose range the string does not exceed."""
+        """Return parameters with the noise measured at rest, or with the x gyro whose range is large enough."""
         stamps = np.concatenate([precision.stamps for precision, _ in first])
         rates = np.concatenate([precision.values[:, :3] for precision, _ in first])
         x_rates = np.concatenate([*(ahrs[1][:, 0] for _, ahrs in first), rates[:, 0]])
@@ -152,7 +152,7 @@ class NorthSession:
         north_seek.run(self._params, self._state, stamps, rates, values[:, 3:], clipped)
 
     def solution(self) -> Solution:
-        """North so far, or why there is none."""
+        """Return north so far, or the reason why there is none."""
         found = north_seek.solution(self._params, self._state)
         if self._has_samples:
             return found

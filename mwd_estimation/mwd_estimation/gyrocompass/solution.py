@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""North as a gyrocompass method found it, or the reason why it found none."""
+"""Result of a gyrocompass method: north, or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from mwd_estimation.core.reasons import Reason
 
 @dataclasses.dataclass(frozen=True)
 class Solution:
-    """A north seek so far."""
+    """Result of a north seek so far."""
 
-    reason: Reason | None  #: why it was refused; None on success
-    #: What the tool did: still, two_position or rotating; s1 of `static_ekf`; the mode asked for while that
-    #: is unknown.
+    reason: Reason | None  #: reason why it is refused; None on success
+    #: Motion of the tool: still, two_position or rotating; s1 for `static_ekf`; the requested mode while the motion is
+    #: not known.
     method: str
-    #: `azimuth`, `sigma`: of the hole axis from true north and its one sigma, rad; given also when refused, NaN before
-    #: the filter runs.
+    #: `azimuth`, `sigma`: azimuth of the hole axis from true north and 1 sigma, rad; also given when refused, NaN
+    #: before the filter runs.
     azimuth: float = math.nan
     sigma: float = math.nan
-    inclination: float = math.nan  #: of the hole axis from the vertical, rad
-    #: Azimuth of the scribe line seen from above, from true north, rad; what a near-vertical hole has instead.
+    inclination: float = math.nan  #: inclination of the hole axis from the vertical, rad
+    #: Azimuth of the scribe line seen from above, from true north, rad; it replaces the azimuth near vertical.
     toolface: float = math.nan
-    elapsed: float = 0.0  #: s of data used
-    limit: float = math.nan  #: sigma of an ideal estimator with this gyro noise, time, latitude and geometry, rad
-    #: Azimuths and sigmas, rad, of which only one can be right, where that is why it was refused.
+    elapsed: float = 0.0  #: duration of the used data, s
+    limit: float = math.nan  #: sigma of an ideal estimator for this gyro noise, time, latitude and geometry, rad
+    #: Azimuths and sigmas, rad, of which only one can be right, if the result is refused for that reason.
     choices: tuple[tuple[float, float], ...] = ()
     began_ns: int | None = None  #: stamp at which the seek of a station began, ns; surveys of one seek share it
 
     @property
     def success(self) -> bool:
-        """Whether the azimuth may be used."""
+        """Return whether the azimuth may be used."""
         return self.reason is None
 
     @property
     def answers(self) -> bool:
-        """Whether there is an azimuth that may be used, or several of which one is right."""
+        """Return whether there is a usable azimuth, or several of which one is right."""
         return self.success or bool(self.choices)

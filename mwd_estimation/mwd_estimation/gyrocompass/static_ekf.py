@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-S1: true north from the Earth's rotation with a 15-state error-state Kalman filter and a tool that has not moved.
+S1: true north from the Earth's rotation by a 15-state error-state Kalman filter and a tool that does not move.
 
-Position, velocity, attitude, gyro bias and accelerometer bias; strapdown mechanisation in north-east-down with the
-Earth rate of a known latitude; the only measurement is z = [I6 0] x: position and velocity are still zero (S1 section
-2.2). A coarse alignment on the mean rate and force starts it. The figures of the unit are those of `seek_params`.
-Derivation, what is observable and limits: ``docs/methods/gyrocompass.md``; the estimator that does better with the same
-data: `mwd_estimation.gyrocompass.north_seek`.
+The states are position, velocity, attitude, gyro bias and accelerometer bias. Strapdown mechanisation in
+north-east-down uses the Earth rate of a known latitude. The only measurement is z = [I6 0] x: position and velocity are
+zero (S1 section 2.2). A coarse alignment from the mean rate and force starts the filter. The figures of the unit are
+those of `seek_params`. Derivation, observability and limits: ``docs/methods/gyrocompass.md``. The method
+`mwd_estimation.gyrocompass.north_seek` gives better results from the same data.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from mwd_sensors.core.kalman import (
 )
 from mwd_sensors.core.records import dtype_of
 
-# Sigma of the tool's position about the place where it rests, m, and of its velocity, m/s.
+# Sigma of the tool's position about its resting place, m, and of its velocity, m/s.
 _SIGMA_POSITION, _SIGMA_VELOCITY = 0.001, 0.001
-# A longer data gap starts the filter anew, ns.
+# A data gap longer than this restarts the filter, ns.
 _GAP_NS = 500_000_000
 MOVED_RATIO = 5.0
 """Mean innovation ratio above which the tool has moved."""
@@ -43,9 +43,9 @@ MOVED_RATIO = 5.0
 
 class ErrorOrder(NamedTuple):
     """
-    Order of the error state (S1), truth minus estimate: the first of three axes of each, and their number.
+    Order of the error state (S1), truth minus estimate: the first of three axes of each quantity, and their number.
 
-    POSITION, VELOCITY and ATTITUDE in NED, m, m/s and rad; biases in tool axes, rad/s and m/s^2.
+    POSITION, VELOCITY and ATTITUDE are in NED, m, m/s and rad; biases are in tool axes, rad/s and m/s^2.
     """
 
     POSITION: int = 0
@@ -60,23 +60,23 @@ Error = ErrorOrder()
 
 
 class State:
-    """All that changes: one record."""
+    """State of the filter: one record."""
 
-    clock: track.Clock  #: as of `mwd_estimation.core.track.admit`
+    clock: track.Clock  #: clock for `mwd_estimation.core.track.admit`
     aligned: bool  #: whether the coarse alignment is done
-    #: `mean_time`, `rate`, `force`: float, ndarray, shape (3,); duration, s, and integrals of rate, rad, and force,
-    #: m/s, of the coarse alignment.
+    #: `mean_time`, `rate`, `force`: float, shape (3,), shape (3,); duration of the coarse alignment, s, and integrals
+    #: of rate, rad, and force, m/s.
     mean_time: float
     rate: Annotated[Array, 3]
     force: Annotated[Array, 3]
-    ratio: float  #: slow mean of the innovation ratio
-    #: `position`, `velocity`, `gyro_bias`, `accel_bias`: shape (3,); estimate; m and m/s in NED, rad/s and m/s^2 in
+    ratio: float  #: slowly averaged innovation ratio
+    #: `position`, `velocity`, `gyro_bias`, `accel_bias`: shape (3,); estimates, m and m/s in NED, rad/s and m/s^2 in
     #: tool axes.
     position: Annotated[Array, 3]
     velocity: Annotated[Array, 3]
-    #: `mat`, `mat_coarse`: shape (3, 3); tool to NED now, and at the coarse alignment. The tool keeps still, so every
-    #: transition is taken at the latter: taken at the latest one, the unobservable mix of azimuth and east gyro bias
-    #: would turn with each correction and sigma would shrink below the truth.
+    #: `mat`, `mat_coarse`: shape (3, 3); tool to NED now, and at the coarse alignment. Every transition uses the
+    #: latter, because the tool does not move. With the latest one, the unobservable combination of azimuth and east
+    #: gyro bias would turn with each correction, and sigma would become too small.
     mat: Annotated[Array, 3, 3]
     mat_coarse: Annotated[Array, 3, 3]
     gyro_bias: Annotated[Array, 3]
@@ -86,12 +86,12 @@ class State:
     if TYPE_CHECKING:
 
         def copy(self) -> State:
-            """Independent copy, as of every numpy record."""
+            """Return an independent copy, like every numpy record."""
             ...
 
 
 class Work:
-    """Scratch of the Kalman step: moving rows of the transition and of its product with P; error and gain columns."""
+    """Scratch space of the Kalman step: rows of the transition and of its product with P; error and gain."""
 
     phi: Annotated[Array, 9, 15]
     rows: Annotated[Array, 9, 15]
@@ -103,31 +103,31 @@ STATE, WORK = dtype_of(State), dtype_of(Work)
 
 
 class North(NamedTuple):
-    """Attitude from true north; nan, and sigmas of pi, until the coarse alignment is done."""
+    """Attitude from true north; NaN, with sigmas of pi, until the coarse alignment is done."""
 
-    #: `azimuth`, `sigma`: of the hole axis and one sigma, rad, at most pi.
+    #: `azimuth`, `sigma`: azimuth of the hole axis and 1 sigma, rad, at most pi.
     azimuth: float
     sigma: float
-    #: `inclination`, `toolface`: rad.
+    #: `inclination`, `toolface`: angles, rad.
     inclination: float
     toolface: float
 
 
 def initial() -> State:
-    """State before the first sample."""
+    """Return the state before the first sample."""
     return cast(State, np.zeros(1, STATE)[0])
 
 
 def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> None:
     """
-    Take in a block of samples of a tool that keeps still; ask `north` for the azimuth at any time.
+    Process a block of samples of a tool that does not move; call `north` for the azimuth at any time.
 
     Parameters
     ----------
     params : SeekParams
-        The first half of `shortest` is the coarse alignment.
+        Parameters; the first half of `shortest` is the coarse alignment.
     state : State
-        Changed in place; blocks of any length give the same numbers.
+        State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, of the precision unit in tool axes.
@@ -135,18 +135,18 @@ def run(params: SeekParams, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike
     Raises
     ------
     ValueError
-        Shapes that do not match.
+        Shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     _advance(kernel_params(params), state, np.zeros(1, WORK)[0], stamps, gyro, accel)
 
 
 def north(state: State) -> North:
-    """Attitude after the samples so far."""
+    """Return the attitude after the samples so far."""
     if not state.aligned:
         return North(math.nan, math.pi, math.nan, math.nan)
     inclination, azimuth, toolface = hole_angles(state.mat)
-    # The hole axis is the first column; an attitude error moves its azimuth by H P H'.
+    # The hole axis is the first column; attitude errors change its azimuth with the variance H P H'.
     P, (an, ae, ad) = state.P, state.mat[:, 0]
     n, e, d = Error.ATTITUDE, Error.ATTITUDE + 1, Error.ATTITUDE + 2
     across2 = an * an + ae * ae
@@ -161,13 +161,13 @@ def north(state: State) -> North:
 
 @compiled
 def propagate(p: KernelParams, s: State, dt: float, w: Array, f: Array) -> None:
-    """Carry the estimate through one sample of mean rate w, rad/s, and force f, m/s^2, shape (3,), in place."""
+    """Propagate the estimate by one sample of mean rate w, rad/s, and force f, m/s^2, shape (3,), in place."""
     mat, v = s.mat, s.velocity
     ax, ay, az = f[0] - s.accel_bias[0], f[1] - s.accel_bias[1], f[2] - s.accel_bias[2]
     vn, ve, vd = v[0], v[1], v[2]
     for i in range(3):
         s.position[i] += v[i] * dt
-    # v' = C f + g - 2 w_ie x v; transport rate and gradient of gravity vanish for a tool that keeps still.
+    # v' = C f + g - 2 w_ie x v; transport rate and gravity gradient are zero for a tool that does not move.
     v[0] += dt * (mat[0, 0] * ax + mat[0, 1] * ay + mat[0, 2] * az + 2.0 * p.down * ve)
     v[1] += dt * (mat[1, 0] * ax + mat[1, 1] * ay + mat[1, 2] * az - 2.0 * (p.down * vn - p.horizontal * vd))
     v[2] += dt * (mat[2, 0] * ax + mat[2, 1] * ay + mat[2, 2] * az + p.gravity - 2.0 * p.horizontal * ve)
@@ -179,9 +179,9 @@ def propagate(p: KernelParams, s: State, dt: float, w: Array, f: Array) -> None:
 @compiled
 def transition(p: KernelParams, mat: Array, dt: float, ax: float, ay: float, az: float, phi: Array) -> None:
     """
-    Fill phi, shape (9, 15), with the moving rows of Phi = I + F T of the error state (S1); the bias rows are I.
+    Fill phi, shape (9, 15), with the rows of Phi = I + F T of the error state (S1) that are not identity.
 
-    mat: tool to NED. ax, ay, az: force free of bias, m/s^2.
+    mat is tool to NED; ax, ay, az is the force without bias, m/s^2.
     """
     north, down = p.horizontal, p.down
     fn = mat[0, 0] * ax + mat[0, 1] * ay + mat[0, 2] * az
@@ -217,7 +217,7 @@ def _predict(p: KernelParams, P: Array, dt: float, w: Work) -> None:
 
 @compiled
 def _correct(s: State, error: Array) -> None:
-    """Put an estimated error, shape (15,), into the estimate."""
+    """Apply an estimated error, shape (15,), to the estimate."""
     rotate_left(s.mat, error[Error.ATTITUDE], error[Error.ATTITUDE + 1], error[Error.ATTITUDE + 2])
     for j in range(3):
         s.position[j] += error[Error.POSITION + j]
@@ -228,7 +228,7 @@ def _correct(s: State, error: Array) -> None:
 
 @compiled
 def _not_moved(s: State, w: Work) -> float:
-    """Six scalar updates z = 0 - (position, velocity); corrects the state, returns the mean innovation ratio."""
+    """Update with z = 0 - (position, velocity) in six scalar steps, correct the state, return the mean ratio."""
     error, ph = w.error, w.ph
     for j in range(Error.SIZE):
         error[j] = 0.0
@@ -249,17 +249,17 @@ def _not_moved(s: State, w: Work) -> float:
 @compiled
 def _align(p: KernelParams, s: State) -> None:
     """
-    Coarse alignment: down from the mean force, north from the horizontal part of the mean rate.
+    Align coarsely: down from the mean force, north from the horizontal part of the mean rate.
 
-    The start covariance is the linear map of both biases and both noises, so that the azimuth error starts correlated
-    with the bias that causes it and the data of the alignment are counted once.
+    The start covariance is the linear map of both biases and both noises, so that the azimuth error is correlated from
+    the start with the bias that causes it, and the data of the alignment are counted once.
     """
     t, P, mat = s.mean_time, s.P, s.mat
     for i in range(3):
         s.force[i] = -s.force[i]
         s.rate[i] /= t
         s.position[i] = s.velocity[i] = s.gyro_bias[i] = s.accel_bias[i] = 0.0
-    # No horizontal rate at all means a dead gyro: any north will do, the innovations show it.
+    # Without any horizontal rate the gyro is dead: any north will do, and the innovations show the fault.
     level_matrix(s.force, s.rate, 1e-12, mat)
     for i in range(3):
         for j in range(3):
@@ -270,7 +270,7 @@ def _align(p: KernelParams, s: State) -> None:
     for i in range(3):
         P[Error.GYRO_BIAS + i, Error.GYRO_BIAS + i] = vg
         P[Error.ACCEL_BIAS + i, Error.ACCEL_BIAS + i] = va
-    # Attitude error = sum over causes: rows of the map for accelerometer (north, east) and gyro (east) errors.
+    # Attitude error as a sum over causes: rows of the map for accelerometer (north, east) and gyro (east) errors.
     noise_a, noise_g = p.accel_noise**2 / t, p.gyro_noise**2 / t
     azimuth = Error.ATTITUDE + 2
     for j in range(3):
@@ -287,7 +287,7 @@ def _align(p: KernelParams, s: State) -> None:
         P[Error.GYRO_BIAS + j, azimuth] += turn_g * vg
         P[azimuth, azimuth] += turn_g * turn_g * (vg + noise_g)
     for i in range(3):
-        # At the moment of alignment the tool is where it is: the origin, at rest within its stated motion.
+        # At the alignment the tool defines the origin and is at rest within its stated motion.
         P[i, i] = _SIGMA_POSITION**2
         P[Error.VELOCITY + i, Error.VELOCITY + i] = _SIGMA_VELOCITY**2
     s.aligned, s.ratio = True, 1.0
@@ -295,7 +295,7 @@ def _align(p: KernelParams, s: State) -> None:
 
 @compiled
 def _take(p: KernelParams, s: State, work: Work, dt: float, w: Array, f: Array) -> None:
-    """One sample: into the coarse alignment, or one step of the filter."""
+    """Process one sample, in the coarse alignment or as one step of the filter."""
     if not s.aligned:
         s.mean_time += dt
         for j in range(3):
@@ -304,8 +304,8 @@ def _take(p: KernelParams, s: State, work: Work, dt: float, w: Array, f: Array) 
         if s.mean_time >= p.coarse_seconds - 1e-9:
             _align(p, s)
         return
-    # A tool at rest measures gravity; the measured force would bring its noise into the transition, where it passes
-    # for motion that shows the azimuth.
+    # Use gravity instead of the measured force: its noise in the transition would look like a motion that shows
+    # azimuth.
     g, down = -p.gravity, s.mat_coarse[2]
     transition(p, s.mat_coarse, dt, g * down[0], g * down[1], g * down[2], work.phi)
     propagate(p, s, dt, w, f)
@@ -315,7 +315,7 @@ def _take(p: KernelParams, s: State, work: Work, dt: float, w: Array, f: Array) 
 
 @compiled
 def _advance(p: KernelParams, s: State, work: Work, stamps: Stamps, gyro: Array, accel: Array) -> None:
-    """Take samples as `run`."""
+    """Process samples as in `run`."""
     for i in range(len(stamps)):
         w, f = gyro[i], accel[i]
         last = s.clock.last_ns

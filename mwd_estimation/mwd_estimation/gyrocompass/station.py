@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gyro azimuth of a station: north sought while the tool keeps still, and while it is turned to a second position there.
+Gyro azimuth of a station: seek north while the tool is still, and while it is turned to a second position there.
 
-The seek runs on the precision unit's own samples, bin by bin, from the moment the string has settled. A quiet turn
-about the axis goes into it, because the second position is what shows the gyro's bias; shaking, a turn that takes too
-long or an axis that lies elsewhere end it. What it found of the instrument goes into the seek of the next station.
-Its solution states whether the azimuth found may be used.
+The seek uses the precision unit's own samples, bin by bin, from the moment when the string has settled. A quiet
+rotation about the axis is part of it, because the second position shows the gyro bias. Vibration, a rotation that takes
+too long or a moved axis ends it. The errors that it found in the instrument are used in the seek of the next station.
+Its solution states whether the azimuth may be used.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from mwd_estimation.gyrocompass.solution import Solution
 from mwd_sensors.core.arrays import Array, Stamps
 
 _ACCEL_X = 3
-# Sigma, rad, of which an automatic survey waits for no better one.
+# An automatic survey does not wait for a sigma better than this, rad.
 _ENOUGH_SIGMA = math.radians(0.7)
-# Standard deviation of the axial force, m/s^2, above which a turn ends the seek, and its change at rest above which the
-# hole axis lies elsewhere.
+# Standard deviation of the axial force, m/s^2, above which a rotation ends the seek, and change of the axial force at
+# rest above which the hole axis has moved.
 _MAX_SHAKE, _MAX_AXIS_STEP = 0.25, 0.03
-# Waiting helps while the noise alone makes this share of sigma: it also hides how well a bias fits the latitude.
+# Waiting is useful while the noise alone causes this share of sigma: noise also limits how well a bias can be found.
 _BY_NOISE = 0.1
-# How often `pending` computes a solution: one costs as much as thousands of samples.
+# Interval at which `pending` computes a solution, s: one solution costs as much as thousands of samples.
 _PENDING_EVERY_S = 2.5
-# Bins at rest whose samples give the gyros' white noise.
+# Number of bins at rest from which the gyros' white noise is measured.
 _REST_BINS = 8
 
 
@@ -47,8 +47,8 @@ class _Found:
     """A seek as it was in the last still bin."""
 
     state: State
-    errors: GyroErrors | None  #: known of the gyros when it began
-    taught: State | None  #: the seek of which they were learnt last
+    errors: GyroErrors | None  #: gyro errors known at its start
+    taught: State | None  #: last seek from which gyro errors were learnt
     last_ns: int
 
 
@@ -59,11 +59,11 @@ class GyroStation:
     Parameters
     ----------
     unit : SeekParams
-        The precision unit; latitude and gravity are set here.
+        Figures of the precision unit; latitude and gravity are set from the arguments below.
     latitude_deg : float or None
-        None: unknown, and there is no seek.
+        Latitude; None if unknown, which disables the seek.
     gravity : float or None
-        Local, m/s^2.
+        Local gravity, m/s^2.
     """
 
     def __init__(self, unit: SeekParams, latitude_deg: float | None, gravity: float | None) -> None:
@@ -80,14 +80,14 @@ class GyroStation:
         self._taught: State | None = None
         self._last_ns: int | None = None
         self._rest: list[tuple[Stamps, Array]] = []
-        # Time of the seek, s, at which `pending` was computed last, and its result.
+        # Duration of the seek, s, when `pending` last computed a solution, and its result.
         self._waited: tuple[float, Reason | None] = (-math.inf, None)
 
     def refuse(self, reason: Reason | None, forget: bool) -> None:
         """
-        Give no azimuth from now on, for this reason; None: give azimuths again.
+        Refuse azimuths from now on for a reason, or allow them again with None.
 
-        forget: the samples so far were wrong already, and those to come are not added.
+        forget means that the samples so far were already wrong; they are discarded.
         """
         self._refusal = reason
         if forget:
@@ -96,18 +96,18 @@ class GyroStation:
 
     def add(self, imu: Bin, bin_s: float, settled: bool, still: bool, samples: UnitSamples) -> None:
         """
-        Take one bin.
+        Process one bin.
 
         Parameters
         ----------
         imu : Bin
-            Rates and forces of the conventional unit.
+            Rates and forces of the conventional unit in this bin.
         bin_s : float
-            Its length, s.
+            Length of the bin, s.
         settled, still : bool
-            Whether the string has settled, and whether the tool keeps still in this bin.
+            Whether the string has settled, and whether the tool is still in this bin.
         samples : UnitSamples
-            Of the precision unit in this bin.
+            Samples of the precision unit in this bin.
         """
         stamps, values = samples.stamps, samples.values
         self._has_samples = self._has_samples or len(stamps) > 0
@@ -115,13 +115,13 @@ class GyroStation:
             return
         if len(stamps):
             if self._last_ns is not None and stamps[0] - self._last_ns > GAP_NS:
-                # The unit may have been switched off meanwhile: nothing it has shown holds any more.
+                # The unit may have been switched off in between, so its earlier data no longer apply.
                 self._seek = self._found = None
             self._last_ns = int(stamps[-1])
         if self._seek is not None and not self._continues(self._seek, imu, bin_s, still):
             self._seek = None
         if self._seek is None:
-            # The samples while the string settles show the unit's noise.
+            # Samples while the string settles are used to measure the unit's noise.
             self._rest = [*self._rest, (stamps, values)][-_REST_BINS:] if still else []
             if still and settled:
                 self._began_ns = int(stamps[0]) if len(stamps) else self._last_ns or 0
@@ -164,11 +164,11 @@ class GyroStation:
         return seek.turns and quiet and self._turned_s <= self.unit.longest_turn_s
 
     def solution(self) -> Solution | None:
-        """North so far, or why there is none; None where there is no precision unit."""
+        """Return north so far, or the reason why there is none; None without a precision unit."""
         if not self._has_samples:
             return None
         if self._refusal is not None:
-            # Surveys before and after a refusal may be of one seek.
+            # Surveys before and after a refusal may belong to one seek.
             return Solution(self._refusal, self.unit.method, began_ns=None if self._seek is None else self._began_ns)
         if self.params is None:
             return Solution(Reason(ReasonCode.LATITUDE_UNKNOWN), self.unit.method)
@@ -178,9 +178,9 @@ class GyroStation:
 
     def pending(self) -> Reason | None:
         """
-        Reason to wait longer while the tool keeps still; None where waiting brings nothing more.
+        Return the reason to wait longer while the tool is still, or None if waiting does not help.
 
-        An automatic survey that is taken before then has no gyro azimuth, or one that gets better by waiting.
+        An automatic survey taken earlier has no gyro azimuth, or one that would become better by waiting.
         """
         if not self._has_samples or self.params is None or self._seek is None or self._refusal is not None:
             return None

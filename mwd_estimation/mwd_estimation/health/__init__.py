@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sensor health: which unit or axis reads wrongly, and why."""
+"""Sensor health: find which unit or axis reads wrong values, and why."""

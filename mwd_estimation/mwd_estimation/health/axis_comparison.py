@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Which axis of the conventional unit each axis of the precision unit is, by what both read of the same motion.
+Compare each axis of the precision unit with the axes of the conventional unit while both measure the same motion.
 
-Over a window of half seconds each axis of the one is compared with each of the other at the same times: it should be
-its own axis, one to one; reversed, another axis or in another unit are mistakes with a name.
+Over a window of half seconds each axis of one unit is compared with each axis of the other at the same times. It should
+match its own axis one to one. A reversed axis, another axis or another unit of measurement is a fault with a name.
 """
 
 from __future__ import annotations
@@ -21,30 +21,32 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.records import dtype_of
 
-# Half seconds that are compared together.
+# Number of half seconds that are compared together.
 WINDOW = 3
-# Samples from which on an axis is judged.
+# Least number of samples for judging an axis.
 _FEW = 20
-# Root mean square below which an axis shows nothing, rad/s and m/s^2; that of forces beyond which two accelerometers
-# need not agree: shocks are not the same to another bandwidth in another place.
+# Rms below which an axis shows nothing, rad/s and m/s^2. Rms of forces above which two accelerometers need not agree,
+# m/s^2: a shock looks different in another bandwidth and another place.
 _LEAST = (0.005, 0.3)
 _SHAKEN = 15.0
-# What leaks into an axis of the greatest motion of the unit.
+# Cross-axis leakage, as a share of the unit's largest motion (gyro, accelerometer).
 _LEAK = (0.004, 0.02)
-# Misfit, from 0 (the same) by 1 (nothing in common) to 2 (reversed), that is still this axis, and that is not.
+# Misfit of two axes: 0 for equal, 1 for unrelated, 2 for reversed. Below the first limit they are the same axis, above
+# the second they are not.
 _SAME, _OTHERWISE = 0.3, 0.6
-# An interval longer than this multiple of the usual one has lost samples.
+# An interval longer than this multiple of the usual one contains lost samples.
 _LONG = 1.5
-# Share of the mean in the mean square of what is constant.
+# Share of the squared mean in the mean square above which a signal counts as constant.
 _CONSTANT = 0.8
 _UNITS = np.array([math.degrees(1.0), 1.0 / STANDARD_GRAVITY])
 _MAPPINGS = np.array(MAPPINGS)
-# What an axis is found to be, besides twice the number of an axis, one more reversed, six more in another unit.
+# Result for an axis: twice the number of the matching axis, plus 1 if reversed, plus 6 if in another unit; or one of
+# these.
 _SILENT_AXIS, _NO_AXIS, _UNCLEAR, AT_ONE_END = -1, -2, -3, -4
 
 
 class Sums:
-    """One axis over half a second, and its products with each axis of the conventional unit, in both units."""
+    """Sums of one axis over half a second, and products with each axis of the other unit, in SI and in deg/s or g."""
 
     n: float
     at_most: float
@@ -61,14 +63,14 @@ SUMS = dtype_of(Sums)
 @compiled
 def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
     """
-    Count the samples of half a second and sum their products with those of the conventional unit at the same times.
+    Count the samples of half a second, and sum their products with those of the conventional unit at the same times.
 
     Parameters
     ----------
     values, own : ndarray, shape (n, 6)
-        Rates, rad/s, and forces, m/s^2, of the precision unit, and of the conventional one; nan where not known.
+        Rates, rad/s, and forces, m/s^2, of the precision unit and of the conventional one; NaN if unknown.
     channels, sums : ndarray
-        Of `signal_checks`, and of SUMS, shape (6,); added to.
+        Channels of `signal_checks`, and sums of dtype SUMS, shape (6,); both are increased.
     """
     for row in range(6):
         most, first, one = 0.0, 3 * (row // 3), sums[row]
@@ -78,11 +80,11 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
         for i in range(len(values)):
             v, beside = values[i, row], own[i, row]
             at_most = abs(v) >= 0.999 * most
-            # A gyro may be at the end of its range while the string turns faster: that is not stuck.
+            # A gyro at the end of its range while the string turns faster is not stuck.
             if not (row < 3 and at_most and abs(beside) > 1.02 * abs(v) > 0.5):
                 signal_checks.count(channels[row], values, row, i, i + 1, math.inf)
             if row >= 3 and math.isfinite(beside):
-                # The third sensor of the count only shows whether the tool moves.
+                # The third sensor of the channels is used only to show whether the tool moves.
                 signal_checks.count(channels[3 + row], own, row, i, i + 1, math.inf)
             if not math.isfinite(beside + v):
                 continue
@@ -91,7 +93,7 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
             one.total += v
             one.square += v * v
             for unit in range(2):
-                # What lies beyond a gyro axis' own range it cannot have read.
+                # A gyro axis cannot have read values beyond its own range.
                 limit = 1.01 * most / (_UNITS[0] if unit == 1 else 1.0) if row < 3 else math.inf
                 for c in range(3):
                     other = min(max(own[i, first + c], -limit), limit)
@@ -102,11 +104,11 @@ def compare(values: Array, own: Array, channels: Any, sums: Any) -> None:
 
 @compiled
 def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
-    """Interpolate the conventional unit, shape (n, 6); nan beyond its samples, in gaps and where not usable."""
+    """Interpolate the conventional unit, shape (n, 6); NaN outside its samples, in gaps and for unusable samples."""
     found = np.full((len(stamps), 6), math.nan)
     if len(beside_ns) < 2:
         return found
-    # Do not interpolate where samples were lost: vibration may have moved the tool in between.
+    # Do not interpolate over lost samples, because vibration may have moved the tool in between.
     steps = np.sort(beside_ns[1:] - beside_ns[:-1])
     longest = min(BIN_NS, _LONG * steps[len(steps) // 3])
     right = np.searchsorted(beside_ns, stamps)
@@ -125,7 +127,7 @@ def interpolated(stamps: Stamps, beside_ns: Stamps, beside: Array) -> Array:
 
 @compiled
 def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
-    """Which axis of the conventional unit axis k of sensor s is; without its mean where `centred`."""
+    """Return which axis of the conventional unit matches axis k of sensor s; `centred` removes the means first."""
     n = max(one.n, 1.0)
     off = one.total / n if centred else 0.0
     own = max(one.square - off * one.total, 0.0)
@@ -141,7 +143,7 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
             if unit == 0 and c == k and max(math.sqrt(own / n), size) < least:
                 return _SILENT_AXIS
             if s == 0 and unit == 1:
-                # The other's bias, cut to one value, is as good as what it reads of a slow turn; so is a constant.
+                # A clipped bias of the other gyro, or any constant, would match a slow turn equally well.
                 constant = one.other[1, c] ** 2 > _CONSTANT * n * one.other2[1, c]
                 allowed = allowed and not constant and one.at_most < 0.5 * n
             for reversed_ in range(2):
@@ -162,9 +164,9 @@ def _best(one: Any, k: int, centred: bool, least: float, s: int) -> int:
 
 @compiled
 def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
-    """Find what the axes of sensor s are, and whether one of them is none of the other unit's while all else fits."""
+    """Return the matches of the axes of sensor s, and whether one axis matches none while the others are right."""
     found, shaken = np.full(3, _SILENT_AXIS), 0.0
-    # A gyro's cross axes move little beside what leaks of a steady spin into them: the second look is without means.
+    # Cross-axis gyros move little compared with the leakage of a steady rotation: the second pass removes the means.
     for centred in range(2 - s):
         greatest2, own2 = 0.0, 0.0
         for k in range(3):
@@ -193,7 +195,7 @@ def _read_axes(sums: Any, s: int) -> tuple[int, int, int, bool]:
 
 @compiled
 def mapping_of(found: Indices) -> int:
-    """Find the mapping of these axes, those that show nothing taken as they should be; 0 where that cannot be."""
+    """Return the index of the mapping with these axes, taking axes without motion as right; 0 if there is none."""
     free, matrix = np.ones(3, dtype=np.bool_), np.zeros((3, 3), dtype=np.int64)
     for k in range(3):
         if found[k] >= 0:
@@ -215,9 +217,9 @@ def mapping_of(found: Indices) -> int:
 @compiled
 def axes_of(sums: Any, s: int) -> tuple[Indices, bool, bool]:
     """
-    What the axes of sensor s are over the window, whether in another unit, and whether one is none of the other's.
+    Return matches of the axes of sensor s over the window, whether in another unit, and whether one matches none.
 
-    Where the last half second differs from those before, it has just changed: nothing is known of any.
+    If the last half second differs from those before, the axes have just changed and no match is returned.
     """
     whole = np.zeros(6, dtype=SUMS)
     for row in range(6):

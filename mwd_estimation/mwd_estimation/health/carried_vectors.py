@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Gravity and field of a window as every way to exchange and reverse axes carries them along: `window_checks` judges them.
+Carry gravity and field of a window along under every exchange and reversal of axes; `window_checks` evaluates them.
 
-Seen from axes that the gyros carry along, gravity and the Earth's field stand still. Axes exchanged, reversed or turned
-on one sensor break that: the vectors smear out and their mean gets shorter. What a motion cannot distinguish (a tool
-that stands, or turns about one axis only) comes out as several ways that explain the same data.
+In axes that the gyros carry along, gravity and the Earth's field are constant. Exchanged, reversed or turned axes of
+one sensor break that: the vectors spread and their mean becomes shorter. If the motion cannot distinguish some mappings
+(a tool at rest, or rotating about one axis only), several of them explain the same data.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mwd_sensors.core.kalman import rotate_right
 
 @compiled
 def attitudes(turns: Array, scale: float) -> Array:
-    """Attitude before each step, shape (n, 3, 3), from turns, shape (n, 3), rad, that are read with a factor."""
+    """Return the attitude before each step, shape (n, 3, 3), from turns times scale, rad, shape (n, 3)."""
     mats = np.zeros((len(turns), 3, 3))
     mat = np.eye(3)
     for i in range(len(turns)):
@@ -33,34 +33,34 @@ def attitudes(turns: Array, scale: float) -> Array:
 
 class Window:
     """
-    Vectors of a window as every way to exchange and reverse axes carries them along.
+    Vectors of a window, carried along under every exchange and reversal of axes (`axis_mappings`, called ways).
 
     Attributes
     ----------
     force, field : ndarray, shape (48,)
-        Squared length of the mean carried vector by each way of `axis_mappings`, in the sensors' units.
+        Squared length of the mean carried vector for each way, in the sensors' units.
     force_deg, field_deg, force_fixed, field_fixed : float
-        The same for gyros that were read in deg/s, and for a vector that stands still in the tool.
+        The same for gyros read in deg/s, and for a vector that is constant in the tool.
     force2, field2 : float
-        Mean squared magnitude.
+        Mean squared length.
     forces, fields : int
-        Samples.
+        Number of samples.
     product : ndarray, shape (3, 3)
         Mean of force component i times field component j.
     part_force : ndarray, shape (parts, 48, 3)
-        Mean carried force of each half second by each way.
+        Mean carried force of each half second for each way.
     mean_force : ndarray, shape (3,)
-        In tool axes.
+        Mean force in tool axes.
     push : float
         Largest mean force of a half second along an axis of the tool.
     path : float
-        Angle turned through, as the gyros read it, rad.
+        Total rotation angle according to the gyros, rad.
     turn : ndarray, shape (3,)
-        Sum of the turns about each axis, rad.
+        Sum of the rotations about each axis, rad.
     began_ns : int
-        Begin of the window.
+        Start of the window, ns.
     seconds : float
-        Its length.
+        Length of the window, s.
     """
 
     def __init__(self, steps: Any, began_ns: int, seconds: float) -> None:
@@ -98,7 +98,7 @@ class Window:
         self.product = product / max(int(steps["forces"][both].sum()), 1)
 
     def noise(self, way: int) -> float:
-        """1 sigma of the mean force by a way, along one axis, from what its half seconds differ by; inf: not known."""
+        """Return 1 sigma of the mean force for a way, along one axis, from its half seconds; infinite if unknown."""
         parts = self.part_force[:, way]
         if len(parts) < 2 or not self.whole_parts:
             return math.inf

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-From observations to faults: a check is not yet known, ok or a fault, and changes after several observations in a row.
+Turn observations into faults: a check is unknown, ok or a fault, and changes after several observations in a row.
 
-What judges the samples observes a check FOR a fault or AGAINST it; `weigh` counts. What speaks against a sensor and is
-no fault yet makes it doubtful for some seconds (`doubt`).
+The checks of the samples observe FOR or AGAINST a fault; `weigh` counts. An observation against a sensor that is not a
+fault yet makes the sensor doubtful for some seconds (`doubt`).
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ from mwd_sensors.core.records import dtype_of
 UNKNOWN, OK, FAULT = 0, 1, 2
 # STRONGLY counts as two observations for the fault.
 NOTHING, AGAINST, FOR, STRONGLY = -1, 0, 1, 2
-# Half seconds for which a sensor stays doubtful after the last reason: as long as naming a fault takes.
+# Number of half seconds for which a sensor stays doubtful after the last reason: as long as it takes to name a fault.
 DOUBT_BINS = 12
 
 CODES, PLACES = len(FaultCode), 9
 
 
 class Check:
-    """One check: its state, observations in a row, the fault; and the observation that is not counted yet."""
+    """One check: its state, its observations in a row, the fault, and the observation that has not been counted yet."""
 
     state: int  #: UNKNOWN, OK or FAULT
-    #: `votes_for`, `votes_against`: observations in a row.
+    #: `votes_for`, `votes_against`: number of observations in a row.
     votes_for: int
     votes_against: int
-    #: `since_ns`, `value`, `limit`, `which`: as of `SensorFault`.
+    #: `since_ns`, `value`, `limit`, `which`: values for `SensorFault`.
     since_ns: int
     value: float
     limit: float
     which: Annotated[Indices, 3]
-    #: AXES, FRAME: by sensor the mappings that explain all windows since the one that may hold the begin of the fault.
+    #: For AXES and FRAME: by sensor, the mappings that explain all windows after the one in which the fault may begin.
     possible: Annotated[Indices, 3]
-    changed: int  #: 1: to be reported
-    sound: int  #: bits of the sensors that it has found in order at some time
-    seen: int  #: what was observed since `weigh` counted: NOTHING, AGAINST, FOR or STRONGLY
-    #: `seen_ns`, `seen_value`, `seen_limit`, `seen_which`: what the observation would make of the fault.
+    changed: int  #: 1 if the check must be reported
+    sound: int  #: bits of the sensors that the check has found in order at some time
+    seen: int  #: observation since the last `weigh`: NOTHING, AGAINST, FOR or STRONGLY
+    #: `seen_ns`, `seen_value`, `seen_limit`, `seen_which`: values of the fault according to this observation.
     seen_ns: int
     seen_value: float
     seen_limit: float
@@ -65,18 +65,18 @@ CHECK = dtype_of(Check)
 
 
 class Rule(NamedTuple):
-    """When a check becomes a fault and when it is gone."""
+    """When a check becomes a fault, and when the fault ends."""
 
-    #: `need`, `clear`: observations in a row for the fault, and against it.
+    #: `need`, `clear`: number of observations in a row for the fault, and against it.
     need: int
     clear: int
-    patient: int = 0  #: 1: a single observation against it does not begin the count anew
-    narrows: int = 0  #: 1: a fault that stands and whose explanations become fewer is reported again
-    #: 1: the sensor of the check must not be used (AXES, SIGN and FRAME: those of the fault's own data).
+    patient: int = 0  #: 1 if a single observation against it does not restart the count
+    narrows: int = 0  #: 1 if an existing fault is reported again when fewer explanations remain
+    #: 1 if the sensor of the check must not be used (AXES, SIGN and FRAME: the sensors in the fault's own data).
     accuses: int = 1
 
 
-# Half seconds for the checks of samples, windows of three seconds for those of motion.
+# The unit is half seconds for checks of samples, and windows of three seconds for checks of motion.
 RULES = {
     FaultCode.STUCK: Rule(5, 4),
     FaultCode.SATURATED: Rule(4, 4),
@@ -103,7 +103,7 @@ RULES = {
 
 
 def _in_order(rules: Mapping[FaultCode, Rule]) -> Indices:
-    """Rows of the codes in order. ValueError: a code has none."""
+    """Return the rules in the order of the codes; raise ValueError if a code has none."""
     without = [code.name for code in FaultCode if code not in rules]
     if without:
         raise ValueError(f"RULES: no row for {', '.join(without)}")
@@ -111,12 +111,12 @@ def _in_order(rules: Mapping[FaultCode, Rule]) -> Indices:
 
 
 _RULES = _in_order(RULES)
-# With at most so many mappings left, a frame that does not fit means the accelerometer as well.
+# If at most this many mappings remain, a frame that does not fit also accuses the accelerometer.
 _FEW_MAPPINGS = 4
 
 
 def blank() -> Any:
-    """Every check before the first sample, shape (CODES, PLACES), dtype CHECK."""
+    """Return all checks before the first sample, shape (CODES, PLACES), dtype CHECK."""
     checks = np.zeros((CODES, PLACES), dtype=CHECK)
     checks["seen"] = NOTHING
     return checks
@@ -124,7 +124,7 @@ def blank() -> Any:
 
 @compiled
 def observe(check: Any, seen: int, since_ns: int, value: float, limit: float) -> None:
-    """Observe a check: NOTHING, AGAINST, FOR or STRONGLY, since a stamp, ns; value and limit: see `SensorFault`."""
+    """Record an observation: NOTHING, AGAINST, FOR or STRONGLY, since a stamp, ns; value, limit: see `SensorFault`."""
     check.seen, check.seen_ns, check.seen_value, check.seen_limit = seen, since_ns, value, limit
     check.seen_which[0] = check.seen_which[1] = check.seen_which[2] = 0
     check.seen_sound = GYRO | ACCEL | MAG | PRECISION
@@ -132,7 +132,7 @@ def observe(check: Any, seen: int, since_ns: int, value: float, limit: float) ->
 
 @compiled
 def _count(rule: Indices, check: Any) -> bool:
-    """Count the observation of a check; whether it changes what is to be reported."""
+    """Count the observation of a check; return whether the report changes."""
     stood = check.state == FAULT
     if check.seen == AGAINST:
         check.votes_against += 1
@@ -161,7 +161,7 @@ def _count(rule: Indices, check: Any) -> bool:
 
 @compiled
 def weigh(checks: Any) -> int:
-    """Count what was observed since the last call; gives the number of checks that changed, and marks them."""
+    """Count the observations since the last call; return the number of checks that changed, and mark them."""
     changes = 0
     for code in range(CODES):
         for place in range(PLACES):
@@ -183,7 +183,7 @@ def _ones(mask: int) -> int:
 
 @compiled
 def accused(code: int, place: int, which: Indices) -> int:
-    """Bits of the sensors that a fault of this check speaks against."""
+    """Return the bits of the sensors that a fault of this check accuses."""
     if not _RULES[code, 4]:
         return 0
     if code == FaultCode.SIGN:
@@ -199,7 +199,7 @@ def accused(code: int, place: int, which: Indices) -> int:
 
 @compiled
 def unusable(checks: Any) -> int:
-    """Bits of the sensors that must not be used."""
+    """Return the bits of the sensors that must not be used."""
     bits = 0
     for code in range(CODES):
         for place in range(PLACES):
@@ -210,7 +210,7 @@ def unusable(checks: Any) -> int:
 
 @compiled
 def suspected(checks: Any) -> int:
-    """Bits of the sensors that the observations not counted yet speak against, without those of faults that stand."""
+    """Return the bits of the sensors accused by uncounted observations, without checks that are already faults."""
     bits = 0
     for code in range(CODES):
         least = STRONGLY if code == FaultCode.GRAVITY else FOR
@@ -224,9 +224,10 @@ def suspected(checks: Any) -> int:
 @compiled
 def doubt(left: Indices, bits: int) -> int:
     """
-    Doubt these sensors from now on, and let half a second of the older doubts pass.
+    Make sensors doubtful from now on, and let half a second of the older doubts pass.
 
-    left, shape (3,): half seconds for which each sensor stays doubtful; changed. Returns the bits of those in doubt.
+    left, shape (3,), is the number of half seconds for which each sensor stays doubtful; it is changed. Returns the
+    bits of doubtful sensors.
     """
     doubtful = 0
     for s in range(3):
@@ -236,7 +237,7 @@ def doubt(left: Indices, bits: int) -> int:
 
 
 def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> SensorFault:
-    """Make the fault that a check holds, or its end at `now_ns`."""
+    """Return the fault of a check, or its end at `now_ns`."""
     check = checks[code, place]
     which = tuple(int(v) for v in check.which)
     bits = accused(code, place, check.which)
@@ -258,12 +259,12 @@ def fault_of(checks: Any, code: int, place: int, now_ns: int, unit: Unit = Unit.
 
 
 def take_changes(checks: Any, now_ns: int, unit: Unit = Unit.CONVENTIONAL) -> list[SensorFault]:
-    """Give the faults that changed, at `now_ns`, since the last call."""
+    """Return the faults that changed since the last call, with `now_ns` as the time of their end."""
     changed = np.argwhere(checks["changed"] > 0)
     checks["changed"] = 0
     return [fault_of(checks, int(code), int(place), now_ns, unit) for code, place in changed]
 
 
 def standing(checks: Any, unit: Unit = Unit.CONVENTIONAL) -> list[SensorFault]:
-    """Every fault that stands now."""
+    """Return all existing faults."""
     return [fault_of(checks, int(code), int(place), 0, unit) for code, place in np.argwhere(checks["state"] == FAULT)]

@@ -2,10 +2,10 @@
 """
 Health of the sensors from their own samples: what is wrong, with which sensor and axis, and since when.
 
-Samples are judged half second by half second (`signal_checks`), once the magnetic samples of the same time are there.
-Windows of three seconds are judged for units, axes and signs (`window_checks`): while these are not known, once a
-minute, and whenever gravity, field or dip do not come out as expected. `fault_debounce` makes faults of what they see.
-The kernel stops where a fault has changed or a window is to be judged, which is done outside of it.
+Samples are evaluated in half seconds (`signal_checks`), when the magnetic samples of the same time have arrived.
+Windows of three seconds are evaluated for units, axes and signs (`window_checks`): while these are not known, once a
+minute, and whenever gravity, field or dip are not as expected. `fault_debounce` turns the observations into faults. The
+compiled kernel stops when a fault has changed or a window must be evaluated, which is done outside of it.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from mwd_estimation.health.window_checks import BROKEN, CLIPPED, WindowJudge, Wi
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 
-# Turn of a window that may show axes, rad.
+# Rotation of a window, rad, above which it may show the axes.
 _MOVES = 0.5
-# Moving windows that are judged while something is not known; from then on one each minute, ns.
+# Interval between evaluated windows, ns, and number of moving windows evaluated without it while something is unknown.
 _MINUTE_NS, _IN_VAIN = 60_000_000_000, 3
-# Samples that wait at most, where time stands still.
+# Most samples that wait, if the stamps do not advance.
 _MOST_WAITING = 16384
-# The checks of windows, from and to before.
+# The checks that windows evaluate.
 _WINDOW_CODES = (*range(FaultCode.UNIT, FaultCode.REST_RATE), int(FaultCode.MOUNT))
-# Where a call of the kernel stands: at a new sample, behind the check of its stamp, behind a half second.
+# Position at which the kernel stopped: at a new sample, after the check of its stamp, or after a half second.
 _NEW, _STAMPED, _CLOSED = 0, 1, 2
 
 
@@ -51,22 +51,22 @@ class Params(NamedTuple):
     signal: SignalLimits = SignalLimits()
     consistency: Consistency = Consistency()
     window: WindowLimits = WindowLimits()
-    #: `gyro_range`, `accel_range`, `mag_range`: ends of the ranges, rad/s, m/s^2 and T; inf: not known, clipping is not
-    #: seen.
+    #: `gyro_range`, `accel_range`, `mag_range`: ends of the ranges, rad/s, m/s^2 and T; infinite if unknown, then
+    #: clipping is not detected.
     gyro_range: float = math.radians(2000.0)
     accel_range: float = 16.0 * STANDARD_GRAVITY
     mag_range: float = 800.0 * 1e-6
-    #: Time that IMU samples wait for magnetic ones of their time, ns; each fault is named later by as much.
+    #: Time that IMU samples wait for magnetic samples of the same time, ns; it delays the report of every fault.
     mag_lag_ns: int = 50_000_000
-    rest_rate: float = 0.012  #: rate that the gyros may read at rest, rad/s: six sigma of an MTi-1's bias
-    mag_expected: bool = True  #: a magnetometer belongs to the tool: a missing one is a warning
+    rest_rate: float = 0.012  #: largest gyro reading at rest, rad/s: six sigma of an MTi-1's bias
+    mag_expected: bool = True  #: True if the tool has a magnetometer, so that a missing one is a fault
 
 
 class Tables(NamedTuple):
     """
-    All arrays that change: checks, channels, stream (1), steps of the window, hashes of old samples, what was refused.
+    All arrays that change: checks, channels, stream (1), steps of the window, hashes of old samples, refused readings.
 
-    refused: dtype of `input_gate.REFUSED`, in the time of the samples that wait and later.
+    refused has the dtype of `input_gate.REFUSED` and covers the time of the waiting samples and later.
     """
 
     checks: Any
@@ -79,30 +79,30 @@ class Tables(NamedTuple):
 
 @dataclasses.dataclass
 class State:
-    """All that changes; `copy` gives an independent one. `samples`: those not judged yet."""
+    """State of the monitor, with the samples that have not been evaluated yet."""
 
     tables: Tables
     expected: Expected
     samples: Samples
 
     def copy(self) -> State:
-        """Make an independent copy."""
+        """Return an independent copy."""
         return copy.deepcopy(self)
 
 
 @dataclasses.dataclass(frozen=True)
 class Step:
-    """What one block gave."""
+    """Result for one block."""
 
-    unusable: NDArray[np.uint8]  #: uint8, shape (n,); bits GYRO, ACCEL, MAG as known at each sample of the block
-    #: uint8, shape (n,); bits of the sensors that something speaks against at that sample, though it is no fault yet.
+    unusable: NDArray[np.uint8]  #: uint8, shape (n,); bits GYRO, ACCEL, MAG known to be unusable at each sample
+    #: uint8, shape (n,); bits of the sensors that are doubtful at each sample without being faulty yet.
     suspect: NDArray[np.uint8]
-    changes: list[SensorFault]  #: faults found, narrowed down or cleared, in order
-    places: list[int]  #: sample of the block that brought each change
+    changes: list[SensorFault]  #: faults that were found, narrowed down or ended, in order
+    places: list[int]  #: index of the sample in the block at which each change occurred
 
 
 def initial(gravity: float | None = None, total: float | None = None, dip: float | None = None) -> State:
-    """State before the first sample; reference gravity, m/s^2, field, T, and dip, rad, where known."""
+    """Return the state before the first sample; reference gravity, m/s^2, field, T, and dip, rad, if known."""
     tables = Tables(
         fault_debounce.blank(),
         signal_checks.blank(),
@@ -119,7 +119,7 @@ def initial(gravity: float | None = None, total: float | None = None, dip: float
 
 
 def set_reference(state: State, gravity: float | None, total: float | None, dip: float | None) -> None:
-    """Judge totals and dip by this from now on; None where unknown. m/s^2, T, rad."""
+    """Compare totals and dip with these references from now on, m/s^2, T, rad; None if unknown."""
     state.expected = Expected(
         STANDARD_GRAVITY if gravity is None else float(gravity),
         math.nan if total is None else float(total),
@@ -129,17 +129,17 @@ def set_reference(state: State, gravity: float | None, total: float | None, dip:
 
 def push_mag(state: State, stamp_ns: ArrayLike, b_t: ArrayLike) -> None:
     """
-    Take magnetic samples, not only the good ones: shapes (n,) and (n, 3), T. To be pushed before the IMU of their time.
+    Accept magnetic samples, good and bad, shapes (n,) and (n, 3), T, before the IMU samples of the same time.
 
     Raises
     ------
     ValueError
-        Shapes that do not match.
+        Shapes do not match.
     """
     stamps = np.ascontiguousarray(stamp_ns, dtype=np.int64)
     field = np.ascontiguousarray(b_t, dtype=np.float64)
     if field.shape != (*stamps.shape, 3) or stamps.ndim != 1:
-        raise ValueError(f"b_t: expected shape ({stamps.size}, 3) beside stamps (n,), got {field.shape}")
+        raise ValueError(f"b_t: expected shape ({stamps.size}, 3), one row for each stamp, got {field.shape}")
     held = state.samples
     state.samples = held._replace(mag_ns=_joined(held.mag_ns, stamps), mag=_joined(held.mag, field))
 
@@ -151,14 +151,15 @@ def push_refused(state: State, refused: NDArray[Any]) -> None:
 
 def run(params: Params, state: State, stamp_ns: ArrayLike, gyro_t: ArrayLike, accel_t: ArrayLike) -> Step:
     """
-    Take a block of IMU samples of any length; the state changes in place.
+    Process a block of IMU samples of any length; the state changes in place.
 
-    stamp_ns, shape (n,): ns. gyro_t, accel_t, shape (n, 3): rad/s and m/s^2 as they come, not finite ones too.
+    stamp_ns, shape (n,), in ns; gyro_t and accel_t, shape (n, 3), in rad/s and m/s^2, unfiltered and possibly not
+    finite.
 
     Raises
     ------
     ValueError
-        Shapes that do not match.
+        Shapes do not match.
     """
     stamps, gyro, accel = sample_arrays(stamp_ns, gyro_t, accel_t)
     step = Step(np.zeros(len(stamps), dtype=np.uint8), np.zeros(len(stamps), dtype=np.uint8), [], [])
@@ -196,7 +197,7 @@ def _joined(held: NDArray[Any], more: NDArray[Any]) -> NDArray[Any]:
 
 
 def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
-    """Faults that changed; judges the window first where that is asked for."""
+    """Return the faults that changed, after evaluating the window if that was requested."""
     tables, stream = state.tables, state.tables.stream[0]
     now = int(stream.end_ns)
     changes = fault_debounce.take_changes(tables.checks, now)
@@ -212,25 +213,25 @@ def _after_bin(state: State, limits: WindowLimits) -> list[SensorFault]:
             stream.unusable = fault_debounce.unusable(tables.checks)
             changes += fault_debounce.take_changes(tables.checks, now)
         else:
-            # What a part of the window shows raises a doubt and does not count for a fault.
+            # Part of a window can only raise a doubt; it does not count for a fault.
             tables.checks["seen"] = fault_debounce.NOTHING
     return changes
 
 
 def shift_mag(state: State, late_ns: int) -> None:
-    """Correct the stamps of magnetic samples that wait: they are late by so much, ns."""
+    """Correct the stamps of waiting magnetic samples, which are late_ns late."""
     state.samples = state.samples._replace(mag_ns=state.samples.mag_ns - late_ns)
     refused = state.tables.refused
     refused["stamp_ns"][refused["sensor"] == input_gate.MAG] -= late_ns
 
 
 def faults(state: State) -> list[SensorFault]:
-    """Every fault that stands now."""
+    """Return all existing faults."""
     return fault_debounce.standing(state.tables.checks)
 
 
 def known(state: State) -> dict[str, int]:
-    """Whether units, axes and signs are UNKNOWN, OK or a FAULT."""
+    """Return whether units, axes and signs are UNKNOWN, OK or a FAULT."""
     condition = state.tables.checks["state"]
     signs = [int(condition[code, 3]) for code in (FaultCode.SIGN, FaultCode.POINTS_UP)]
     return {
@@ -244,7 +245,7 @@ def known(state: State) -> dict[str, int]:
 
 @compiled
 def _spoils(channels: Any, sensor: int) -> int:
-    """Whether samples of a sensor in this half second are whole, at the end of the range, or missing or constant."""
+    """Return the state of a sensor's samples in this half second: whole, clipped, or broken (missing or constant)."""
     found = 0
     for c in range(3 * sensor, 3 * sensor + 3):
         row = channels[c]
@@ -257,7 +258,7 @@ def _spoils(channels: Any, sensor: int) -> int:
 
 @compiled
 def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> bool:
-    """Whether the window is to be judged: it is not as expected, or whole and something of it open."""
+    """Return whether the window must be evaluated: it is not as expected, or it is full and something is open."""
     carried, checks = motion_window.carry(tables.steps[: s.steps]), tables.checks
     if not motion_window.consistent(k.consistency, expected, carried, 1e-9 * (s.end_ns - s.window_ns)):
         return True
@@ -279,7 +280,7 @@ def _due(k: Params, s: Any, tables: Tables, expected: Expected, full: bool) -> b
 
 @compiled
 def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, broken: bool) -> bool:
-    """Judge the half second that waits; True where its window is to be judged too, or a fault has changed."""
+    """Evaluate the waiting half second; return True if its window must be evaluated or a fault has changed."""
     s, channels, checks = tables.stream[0], tables.channels, tables.checks
     began = s.bin * BIN_NS
     s.end_ns, s.broken = began + BIN_NS, int(broken)
@@ -317,7 +318,7 @@ def _close(k: Params, tables: Tables, expected: Expected, samples: Samples, brok
 
 @compiled
 def _finish(tables: Tables, samples: Samples) -> None:
-    """Open the next half second, and the next window behind a whole one."""
+    """Open the next half second, and the next window after a full one."""
     s = tables.stream[0]
     s.suspect = fault_debounce.doubt(s.doubt_left, s.doubtful) & ~s.unusable
     if s.broken or s.parts == PARTS:
@@ -329,7 +330,7 @@ def _finish(tables: Tables, samples: Samples) -> None:
 
 @compiled
 def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int:
-    """First sample from `start` on whose stamp does not advance, or is not before `until`, ns, or is looked at."""
+    """Return the first sample from `start` that is not before `until`, ns, or whose stamp must be checked."""
     i, newest = start, s.newest_ns
     if s.stamp_score > 0 or checks[FaultCode.STAMPS.value, 0].state != OK:
         return start
@@ -343,7 +344,7 @@ def _plain(s: Any, checks: Any, samples: Samples, start: int, until: int) -> int
 
 @compiled
 def _ready(k: Params, s: Any, samples: Samples, i: int) -> bool:
-    """Whether sample i closes the half second: its magnetic samples are there, or time has gone back."""
+    """Return whether sample i closes the half second: its magnetic samples have arrived, or time went back."""
     stamps, end = samples.stamps, (s.bin + 1) * BIN_NS
     if stamps[i] < s.bin * BIN_NS - BACK_NS or i - s.first >= _MOST_WAITING:
         s.stop = i
@@ -366,7 +367,7 @@ def _run(
     unusable: NDArray[np.uint8],
     suspect: NDArray[np.uint8],
 ) -> int:
-    """Take samples from `start` on; stops at one that closed a half second which needs `_after_bin`."""
+    """Process samples from `start`; stop at one that closed a half second which needs `_after_bin`."""
     s, stamps = tables.stream[0], samples.stamps
     if not s.open:
         s.open, s.last_ns, s.newest_ns = 1, stamps[0], stamps[0] - 1

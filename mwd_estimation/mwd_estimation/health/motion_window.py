@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Some seconds of motion as a plain array of steps, and whether it looks as healthy sensors see it.
+Motion of some seconds as an array of steps, and a test whether it looks like motion seen by healthy sensors.
 
-A step is a tenth of a second, or less where the tool turns fast: its turn and the sums of its samples. `window_checks`
-judges the array, but only where its vectors, carried along by the gyros as they are (`carry`), do not show gravity,
-field and dip as expected (`consistent`).
+A step is a tenth of a second, or less if the tool turns fast: its rotation and the sums of its samples. The array is
+evaluated by `window_checks` only if its vectors, carried along by the gyros (`carry`), do not show gravity, field and
+dip as expected (`consistent`).
 """
 
 from __future__ import annotations
@@ -21,67 +21,67 @@ from mwd_sensors.core.kalman import rotate_right
 from mwd_sensors.core.records import dtype_of
 
 PARTS = 6
-"""Half seconds of a window."""
+"""Number of half seconds in a window."""
 ROWS = 8192
-"""Steps that a window can hold: 3 s of a gyro in deg/s at 2 kHz make a step of each sample."""
-# A step ends after so much turn, squared, rad^2, or time, ns.
+"""Most steps in a window: 3 s of a gyro in deg/s at 2 kHz make one step of each sample."""
+# A step ends after this squared rotation, rad^2, or this time, ns.
 _TURN2, _STEP_NS = 0.2, 100_000_000
-# An interval beyond which the turn between two samples is not known, s.
+# Interval above which the rotation between two samples is not known, s.
 _LONGEST = 0.25
 TURNING = 3.0
-"""Net rate from which a string turns, rad/s: a tool handled by people does not turn so for seconds."""
+"""Net rate above which a string rotates, rad/s: a tool handled by people does not turn that fast for seconds."""
 ABOUT_X = math.cos(math.radians(5.0))
-"""Cosine from which a whole window's net turn is about x: axes of a gyro err by less, and 8 deg off are a fault."""
+"""Cosine above which the net rotation of a whole window is about x: gyro axes err by less, and 8 deg is a fault."""
 ROUGHLY_X = 0.85
-"""As `ABOUT_X`, of part of a window: a second of whirl or of a blow leaves a net turn across."""
+"""Like `ABOUT_X` for part of a window: a second of whirl or a blow leaves a net rotation across the axis."""
 LEAST_FIELD, MOST_FIELD = 5e-6, 3e-4
-"""Fields in T that are the Earth's with what a magnetised string adds; another one is in another unit."""
+"""Range of the Earth's field plus a magnetised string, T; a field outside it is in another unit."""
 UPWARDS = 0.17
-"""Axial force, as a share of gravity, from which the hole would point upwards, by 10 deg."""
+"""Axial force, as a share of gravity, above which the hole would point upwards by 10 deg."""
 
 
 class MotionStep:
-    """A tenth of a second of motion, or less, and the sums of its samples, in the sensors' units."""
+    """A tenth of a second of motion, or less, with the sums of its samples in the sensors' units."""
 
     turn: Annotated[Array, 3]  #: integral of the rates, rad
-    #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the vectors, how many, and of their squares.
+    #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the vectors, their numbers, sums of squares.
     force: Annotated[Array, 3]
     field: Annotated[Array, 3]
     forces: int
     fields: int
     force2: float
     field2: float
-    part: int  #: half second of the window that it belongs to
+    part: int  #: index of its half second in the window
 
 
 STEP = dtype_of(MotionStep)
 
 
 class Carried(NamedTuple):
-    """Steps as the gyros carry them: their vectors in the axes in which the first one began."""
+    """Steps carried along by the gyros: their vectors in the axes at the start of the first step."""
 
-    #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the carried vectors, shape (3,), how many, and
-    #: of their squares.
+    #: `force`, `field`, `forces`, `fields`, `force2`, `field2`: sums of the carried vectors, shape (3,), their numbers,
+    #: and sums of squares.
     force: Array
     field: Array
     forces: int
     fields: int
     force2: float
     field2: float
-    #: `part_force`, `part_forces`: sums of the carried forces, shape (PARTS, 3), and how many, by half second.
+    #: `part_force`, `part_forces`: sums of the carried forces, shape (PARTS, 3), and their number, by half second.
     part_force: Array
     part_forces: Indices
-    #: `product`, `products`: sum of force times mean field of the same step, and its number of forces.
+    #: `product`, `products`: sum of force times the mean field of the same step, and number of forces in it.
     product: float
     products: int
-    parts: int  #: half seconds
-    path: float  #: length of the turn, whatever its direction, rad
-    turn: Array  #: sum of the turns in the tool's own axes, shape (3,), rad
-    force_x: float  #: sum of the forces along the tool's x
+    parts: int  #: number of half seconds
+    path: float  #: total rotation in any direction, rad
+    turn: Array  #: sum of the rotations in tool axes, shape (3,), rad
+    force_x: float  #: sum of the forces along tool x
 
 
 class Samples(NamedTuple):
-    """Samples of the IMU and of the magnetometer: stamps, ns, shapes (n,) and (m,), and values, (n, 3) and (m, 3)."""
+    """IMU and magnetometer samples: stamps, ns, shapes (n,) and (m,), and values, shapes (n, 3) and (m, 3)."""
 
     stamps: Stamps
     gyro: Array
@@ -91,7 +91,7 @@ class Samples(NamedTuple):
 
 
 class Expected(NamedTuple):
-    """Gravity, m/s^2, total field, T, and dip, rad, of the place; nan where not known."""
+    """Gravity, m/s^2, total field, T, and dip, rad, at the place; NaN if unknown."""
 
     gravity: float
     total: float
@@ -99,17 +99,17 @@ class Expected(NamedTuple):
 
 
 class Consistency(NamedTuple):
-    """How well a healthy window fits, below which it is judged in full: the narrowest limits of `window_checks`."""
+    """Limits for a healthy window, outside which it is evaluated in full; tighter than those of `window_checks`."""
 
-    length: float = 0.02  #: gravity too short or too long, as a share of it, beyond `sigmas` of its noise
+    length: float = 0.02  #: error of the length of gravity, as a share, in addition to `sigmas` of its noise
     sigmas: float = 2.5
-    field: float = 0.9  #: least share of the field that the gyros hold together
-    dip: float = 0.2  #: dip off the reference, rad
+    field: float = 0.9  #: least squared length of the mean carried field, as a share of its mean square
+    dip: float = 0.2  #: difference of the dip from the reference, rad
 
 
 @compiled
 def carry(steps: Any) -> Carried:
-    """Carry the sums of steps, dtype STEP, into the axes in which the first one began."""
+    """Carry the sums of steps, dtype STEP, into the axes at the start of the first step."""
     mat, force, field, turn = np.eye(3), np.zeros(3), np.zeros(3), np.zeros(3)
     part_force, part_forces = np.zeros((PARTS, 3)), np.zeros(PARTS, dtype=np.int64)
     forces, fields, products, parts = 0, 0, 0, 0
@@ -143,11 +143,11 @@ def add(stream: Any, steps: Any, samples: Samples) -> None:
     """
     Add half a second of samples to the steps of a window.
 
-    stream : record of `stream_checks.Stream`; its `steps`, `parts` and `mag_first` move on. A magnetic sample belongs
-    to the first one of the IMU that is not earlier.
+    stream is a record of `stream_checks.Stream`; its `steps`, `parts` and `mag_first` advance. A magnetic sample
+    belongs to the first IMU sample that is not earlier.
     """
     last = opened = stream.last_ns
-    # In local names: this runs for every sample.
+    # Local names for speed: this runs for every sample.
     tx, ty, tz, fx, fy, fz, force2, forces = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
     for i in range(stream.first, stream.stop):
         at = samples.stamps[i]
@@ -176,7 +176,7 @@ def add(stream: Any, steps: Any, samples: Samples) -> None:
 
 @compiled
 def _add_fields(step: Any, samples: Samples, used: int, at: int) -> int:
-    """Add the magnetic samples up to a time, ns, to a step; gives the magnetic samples used by then."""
+    """Add the magnetic samples up to a time, ns, to a step; return the number of magnetic samples used so far."""
     step.field[0] = step.field[1] = step.field[2] = step.field2 = 0.0
     step.fields = 0
     while used < len(samples.mag_ns) and samples.mag_ns[used] <= at:
@@ -193,7 +193,7 @@ def _add_fields(step: Any, samples: Samples, used: int, at: int) -> int:
 
 @compiled
 def _length_noise(carried: Carried) -> float:
-    """1 sigma of the mean force along one axis, from what the half seconds differ by; white noise's at least."""
+    """Return 1 sigma of the mean force along one axis from the half seconds; at least that of white noise."""
     mean2, total2, n = 0.0, 0.0, 0
     for a in range(3):
         total, n = 0.0, 0
@@ -207,14 +207,14 @@ def _length_noise(carried: Carried) -> float:
     own = math.sqrt(max(total2 - mean2, 0.0) / (3.0 * (n - 1) * n)) if n > 1 else 0.0
     if n == PARTS:
         return own
-    # A few half seconds show little of what they differ by.
+    # The scatter of a few half seconds is not reliable.
     length2 = (carried.force[0] ** 2 + carried.force[1] ** 2 + carried.force[2] ** 2) / carried.forces**2
     return max(own, math.sqrt(max(carried.force2 / carried.forces - length2, 0.0) / (3.0 * carried.forces)))
 
 
 @compiled
 def _turns_about_x(expected: Expected, carried: Carried, seconds: float) -> bool:
-    """Whether the tool stands, or turns about x as a string does that points downwards, whatever it shakes beside."""
+    """Return whether the tool stands, or rotates about x like a string that points downwards."""
     upwards = carried.force_x / carried.forces > UPWARDS * expected.gravity
     turn_x = carried.turn[0]
     turned = -turn_x if math.isfinite(expected.dip) else abs(turn_x)
@@ -227,10 +227,10 @@ def _turns_about_x(expected: Expected, carried: Carried, seconds: float) -> bool
 
 @compiled
 def consistent(p: Consistency, expected: Expected, carried: Carried, seconds: float) -> bool:
-    """Whether gravity is g long, the field steady and of its size, and the dip the place's, with axes as they are."""
+    """Return whether gravity, field and dip of a window are as expected, with the axes as they are."""
     if carried.path > 50.0 * seconds:
         return False
-    # Half a second does not show the noise of its mean.
+    # Half a second alone does not show the noise of its mean.
     if carried.forces >= 10 and carried.parts > 1:
         length = math.sqrt(carried.force[0] ** 2 + carried.force[1] ** 2 + carried.force[2] ** 2) / carried.forces
         off = abs(length / expected.gravity - 1.0)

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether samples that were sent before come again with new stamps, as from a link that plays its buffer twice.
+Detect samples that were sent before and come again with new stamps, as from a link that sends its buffer twice.
 
-The noise of real sensors never repeats: four samples in a row, 24 numbers, come once. Of every eighth such row, chosen
-by its own content so that a repetition is found wherever it begins, a 64-bit hash is kept; half a second most of whose
-rows were kept before is old data. Hash: Fibonacci hashing, D. E. Knuth, *The Art of Computer Programming* 3, 6.4.
+The noise of real sensors never repeats: four samples in a row, 24 numbers, occur only once. A 64-bit hash is kept of
+every eighth such row, selected by its own content, so that a repetition is found wherever it begins. If most rows of a
+half second were kept before, its data are old. Hash: Fibonacci hashing, D. E. Knuth, *The Art of Computer Programming*
+3, 6.4.
 """
 
 from __future__ import annotations
@@ -18,22 +19,22 @@ from mwd_estimation.health.fault_debounce import AGAINST, FOR, NOTHING, observe
 from mwd_estimation.health.motion_window import Samples
 from mwd_sensors.core.compiled import compiled
 
-# Samples in a row, and hashes that are kept: eleven hours at 100 Hz.
+# Number of samples in a row, and of hashes kept: eleven hours at 100 Hz.
 _ROW, _SLOTS = 4, 1 << 19
 _ZERO, _ONE, _FACTOR = np.uint64(0), np.uint64(1), np.uint64(0x9E3779B97F4A7C15)
 _SHIFT, _CHOSEN, _MASK = np.uint64(29), np.uint64(7), np.uint64(_SLOTS - 1)
-# Rows of half a second that have to be old, and which share of all.
+# Least number and least share of old rows in a half second.
 _LEAST, _SHARE = 2, 0.5
 
 
 def blank() -> Any:
-    """No row kept, shape (slots,), uint64."""
+    """Return an empty table of hashes, shape (slots,), uint64."""
     return np.zeros(_SLOTS, dtype=np.uint64)
 
 
 @compiled
 def _hash(gyro: Any, accel: Any, i: int) -> Any:
-    """Hash of the bits of a sample; gyro, accel, shape (n, 3), uint64."""
+    """Return the hash of the bits of a sample; gyro, accel, shape (n, 3), uint64."""
     found = _ONE
     for c in range(3):
         found = (found ^ gyro[i, c]) * _FACTOR
@@ -45,18 +46,18 @@ def _hash(gyro: Any, accel: Any, i: int) -> Any:
 
 @compiled
 def judge_replay(kept: Any, checks: Any, samples: Samples, first: int, stop: int, began: int) -> None:
-    """Judge the samples of half a second, from `first` to before `stop`, and keep their rows."""
+    """Check the samples of half a second, from `first` to before `stop`, and keep the hashes of their rows."""
     gyro, accel = samples.gyro.view(np.uint64), samples.accel.view(np.uint64)
     rows, old, length = 0, 0, 0
     h0, h1, h2, h3 = _ZERO, _ZERO, _ZERO, _ZERO
-    # A sample that comes twice with its own stamp is left out everywhere.
+    # A sample repeated with its own stamp is ignored everywhere.
     newest = began - 1
     for i in range(first, stop):
         if samples.stamps[i] <= newest:
             continue
         newest = samples.stamps[i]
         h0, h1, h2, h3 = h1, h2, h3, _hash(gyro, accel, i)
-        # A sensor that repeats one value is judged elsewhere.
+        # A sensor that repeats one value is handled by other checks.
         length = 1 if h3 == h2 else length + 1
         row = ((h0 * _FACTOR ^ h1) * _FACTOR ^ h2) * _FACTOR ^ h3
         if length < _ROW or row & _CHOSEN != _ZERO:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Check whether the gyros read a turn while gravity stands still. This decides which of two differing gyros is wrong.
+Check whether the gyros read a rotation while gravity stands still. This decides which of two differing gyros is wrong.
 
-Where the accelerometers are quiet, the direction of gravity in the tool changes by w x f and by nothing else. A gyro
-that reads a turn across gravity which gravity does not follow has drifted beyond its bias. A turn
-about gravity itself, such as about the axis of the tool in a vertical hole, cannot be checked.
+If the accelerometers are quiet, the direction of gravity in the tool changes only by w x f. A gyro that reads a
+rotation across gravity which gravity does not follow has drifted beyond its bias. A rotation about gravity itself, such
+as about the tool axis in a vertical hole, cannot be checked.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from mwd_sensors.core.compiled import compiled
 
 # Number of half seconds in which gravity must not change.
 BINS = 8
-# Largest rate, rad/s, at which the change of gravity over that time is nearly equal to the turn (one radian).
+# Largest rate, rad/s, at which the change of gravity over that time is nearly equal to the rotation (one radian).
 _SLOW = 0.25
-# Spread of a value that runs evenly over the half second, as a share of its way; the scatter it has to exceed.
+# Spread of a value that changes evenly over half a second, as a share of the change; factor on the scatter as a limit.
 _EVEN, _SCATTERS = 1.0 / math.sqrt(12.0), 3.0
 
 
 @compiled
 def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, began: int) -> None:
     """
-    Judge the half second that began at `began`, ns, once its means are known.
+    Check the half second that began at `began`, ns, when its means are known.
 
-    most, shakes : rate across gravity at rest, rad/s, and spread of a force, m/s^2, that a healthy tool keeps.
-    s : record of `stream_checks.Stream`, whose `rest` and `rested` it keeps.
+    most and shakes are the largest rate across gravity at rest, rad/s, and the largest spread of a force, m/s^2, of a
+    healthy tool. s is the record of `stream_checks.Stream`, whose `rest` and `rested` are updated.
     """
     for c in range(6):
         row = channels[c]
@@ -63,7 +63,7 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
     seen = AGAINST if across <= most else NOTHING
     if total <= _SLOW and across - math.sqrt(moved) / size / seconds > most:
         seen = FOR
-    # A faster turn would show as a spread of gravity within each half second.
+    # A faster rotation would show as a spread of gravity within each half second.
     even = across * size * min(1e-9 * BIN_NS * _EVEN, 0.7 / max(total, _SLOW))
     if total > _SLOW and across > most and even > _SCATTERS * math.sqrt(scatter):
         seen = FOR
@@ -78,7 +78,7 @@ def _lasting(rest: Array) -> tuple[float, float, float]:
 
 @compiled
 def _mean(rest: Array, first: int) -> tuple[float, float, float]:
-    """Mean of three columns."""
+    """Return the mean of three columns."""
     x, y, z = 0.0, 0.0, 0.0
     for row in range(BINS):
         x, y, z = x + rest[row, first], y + rest[row, first + 1], z + rest[row, first + 2]

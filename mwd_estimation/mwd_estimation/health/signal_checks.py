@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What half a second of samples shows of a sensor by itself: stuck, at the end of its range, not finite, noise, silent.
+Check half a second of samples of a sensor by itself: stuck, at the end of its range, not finite, noise, silent.
 
-`count` adds samples to the record of a channel (one axis of one sensor); `judge_bin` judges nine of them, gyro,
-accelerometer and magnetometer, and `judge_stream` the times of the samples. Both observe checks of `fault_debounce`.
+`count` adds samples to the record of a channel (one axis of one sensor). `judge_bin` evaluates nine channels (gyro,
+accelerometer, magnetometer), and `judge_stream` the times of the samples. Both record observations for
+`fault_debounce`.
 """
 
 from __future__ import annotations
@@ -22,69 +23,69 @@ from mwd_sensors.core.records import dtype_of
 BIN_NS = 500_000_000
 # Offset from a sensor's first check UNIT (windows of motion) to its second one (readings refused by the gate).
 BY_GATE = 1
-# Samples of an axis below which half a second is not judged: a magnetometer may come at 10 Hz. And those below
-# which a spread is not used.
+# Least number of samples of an axis for evaluating half a second (a magnetometer may run at 10 Hz), and for using a
+# spread.
 _SOME, FEW = 3, 10
-# Powers of ten of the units other than T in which a field may be sent (mT, gauss, uT, mG, nT, in the order of their
-# numbers); and the usual field, T.
+# Powers of ten of units other than T in which a field may be sent (mT, gauss, uT, mG, nT, in the order of their
+# numbers), and a usual field, T.
 FIELD_POWERS = np.array([3.0, 4.0, 6.0, 7.0, 9.0])
 _USUAL_FIELD = 5e-5
 
 
 class Channel:
-    """One axis of one sensor: counts of the half second, and what is remembered of those before."""
+    """One axis of one sensor: counts of the half second, and values remembered from earlier ones."""
 
-    #: `n`, `not_finite`, `repeats`, `at_limit`: samples that are numbers, those that are none, those that repeat the
-    #: one before, and those at the end of the range.
+    #: `n`, `not_finite`, `repeats`, `at_limit`: number of finite samples, of those that are not finite, of those equal
+    #: to the one before, and of those at the end of the range.
     n: int
     not_finite: int
     repeats: int
     at_limit: int
-    #: `first`, `last`: first number of the half second, and the last one of all.
+    #: `first`, `last`: first value of the half second, and last value of all.
     first: float
     last: float
-    #: `total`, `total2`, `steps2`: sums of the differences to the first, of their squares, and of the squared steps
-    #: from one to the next.
+    #: `total`, `total2`, `steps2`: sums of the differences from the first value, of their squares, and of the squared
+    #: steps between neighbours.
     total: float
     total2: float
     steps2: float
     #: `mean`, `spread`: mean and standard deviation of the half second.
     mean: float
     spread: float
-    least_step: float  #: smallest step ever seen: the resolution
-    constant_bins: int  #: half seconds in a row without a change
-    varied: int  #: half seconds at rest in which it varied, less three for each in which it did not, -30 to 30
+    least_step: float  #: smallest step so far: the resolution
+    constant_bins: int  #: number of half seconds in a row without a change
+    varied: int  #: score from -30 to 30: plus 1 for each half second at rest in which it varied, minus 3 for the others
 
 
 CHANNEL = dtype_of(Channel)
 
 
 class SignalLimits(NamedTuple):
-    """Limits of the checks of samples; what each is good for: docs/methods/sensor_health_ablation.md."""
+    """Limits of the checks of samples; their effects are listed in docs/methods/sensor_health_ablation.md."""
 
-    gyro_turns: float = 0.1  #: mean of a rate that shows motion to the other sensors, rad/s: above the bias of an AHRS
+    gyro_turns: float = 0.1  #: mean rate that shows motion to the other sensors, rad/s: above the bias of an AHRS
     shakes: float = 0.3  #: spread of a force that shows motion, m/s^2: ten times an accelerometer's noise at rest
-    steps: float = 10.0  #: spread of an axis, in its own least steps, beyond which its neighbour should vary as well
-    varied_bins: int = 6  #: balance of half seconds at rest in which an axis varied, from which on its silence counts
+    steps: float = 10.0  #: spread of an axis, in its own least steps, above which its neighbour should vary as well
+    varied_bins: int = 6  #: score of variation at rest (`Channel.varied`) from which a constant axis is suspicious
     missing: float = 0.06  #: share of values that are not finite
-    #: `clipped`, `saturated`: share of samples at the end of the range: shocks clip fewer than the first, a broken axis
+    #: `clipped`, `saturated`: share of samples at the end of the range; shocks clip less than the first, a broken axis
     #: more than the second.
     clipped: float = 0.2
     saturated: float = 0.9
-    white: float = 1.4  #: mean square of the steps in variances: 2 for independent samples, far less for any motion
-    #: 1 sigma of a force that is random numbers, in ranges of the sensor: uniform numbers have 0.58.
+    white: float = 1.4  #: mean squared step over variance: 2 for independent samples, much less for any motion
+    #: 1 sigma of a force that is random numbers, in units of the range: uniform numbers have 0.58.
     noise_of_range: float = 0.36
-    field_noise: float = 1e-4  #: 1 sigma of a field that is random numbers, T: the Earth's is 7e-5 at most
-    no_tesla: float = 3e-3  #: field that is in another unit, T: `window_checks` names that
-    #: `off_pace`, `in_pace`: share of intervals that are too long or too short for the rate: a fault above, none below.
+    field_noise: float = 1e-4  #: 1 sigma of a field that is random numbers, T: the Earth's field is at most 7e-5
+    no_tesla: float = 3e-3  #: field that must be in another unit, T; `window_checks` names the unit
+    #: `off_pace`, `in_pace`: share of intervals too long or too short for the rate: a fault above, no fault below.
     off_pace: float = 0.6
     in_pace: float = 0.2
-    lost: float = 0.75  #: share of intervals that are too long, from which on the turn in between is not known
+    lost: float = 0.75  #: share of intervals that are too long, above which the rotation in between is not known
     repeated: float = 0.3  #: share of samples that repeat the one before
 
 
 def blank() -> Any:
-    """Nine channels before the first sample."""
+    """Return nine channels before the first sample."""
     channels = np.zeros(9, dtype=CHANNEL)
     channels["last"], channels["least_step"] = math.nan, math.inf
     return channels
@@ -92,8 +93,8 @@ def blank() -> Any:
 
 @compiled
 def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: float) -> None:
-    """Count column k of the rows from start to stop, as samples of a channel whose range ends at `limit`."""
-    # One channel at a time, in local names: this is most of what the health checks cost.
+    """Count column k of the rows from start to stop as samples of a channel whose range ends at `limit`."""
+    # One channel at a time and local names, because this is most of the cost of the health checks.
     last, first, fresh = channel.last, channel.first, channel.n == 0
     total, total2, least, steps2 = channel.total, channel.total2, channel.least_step, channel.steps2
     bad, same, clip = 0, 0, 0
@@ -125,7 +126,7 @@ def count(channel: Any, values: Array, k: int, start: int, stop: int, limit: flo
 
 @compiled
 def summarise(channels: Any) -> None:
-    """Mean, spread and constant half seconds of every channel."""
+    """Compute mean, spread and number of constant half seconds of every channel."""
     for c in range(9):
         row = channels[c]
         row.mean = row.spread = 0.0
@@ -139,7 +140,7 @@ def summarise(channels: Any) -> None:
 
 @compiled
 def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
-    """Whether gyro and accelerometer show that the tool moves."""
+    """Return whether the gyro and the accelerometer show that the tool moves."""
     gyro, accel = False, False
     for c in range(6):
         row = channels[c]
@@ -151,7 +152,7 @@ def _motion(p: SignalLimits, channels: Any) -> tuple[bool, bool]:
 
 @compiled
 def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limit: float, began: int) -> bool:
-    """Whether a sensor sends random numbers: of forces or of a field."""
+    """Check whether a sensor (accelerometer or magnetometer) sends random numbers."""
     worst, size2, axes, white = 0.0, 0.0, 0, False
     for c in range(3):
         row = channels[3 * s + c]
@@ -174,7 +175,7 @@ def _judge_noise(p: SignalLimits, checks: Any, channels: Any, s: int, limit: flo
 def _judge_axis(
     p: SignalLimits, checks: Any, channels: Any, k: int, moves: bool, whole: bool, limit: float, began: int
 ) -> bool:
-    """Whether axis k is stuck or at the end of its range; `whole`: the whole sensor repeats. True for a doubt."""
+    """Check whether axis k is stuck or at the end of its range; whole: the whole sensor repeats. True for a doubt."""
     row, s, doubtful = channels[k], k // 3, False
     if row.n < _SOME:
         return False
@@ -191,7 +192,7 @@ def _judge_axis(
     if limit < math.inf:
         share = row.at_limit / row.n
         always = share > p.saturated
-        # A gyro at the end of its range for half a second is a string that turns fast.
+        # A gyro at the end of its range for half a second means a string that turns fast.
         doubtful = doubtful or (always and s != 0)
         observe(checks[FaultCode.SATURATED.value, k], FOR if always else AGAINST, began, share, p.saturated)
         seen = NOTHING if always else (FOR if share > p.clipped else AGAINST)
@@ -201,7 +202,7 @@ def _judge_axis(
 
 @compiled
 def _judge_sensor(p: SignalLimits, checks: Any, channels: Any, s: int, moves: bool, began: int) -> tuple[bool, bool]:
-    """Whether a sensor sends no numbers, or the same ones again; gives whether all axes repeat, and a doubt."""
+    """Check whether a sensor sends no numbers or repeats them; return whether all axes repeat, and a doubt."""
     n, bad, axes, constant, largest, varied = 0, 0, 0, True, 0.0, p.varied_bins
     for c in range(3):
         row = channels[3 * s + c]
@@ -231,13 +232,11 @@ def _judge_sensor(p: SignalLimits, checks: Any, channels: Any, s: int, moves: bo
 @compiled
 def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: float, began: int) -> None:
     """
-    Judge whether what the gate refused of a sensor in a half second is in another unit; before `judge_bin`.
+    Check whether the readings that the gate refused in a half second are in another unit; call it before `judge_bin`.
 
-    sizes, shape (k,): as of `input_gate.sizes_of`; expected: size of the reading in SI, T, nan where not known; used
-    of fields, of which several units are known.
-
-    More than a quarter of the samples, and at least three, are needed, so that a single absurd value counts exactly as
-    a missing one.
+    sizes, shape (k,), is from `input_gate.sizes_of`. expected is the size of the reading in SI, T, NaN if unknown; it
+    is used for fields, of which several units are known. At least three samples and more than a quarter of all are
+    needed, so that a single absurd value has the same effect as a missing one.
     """
     n, k = 0, len(sizes)
     for c in range(3 * s, 3 * s + 3):
@@ -251,7 +250,7 @@ def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: fl
             power = math.log10(sizes[k // 2] / (expected if math.isfinite(expected) else _USUAL_FIELD))
             away = np.abs(power - FIELD_POWERS)
             unit = int(np.argmin(away)) + 1 if away.min() < 0.5 else 0
-    # At rest a gyro reads little in any unit; the spreads are those of the half second before.
+    # At rest a gyro reads little in any unit; the spreads are from the half second before.
     shown = s != 0 or max(channels[3].spread, channels[4].spread, channels[5].spread) > 0.3
     seen = FOR if unit else (AGAINST if shown or check.votes_for == 0 else NOTHING)
     observe(check, seen, began, sizes[k // 2] if k else 0.0, 0.0)
@@ -261,17 +260,17 @@ def judge_refused(checks: Any, channels: Any, s: int, sizes: Array, expected: fl
 @compiled
 def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began: int) -> int:
     """
-    Judge the half second that began at `began`, ns, after `summarise`, and make room for the next.
+    Check the half second that began at `began`, ns, after `summarise`, and clear the counts for the next.
 
-    limits, shape (3,): ends of the ranges, rad/s, m/s^2 and T; inf: not known. Returns bits of the sensors whose values
-    repeat, lie at the end of the range or are missing, however short.
+    limits, shape (3,), are the ends of the ranges, rad/s, m/s^2 and T, infinite if unknown. Returns bits of the sensors
+    whose values repeat, are at the end of the range or are missing, however briefly.
     """
     gyro, accel = _motion(p, channels)
     doubtful = MAG * int(_judge_noise(p, checks, channels, 2, p.field_noise, began))
     if limits[1] < math.inf:
         _judge_noise(p, checks, channels, 1, p.noise_of_range * limits[1], began)
     for s in range(3):
-        # What the other sensors show of the motion; a magnetometer does not feel shaking.
+        # Motion as shown by the other sensors; a magnetometer does not react to vibration.
         moves = accel if s == 0 else gyro
         whole, doubt = _judge_sensor(p, checks, channels, s, moves, began)
         for k in range(3 * s, 3 * s + 3):
@@ -280,7 +279,7 @@ def judge_bin(p: SignalLimits, checks: Any, channels: Any, limits: Array, began:
     for c in range(9):
         row = channels[c]
         if not (gyro or accel or row.constant_bins) and row.n >= _SOME:
-            # A healthy axis varies at rest, most of the time; one whose steps exceed its noise does not show it.
+            # A healthy axis usually varies at rest, unless its resolution is coarser than its noise.
             varies = row.n - row.repeats >= 0.3 * row.n
             row.varied = min(row.varied + 1, 30) if varies else max(row.varied - 3, -30)
         row.n = row.not_finite = row.repeats = row.at_limit = 0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the times of the samples show: whether they advance, come at their pace, each once, and come at all.
+Check the times of the samples: they should advance, keep their rate, come once each, and come at all.
 
-`Stream` is the record of the stream as a whole, of which each function here keeps a part.
+`Stream` is the record of the whole stream; each function here updates a part of it.
 """
 
 from __future__ import annotations
@@ -20,49 +20,50 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# Stamps that do not advance count two for the fault, those that do one against it.
+# Score of stamps at which they are a fault (a stamp that does not advance adds 2, one that does subtracts 1), and
+# limit.
 _STAMP_FAULT, _STAMP_MOST = 200, 400
-# Intervals that the sample rate is learned from, at least; and how long and short ones are off it.
+# Least number of intervals for learning the sample rate; factors above and below which an interval is long or short.
 _LEARN, _LONG, _SHORT = 12, 1.4, 0.7
-# Half seconds at another even rate after which it is the usual one, and samples that show a rate.
+# Number of half seconds at another even rate after which it becomes the usual one, and least number of samples for it.
 _SET_BINS, _FEW_INTERVALS = 60, 4
 
 
 class Stream:
-    """Where the stream of samples stands: half second, window, pace, and what must not be used."""
+    """State of the stream of samples: half second, window, rate, and sensors that must not be used."""
 
-    stage: int  #: where a call of the kernel stopped, as `monitor` numbers it
-    open: int  #: 1 from the first sample on
-    bin: int  #: the half second that is open: its start over its length, both in ns
-    #: `first`, `stop`: of the samples that wait, the first of that half second and the first behind it.
+    stage: int  #: position at which the kernel stopped, numbered as in `monitor`
+    open: int  #: 1 after the first sample
+    bin: int  #: index of the open half second: its start divided by its length, ns
+    #: `first`, `stop`: among the waiting samples, the first of that half second and the first after it.
     first: int
     stop: int
-    mag_first: int  #: of the magnetic samples that wait, the first that no half second has used
+    mag_first: int  #: among the waiting magnetic samples, the first that no half second has used
     last_ns: int  #: stamp from which the next interval is counted
-    newest_ns: int  #: stamp of the last sample that came
-    stamp_score: int  #: two for each stamp that does not advance, less one for each that does
-    #: `steps`, `parts`: steps and half seconds of the window that is open (`motion_window`).
+    newest_ns: int  #: stamp of the last received sample
+    stamp_score: int  #: plus 2 for each stamp that does not advance, minus 1 for each that does
+    #: `steps`, `parts`: number of steps and half seconds of the open window (`motion_window`).
     steps: int
     parts: int
-    period: float  #: usual interval of the samples, s; 0: not learned yet
-    mag_came: int  #: 1 once a magnetic sample came
-    doubt_left: Annotated[Indices, 3]  #: half seconds for which each sensor stays in doubt
-    doubtful: int  #: bits of the sensors that something speaks against in the half second judged last
-    window: Annotated[Indices, 3]  #: of each sensor, the worst in the window: 0, CLIPPED or BROKEN of `window_checks`
-    #: `window_ns`, `judged_ns`: start of the window that is open, and end of the last whole one judged; 0: none.
+    period: float  #: usual interval of the samples, s; 0 before it is known
+    mag_came: int  #: 1 once a magnetic sample has arrived
+    doubt_left: Annotated[Indices, 3]  #: number of half seconds for which each sensor stays doubtful
+    doubtful: int  #: bits of the sensors that were doubtful in the last half second
+    window: Annotated[Indices, 3]  #: worst state of each sensor in the window: 0, CLIPPED or BROKEN of `window_checks`
+    #: `window_ns`, `judged_ns`: start of the open window, and end of the last full one evaluated; 0 if none.
     window_ns: int
     judged_ns: int
-    in_vain: int  #: whole windows with motion that were judged so far
-    broken: int  #: 1: the half second judged last was not followed by the next one
-    judge: int  #: 1: the window is to be judged now
-    end_ns: int  #: end of the half second judged last
-    #: `unusable`, `suspect`: bits of the sensors that must not be used, and of those in doubt.
+    in_vain: int  #: number of full windows with motion evaluated so far
+    broken: int  #: 1 if the last half second was not followed by the next one
+    judge: int  #: 1 if the window must be evaluated now
+    end_ns: int  #: end of the last evaluated half second
+    #: `unusable`, `suspect`: bits of the sensors that must not be used, and of doubtful ones.
     unusable: int
     suspect: int
-    #: `rest`, `rested`: means of rates and forces of the last quiet half seconds, and how many (`rest_check`).
+    #: `rest`, `rested`: mean rates and forces of the last quiet half seconds, and their number (`rest_check`).
     rest: Annotated[Array, 8, 6]
     rested: int
-    #: `other_period`, `at_other`: another interval at which samples have come evenly since, s, and for how many half
+    #: `other_period`, `at_other`: another interval at which samples have come evenly, s, and its duration in half
     #: seconds.
     other_period: float
     at_other: int
@@ -72,7 +73,7 @@ STREAM = dtype_of(Stream)
 
 
 class Pace(NamedTuple):
-    """Counts of half a second: intervals, those too long and too short, samples of the IMU."""
+    """Counts of half a second: intervals, long ones, short ones, and IMU samples."""
 
     steps: int
     long: int
@@ -82,7 +83,7 @@ class Pace(NamedTuple):
 
 @compiled
 def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
-    """Judge a stamp as it comes: whatever waits for its time needs them to advance."""
+    """Check a stamp on arrival; stamps must advance, because other streams wait for their time."""
     good = stamp > s.newest_ns
     s.newest_ns = stamp
     s.stamp_score = min(max(s.stamp_score + (-1 if good else 2), 0), _STAMP_MOST)
@@ -96,7 +97,7 @@ def judge_stamp(s: Any, checks: Any, stamp: int) -> int:
 
 @compiled
 def _pace(s: Any, samples: Samples) -> Pace:
-    """Count the intervals of the half second; learn the rate from the first that has enough."""
+    """Count the intervals of the half second; learn the rate from the first half second with enough of them."""
     if s.period == 0.0 and s.stop - s.first > _LEARN:
         s.period = _usual_interval(s, samples)
     steps, long, short = 0, 0, 0
@@ -113,7 +114,7 @@ def _pace(s: Any, samples: Samples) -> Pace:
 
 @compiled
 def _usual_interval(s: Any, samples: Samples) -> float:
-    """Interval of the samples of the half second, s: not the middle one, as a third of them may be lost."""
+    """Return the usual interval of the half second, s: its lower third, because a third of the samples may be lost."""
     return float(
         1e-9
         * np.sort(samples.stamps[s.first + 1 : s.stop] - samples.stamps[s.first : s.stop - 1])[(s.stop - s.first) // 3]
@@ -122,7 +123,7 @@ def _usual_interval(s: Any, samples: Samples) -> float:
 
 @compiled
 def _follow_rate(s: Any, checks: Any, samples: Samples) -> None:
-    """Adopt a new usual rate when samples have come evenly at it for long: the unit was set to that rate."""
+    """Adopt a new usual rate when samples have come evenly at it for long, because the unit was set to that rate."""
     if checks[FaultCode.RATE.value, 0].state != FAULT or s.stop - s.first <= _FEW_INTERVALS:
         s.at_other = 0
         return
@@ -141,7 +142,7 @@ def _follow_rate(s: Any, checks: Any, samples: Samples) -> None:
 
 @compiled
 def judge_silence(expected: bool, s: Any, checks: Any, channels: Any, began: int) -> None:
-    """Judge whether magnetic samples come, where they are `expected`."""
+    """Check whether magnetic samples arrive, if they are `expected`."""
     if channels[6].n + channels[6].not_finite > 0:
         s.mag_came = 1
         observe(checks[FaultCode.NEVER_CAME.value, 6], AGAINST, began, 0.0, 0.0)
@@ -154,9 +155,9 @@ def judge_silence(expected: bool, s: Any, checks: Any, channels: Any, began: int
 @compiled
 def judge_stream(p: SignalLimits, checks: Any, channels: Any, s: Any, samples: Samples, began: int) -> bool:
     """
-    Judge whether samples come at their pace and each once; before `judge_bin`, which forgets the spreads.
+    Check whether samples keep their rate and come once each; call it before `judge_bin`, which clears the spreads.
 
-    Returns whether samples come so late that turns are not known.
+    Returns whether so many intervals are too long that rotations are not known.
     """
     _follow_rate(s, checks, samples)
     pace, period = _pace(s, samples), s.period

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Health of the precision unit, from its own samples and from the readings of the conventional unit on the same tool.
+Health of the precision unit, from its own samples and those of the conventional unit on the same tool.
 
-Two units on one tool read the same vectors; `axis_comparison` finds where they do not. Which unit is wrong only a
-third sensor can show: first either is named, and the precision unit alone where its axes are wrong and the tool has
-moved on for some seconds in which nothing has spoken against the conventional one. Where gravity at rest shows that the
-conventional gyros have drifted (`rest_check`), nothing is held against the precision unit any more.
-What moves too little stays unknown, but for what no gyro at rest can read: much more than the Earth turns.
+Two units on one tool measure the same vectors; `axis_comparison` finds where they differ. Only a third sensor can show
+which unit is wrong. At first either unit is named; the precision unit alone is named if its axes are wrong and the tool
+has moved for some seconds without an observation against the conventional unit. If gravity at rest shows that the
+conventional gyros have drifted (`rest_check`), differences no longer count against the precision unit. With too little
+motion its state stays unknown, except for a rate at rest that is much higher than the Earth's.
 """
 
 from __future__ import annotations
@@ -38,29 +38,30 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.constants import EARTH_RATE
 from mwd_sensors.core.records import dtype_of
 
-# Half seconds of motion after which the conventional unit would be in doubt if the mistake were its own; at rest before
-# a rate is judged, and for which it must stay, within this share of it; and samples from which on they are.
+# Numbers of half seconds: of motion after which the conventional unit would be doubtful if the mistake were its own; of
+# rest before a rate is checked; and for which it must stay steady, within this share of itself. Least number of
+# samples.
 _MOVED_BINS, _REST_BINS, _STEADY_BINS, _STEADY, _SAMPLES = 12, 4, 6, 1.0, 10
 # A rate at rest is too high above the sum of this multiple of the bias sigma, twice the Earth rate, and the rate of a
-# string pulled steadily through a bend, which every other sensor takes for rest: 10 deg in 30 m at 1 m/s, rad/s.
+# string pulled steadily through a bend, 10 deg in 30 m at 1 m/s, rad/s, which all other sensors take for rest.
 _BIASES, _PULLED = 40.0, math.radians(10.0 / 30.0)
 # Number of half seconds without a difference after which an earlier difference is forgotten.
 _FORGOTTEN_BINS = 120
-# Mappings of y and z among themselves.
+# Mappings that exchange only y and z, as bits.
 _ACROSS = sum(1 << k for k, m in enumerate(MAPPINGS) if m[0, 0] == 1)
 
 
 class UnitState:
-    """What is remembered of the half seconds before."""
+    """Values remembered from earlier half seconds."""
 
-    most_at_rest: float  #: rate across the tool at rest beyond which it is too high, rad/s
-    still: int  #: half seconds in a row at rest
-    #: `resting`, `rested`: mean rates across the tool of the last of them, rad/s, the newest last, and how many.
+    most_at_rest: float  #: rate across the tool at rest above which it is too high, rad/s
+    still: int  #: number of half seconds in a row at rest
+    #: `resting`, `rested`: mean rates across the tool in the last of them, rad/s, newest last, and their number.
     resting: Annotated[Array, _STEADY_BINS, 2]
     rested: int
-    #: Bits of the mappings that the axes of gyro and accelerometer show, 0 where they are right.
+    #: Bits of the wrong mappings that the axes of gyro and accelerometer show; 0 if they are right.
     wrong: Annotated[Indices, 2]
-    differ: int  #: half seconds in motion since they are wrong
+    differ: int  #: number of half seconds in motion since they are wrong
     agree: Annotated[
         Indices, 2
     ]  #: half seconds since gyro and accelerometer last differed from those of the other unit
@@ -72,20 +73,20 @@ UNIT_STATE = dtype_of(UnitState)
 class UnitRecords(NamedTuple):
     """Records of one precision unit."""
 
-    checks: Any  #: of `fault_debounce`
-    channels: Any  #: of `signal_checks`; the third sensor is the accelerometer of the conventional unit
-    sums: Any  #: of SUMS, shape (WINDOW, 6), the newest half second last
-    state: Any  #: of UNIT_STATE
-    refused: Any  #: what the gate refused, dtype of `input_gate.REFUSED`
+    checks: Any  #: checks of `fault_debounce`
+    channels: Any  #: channels of `signal_checks`; the third sensor is the accelerometer of the conventional unit
+    sums: Any  #: sums of dtype SUMS, shape (WINDOW, 6), newest half second last
+    state: Any  #: record of dtype UNIT_STATE
+    refused: Any  #: readings refused by the gate, dtype of `input_gate.REFUSED`
 
 
 @compiled
 def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began: int, still: bool) -> int:
-    """Judge the unit's samples by themselves; gives bits of the sensors that are in doubt."""
+    """Check the unit's samples by themselves; return the bits of doubtful sensors."""
     checks, channels = unit.checks, unit.channels
     signal_checks.summarise(channels)
     doubtful: int = signal_checks.judge_bin(limits, checks, channels, np.full(3, math.inf), began)
-    # The third sensor is the conventional accelerometer: what is seen of it belongs to the other monitor.
+    # The third sensor is the conventional accelerometer, which the other monitor checks.
     for code in range(len(checks)):
         for place in range(6, 9):
             checks[code, place].seen = NOTHING
@@ -94,14 +95,14 @@ def _judge_samples(unit: UnitRecords, limits: signal_checks.SignalLimits, began:
         constant += int(channels[k].constant_bins > 0)
     for k in range(3):
         if not still and constant < 3 and channels[k].constant_bins > 0:
-            # Also where the x gyro is at the end of its range.
+            # This includes an x gyro at the end of its range.
             observe(checks[FaultCode.STUCK.value, k], FOR, began, channels[k].last, 0.0)
     return doubtful
 
 
 @compiled
 def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
-    """Judge which axes of the conventional unit those of sensor s are; sound: that unit can be used."""
+    """Check which conventional axes match those of sensor s; sound: the conventional unit can be used."""
     checks, wrong = unit.checks, unit.state.wrong
     found, scaled, strange = axes_of(unit.sums, s)
     out_of_use = checks[FaultCode.DEAD.value, 3 * s].state == FAULT
@@ -117,7 +118,7 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
     for k in range(3):
         known += int(found[k] >= 0)
         right = right and (found[k] < 0 or found[k] == 2 * k)
-        # That the fast axis agrees shows nothing of the two that north is sought with.
+        # Agreement of the fast axis says nothing about the two axes that north seeking uses.
         shown += int(found[k] >= 0 and (k > 0 or mismatch.state != FAULT))
     if known or scaled:
         observe(check, FOR if scaled else AGAINST, began, 0.0, 0.0)
@@ -127,7 +128,7 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
         strange = strange or not (right or mapping > 0)
         if mapping or known > 1 or not wrong[s]:
             wrong[s] = 1 << mapping if mapping else 0
-    # The mismatch is over where the other unit is the faulty one, or where both units have agreed for long enough.
+    # A mismatch ends if the other unit is the faulty one, or if both units have agreed for long enough.
     unit.state.agree[s] = 0 if strange else unit.state.agree[s] + 1
     over = shown or not sound or unit.state.agree[s] > _FORGOTTEN_BINS
     observe(mismatch, FOR if strange else (AGAINST if over else NOTHING), began, 0.0, 0.0)
@@ -135,7 +136,7 @@ def _judge_axes(unit: UnitRecords, began: int, s: int, sound: bool) -> None:
 
 @compiled
 def _judge_wrong(unit: UnitRecords, began: int, still: bool, sound: bool) -> None:
-    """Judge whether the axes of this unit are wrong, or those of either."""
+    """Check whether the axes of this unit, or of either unit, are wrong."""
     state, check = unit.state, unit.checks[FaultCode.AXES.value, 0]
     proved = check.state == FAULT and not check.which[2]
     wrong = bool(state.wrong[0] or state.wrong[1])
@@ -148,7 +149,7 @@ def _judge_wrong(unit: UnitRecords, began: int, still: bool, sound: bool) -> Non
 
 @compiled
 def _judge_rest(unit: UnitRecords, began: int, still: bool, values: Array) -> None:
-    """Judge the rate across the tool at rest."""
+    """Check the rate across the tool at rest."""
     state, usable, mean = unit.state, 0, np.zeros(2)
     state.still = state.still + 1 if still else 0
     state.rested = state.rested if still else 0
@@ -158,7 +159,7 @@ def _judge_rest(unit: UnitRecords, began: int, still: bool, values: Array) -> No
             mean += values[i, 1:3]
     if state.still <= _REST_BINS or usable < _SAMPLES:
         return
-    # About its own axis a string may creep while it unwinds; across it nothing in a hole turns.
+    # A string may creep about its axis while it unwinds, but nothing in a hole turns across it.
     mean /= usable
     across, limit, spread = max(abs(mean[0]), abs(mean[1])), state.most_at_rest, 0.0
     state.resting[:-1] = state.resting[1:].copy()
@@ -167,12 +168,12 @@ def _judge_rest(unit: UnitRecords, began: int, still: bool, values: Array) -> No
     for c in range(2):
         spread = max(spread, np.ptp(state.resting[_STEADY_BINS - state.rested :, c]))
     if across > limit and (state.rested < _STEADY_BINS or spread > _STEADY * across):
-        # A tool that comes to rest still turns a little, less and less.
+        # A tool that is coming to rest still turns a little, less and less.
         return
     observe(unit.checks[FaultCode.REST_RATE.value, 0], FOR if across > limit else AGAINST, began, across, limit)
 
 
-# Checks of the unit as a whole or of what only a second unit shows, which raise a doubt as soon as they are seen.
+# Checks of the unit as a whole, or that need a second unit; they raise a doubt with the first observation.
 _OF_THE_UNIT = (
     (FaultCode.STAMPS.value, 0),
     (FaultCode.MISMATCH.value, 0),
@@ -186,9 +187,9 @@ def _judge(
     unit: UnitRecords, limits: signal_checks.SignalLimits, began: int, still: bool, samples: Any, beside: Any
 ) -> tuple[bool, bool]:
     """
-    Judge a half second of the unit, samples and beside as in `PrecisionHealth.judge`, and count what was observed.
+    Check a half second of the unit, samples and beside as in `PrecisionHealth.judge`, and count the observations.
 
-    Returns whether the unit is suspect, and whether a fault has come or gone.
+    Returns whether the unit is suspect, and whether a fault has begun or ended.
     """
     (stamps, values), (beside_ns, own), checks = samples, beside, unit.checks
     unit.sums[:-1] = unit.sums[1:].copy()
@@ -198,7 +199,7 @@ def _judge(
         sizes = input_gate.sizes_of(unit.refused, input_gate.PRECISION_GYRO + s, began, began + BIN_NS)
         signal_checks.judge_refused(checks, unit.channels, s, sizes, math.nan, began)
     doubtful = _judge_samples(unit, limits, began, still)
-    # Where the conventional unit cannot be used, what differed from it is open.
+    # If the conventional unit cannot be used, earlier differences from it are open again.
     finite, back, own_in_bin = 0, 0, 0
     for i in range(len(beside_ns)):
         if began <= beside_ns[i] < began + BIN_NS:
@@ -223,12 +224,12 @@ def _judge(
 
 
 class PrecisionHealth:
-    """Health of one precision unit, half second by half second; bias: of its gyros, 1 sigma, rad/s."""
+    """Health of one precision unit, half second by half second; bias: 1 sigma of its gyro bias, rad/s."""
 
     def __init__(self, bias: float) -> None:
         self.active = False
         self.suspect = False
-        #: Faults that stand.
+        #: Existing faults.
         self.faults: list[SensorFault] = []
         state = np.zeros(1, dtype=UNIT_STATE)
         state["most_at_rest"] = 2.0 * EARTH_RATE + _BIASES * bias + _PULLED
@@ -237,26 +238,27 @@ class PrecisionHealth:
             fault_debounce.blank(), signal_checks.blank(), sums, state[0], np.zeros(0, dtype=input_gate.REFUSED)
         )
         self._limits = SignalLimits()
-        # Samples of the conventional unit, in pieces as they came: most runs have no precision unit that needs them.
+        # Samples of the conventional unit, in pieces as they arrive: without a precision unit they are never joined.
         self._beside: list[tuple[Stamps, Array]] = []
 
     def beside(self, stamps: Stamps, values: Array) -> None:
-        """Take samples of the conventional unit, shape (n, 6), rad/s and m/s^2; nan where it cannot be used."""
+        """Accept samples of the conventional unit, shape (n, 6), rad/s and m/s^2; NaN if it cannot be used."""
         self._beside.append((stamps, values))
 
     def take_refused(self, refused: Samples) -> None:
-        """Accept refused readings, dtype of `input_gate.REFUSED`, before the half second of their time is judged."""
+        """Accept refused readings, dtype of `input_gate.REFUSED`, before the half second of their time is checked."""
         self._records = self._records._replace(refused=input_gate.kept(self._records.refused, refused))
 
     def judge(self, end_ns: int, still: bool, samples: tuple[Stamps, Array]) -> list[SensorFault]:
         """
-        Take the half second up to `end_ns`, ns; gives what has become known, or has gone.
+        Check the half second up to `end_ns`, ns; return the faults that began or ended.
 
-        still : whether the conventional unit finds the tool at rest; samples : stamps (n,), ns, and values (n, 6).
+        still is True if the conventional unit finds the tool at rest; samples are stamps, ns, shape (n,), and values,
+        shape (n, 6).
         """
         self.active = self.active or len(samples[0]) > 0
         if not self.active:
-            # The last piece that began before the next half second holds the sample to interpolate from.
+            # Keep the last piece that began before the next half second, because interpolation needs its last sample.
             while len(self._beside) > 1 and self._beside[1][0][0] < end_ns:
                 del self._beside[0]
             return []
@@ -274,14 +276,14 @@ class PrecisionHealth:
 
     @property
     def refusal(self) -> Reason | None:
-        """Why its gyros cannot be used now; None where they can."""
+        """Reason why its gyros cannot be used now, or None."""
         stands = [one for one in self.faults if one.unusable]
         if stands:
             return Reason(ReasonCode.PRECISION_UNIT_FAULT, fault=stands[0])
         return Reason(ReasonCode.PRECISION_UNIT_SUSPECT) if self.suspect else None
 
     def _take_beside(self, end_ns: int) -> tuple[Stamps, Array]:
-        """The conventional unit's samples around the half second; the last before its end is kept, and those after."""
+        """Return the conventional samples around the half second; keep the last before its end and later ones."""
         beside_ns, beside = self._beside[0]
         if len(self._beside) > 1:
             beside_ns = np.concatenate([part[0] for part in self._beside])
@@ -292,7 +294,7 @@ class PrecisionHealth:
         return beside_ns[: end + 1], beside[: end + 1]
 
     def _named(self, fault: SensorFault) -> SensorFault:
-        """Name the unit that is meant: mappings that are not proved, and what fits no axis, are of either."""
+        """Return the fault, assigned to either unit if it is a mismatch or not proved to be in one of them."""
         if fault.code == FaultCode.MISMATCH:
             return dataclasses.replace(fault, unit=Unit.EITHER)
         if not fault.mappings[2]:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What a window of motion shows of units, axes and signs: gravity and field stand still as seen from the gyros, or do not.
+Check units, axes and signs with a window of motion: seen from the gyros, gravity and field should stand still.
 
-These are errors of the installation, constant for a run. Units follow from the lengths of gravity and field, axes from
-the ways that explain both, signs and frames from the dip where it is known. What is seen is noted for `fault_debounce`.
+Such errors are made at installation and are constant for a run. Units follow from the lengths of gravity and field,
+axes from the mappings that explain both, signs and frames from the dip if it is known. Observations go to
+`fault_debounce`.
 """
 
 from __future__ import annotations
@@ -37,47 +38,48 @@ from mwd_sensors.core.mount import ALONG, axis_down
 
 Flags = NDArray[np.bool_]
 
-# State of a sensor's samples in a window: whole, some at the end of the range, missing or constant.
+# State of a sensor's samples in a window: whole; some at the end of the range; missing or constant.
 WHOLE, CLIPPED, BROKEN = 0, 1, 2
 _MATRICES = np.array(MAPPINGS, dtype=float)
 _SENSOR, _MAPPING, _BY_FORCE, _BY_FIELD = MISTAKES.T
 _FEW_FORCES, _FEW_FIELDS = 40, 10
 _WHOLE_S = 2.9
-_PARTS_OF_ONE = 1e6  # of a direction's components, kept as whole numbers
+_PARTS_OF_ONE = 1e6  # scale with which components of a direction are stored as integers
 
 
 class WindowLimits(NamedTuple):
-    """Limits of the checks of motion; what each is good for: docs/methods/sensor_health_ablation.md."""
+    """Limits of the checks of motion; their effects are listed in docs/methods/sensor_health_ablation.md."""
 
-    #: `fits`, `rejects`: length of the mean force, off gravity by this share of it and 3 (6) sigma: explains it, does
-    #: not.
+    #: `fits`, `rejects`: difference of the mean force from gravity, as a share. Below the first plus 3 sigma it
+    #: explains gravity, above the second plus 6 sigma it does not.
     fits: float = 0.06
     rejects: float = 0.12
-    margin: float = 0.05  #: what a better way is longer by, as a share of gravity squared, with 2.2 sigma of noise
-    quiet: float = 0.08  #: noise of the mean force, as a share of gravity, below which it judges axes
-    #: `field_held`, `field_better`: share of the field that the best way holds together, and by how much it is better
-    #: than the axes as they are.
+    margin: float = 0.05  #: excess length of a better way, as a share of gravity squared, besides 2.2 sigma of noise
+    quiet: float = 0.08  #: noise of the mean force, as a share of gravity, below which axes are checked
+    #: `field_held`, `field_better`: least share of the field that the best mapping holds together, and its least
+    #: advantage over the axes as they are.
     field_held: float = 0.93
     field_better: float = 0.1
-    #: `dip`, `dip_frame`: dip off the reference: what interference may do, what a wrong frame or sign does, rad.
+    #: `dip`, `dip_frame`: difference of the dip from the reference: possible by interference; caused by a wrong frame
+    #: or sign; rad.
     dip: float = 0.21
     dip_frame: float = 0.26
-    strength: float = 0.1  #: field off the reference, as a share, within which the dip is the sensors' own
-    fastest: float = 50.0  #: rate beyond what a string turns, rad/s: gyros in deg/s
-    no_gravity: float = 0.35  #: mean force off gravity, as a share of it, that is none; and its variances (`variances`)
+    strength: float = 0.1  #: relative difference of the field from the reference within which the dip is trusted
+    fastest: float = 50.0  #: rate faster than any string, rad/s: the gyros are in deg/s
+    no_gravity: float = 0.35  #: relative difference of the mean force that cannot be gravity; see `variances`
     variances: float = 6.0
-    #: Force that pushes along an axis for half a second, m/s^2: an alias of a vibration, which passes.
+    #: Force along an axis for half a second, m/s^2, that is probably aliased vibration and passes.
     pushed: float = 15.0
 
 
 @dataclasses.dataclass
 class Shown:
-    """What gravity or the field shows of the ways to exchange and reverse axes."""
+    """Evidence of gravity or of the field for the ways to exchange and reverse axes."""
 
-    #: bool, shape (48,); the ways that explain it.
+    #: bool, shape (48,); the ways that explain the vector.
     fits: Flags = dataclasses.field(default_factory=lambda: np.zeros(48, dtype=np.bool_))
-    #: `judged`, `bad`, `confirms`, `degrees`: whether it can be judged, rejects the axes as they are, confirms them, is
-    #: explained by gyros in deg/s.
+    #: `judged`, `bad`, `confirms`, `degrees`: whether the vector can be evaluated, rejects the axes as they are,
+    #: confirms them, and is explained by gyros in deg/s.
     judged: bool = False
     bad: bool = False
     confirms: bool = False
@@ -86,7 +88,7 @@ class Shown:
 
 class WindowJudge:
     """
-    One window, judged: the observations are in `checks` afterwards.
+    Evaluation of one window; its observations are stored in `checks`.
 
     Parameters
     ----------
@@ -94,9 +96,9 @@ class WindowJudge:
     expected : Expected
     window : Window
     samples : ndarray of int64, shape (3,)
-        WHOLE, CLIPPED or BROKEN, of each sensor.
+        State of each sensor's samples: WHOLE, CLIPPED or BROKEN.
     checks : ndarray
-        Of `fault_debounce`.
+        Checks of `fault_debounce`.
     """
 
     def __init__(self, limits: WindowLimits, expected: Expected, window: Window, samples: Indices, checks: Any) -> None:
@@ -110,7 +112,7 @@ class WindowJudge:
         self._noisy = bool(checks[FaultCode.NOISE, 3].votes_for > 0)
 
     def judge(self) -> None:
-        """Note what the window shows."""
+        """Record what the window shows."""
         self._judge_units()
         if self._gyro_usable:
             self._show_force()
@@ -123,7 +125,7 @@ class WindowJudge:
         axes = self._judge_axes()
         if axes != FOR and self._judge_mount():
             return
-        # What a string that surges does to the mean of less than the whole window is no other dip.
+        # A surge biases the mean of a partial window; that is not a change of dip.
         whole = w.seconds > _WHOLE_S
         usable = whole and self._samples[0] < BROKEN
         if usable and gravity < FOR and axes != FOR and self._checks[FaultCode.AXES, 0].state != FAULT:
@@ -137,7 +139,7 @@ class WindowJudge:
     def _judge_units(self) -> None:
         w, gravity = self._window, self._expected.gravity
         if w.forces >= _FEW_FORCES // 4 and self._samples[1] < BROKEN:
-            # Some way to carry it along is nearly right, whatever else is wrong.
+            # Whatever else is wrong, some way to carry the force is nearly right.
             carried = np.sqrt([*w.force, w.force_deg, w.force_fixed]) / gravity
             rms = math.sqrt(w.force2)
             if rms < 0.7 * gravity and bool((np.abs(STANDARD_GRAVITY * carried - 1.0) < 0.15).any()):
@@ -153,22 +155,23 @@ class WindowJudge:
             self._note_unit(6, 0 if known else -1, self._field_size, MOST_FIELD)
 
     def _note_unit(self, place: int, unit: int, value: float, limit: float) -> None:
-        """Note the unit of a sensor: 0 SI, else its number; -1: not known."""
+        """Record the unit of a sensor: 0 for SI, another number for another unit, -1 if unknown."""
         seen = FOR if unit > 0 else (AGAINST if unit == 0 else NOTHING)
         self._note(FaultCode.UNIT, place, seen, value, limit).seen_which[0] = max(unit, 0)
 
     def _noise(self) -> float:
-        """1 sigma of the mean force along one axis, in its unit."""
+        """Return 1 sigma of the mean force along one axis, in its unit."""
         w = self._window
         best = int(np.argmax(w.force))
-        # Vibration that the sensor integrated leaves less of the mean than white noise; an alias far more.
+        # Vibration that the sensor integrated disturbs the mean less than white noise does, aliased vibration much
+        # more.
         own = min(w.noise(0), w.noise(best))
         if not math.isfinite(own):
             own = math.sqrt(max(w.force2 - w.force[best], 0.0) / (3.0 * w.forces))
         return max(1.2 * own, 0.004 * math.sqrt(w.force[best]))
 
     def _show_force(self) -> None:
-        """Show which ways explain gravity: wrong axes smear it, and its carried mean is too short."""
+        """Find the ways that explain gravity: wrong axes spread the carried force, and its mean is too short."""
         p, sigma, shown = self._limits, self._sigma, self._force
         length2 = self._window.force / self._length**2
         if sigma >= p.quiet or math.sqrt(length2[0]) - 1.0 > p.rejects + 6.0 * sigma:
@@ -176,7 +179,7 @@ class WindowJudge:
         off = np.sqrt(np.maximum(length2 - 3.0 * sigma**2, 0.0)) - 1.0
         near = np.abs(off) < p.fits + 3.0 * sigma
         top = float(length2[near].max()) if near.any() else 0.0
-        # What is common to two ways, the part along the axis of rotation, cancels between them with its noise.
+        # The part that two ways have in common, along the axis of rotation, cancels between them with its noise.
         margin = p.margin + 2.2 * sigma
         shown.fits = near & (length2 > top - margin)
         shown.judged = True
@@ -189,7 +192,7 @@ class WindowJudge:
         shown.degrees = abs(as_degrees) < p.fits + 3.0 * sigma
 
     def _show_field(self) -> None:
-        """Show which ways hold the field together: it is steady, and wrong axes smear its carried mean."""
+        """Find the ways that hold the field together: it is steady, and wrong axes spread the carried field."""
         p, w, shown = self._limits, self._window, self._field
         if self._samples[2] != WHOLE or w.fields < _FEW_FIELDS or w.field2 <= 0.0:
             return
@@ -203,7 +206,7 @@ class WindowJudge:
         shown.degrees = as_degrees > 0.95
 
     def _judge_gravity(self) -> int:
-        """Whether the mean force is one that gravity cannot be in: nothing in a hole is pushed one way for seconds."""
+        """Check whether the mean force cannot be gravity: nothing in a hole is pushed in one direction for seconds."""
         w, gravity = self._window, self._expected.gravity
         enough = w.seconds >= 1.5 and w.forces >= _FEW_FORCES
         if not (enough and self._gyro_usable and self._samples[1] < BROKEN and self._accel_unit <= 0) or self._noisy:
@@ -211,7 +214,7 @@ class WindowJudge:
         if self._force.fits.any():
             self._note(FaultCode.GRAVITY, 3, AGAINST)
             return AGAINST
-        # While it is not known that the axes are right any of them may explain it.
+        # While the axes may be wrong, any of the ways may explain the force.
         known = self._checks[FaultCode.AXES, 0].state == OK
         most, least = (w.force[0], w.force[0]) if known else (w.force.max(), w.force.min())
         seen = self._no_gravity(math.sqrt(most), math.sqrt(least))
@@ -226,7 +229,7 @@ class WindowJudge:
             return NOTHING
         variance = max(w.force2 - mean**2, 0.0) / (3.0 * w.forces)
         pushed = w.push > p.pushed
-        # Too short: by the likelihood of no gravity against gravity. Half a second's push may be an alias.
+        # Too short: compare the likelihood of no gravity with that of gravity. A push of half a second may be an alias.
         missing = not pushed and gravity * (gravity - 2.0 * mean) > 2.0 * p.variances * variance
         off = max(gravity - mean, math.sqrt(max(least**2 - 3.0 * variance, 0.0)) - gravity)
         if missing or (off > p.no_gravity * gravity and off * off > 4.0 * p.variances * variance):
@@ -235,7 +238,7 @@ class WindowJudge:
         return AGAINST if found else NOTHING
 
     def _judge_gyro_unit(self) -> bool:
-        """Whether the gyros read deg/s: no string turns so fast, or it turns 57 times less than they read."""
+        """Check for gyros in deg/s: no string turns as fast as they read, or it turns 57 times less."""
         w, p = self._window, self._limits
         too_fast = w.path > p.fastest * w.seconds
         if self._samples[0] != WHOLE and not too_fast:
@@ -256,13 +259,13 @@ class WindowJudge:
         return math.isfinite(self._expected.dip) and abs(self._field_size / total - 1.0) < self._limits.strength
 
     def _explaining(self) -> Flags:
-        """Give the mistakes that explain what gravity and field showed of the motion."""
+        """Return the mistakes that explain the motion of gravity and field."""
         by_force: Flags = self._force.fits[_BY_FORCE] | (not self._force.judged)
         by_field: Flags = self._field.fits[_BY_FIELD] | (not self._field.judged)
         return by_force & by_field
 
     def _dips(self) -> tuple[Array, float]:
-        """Dip, rad, if each mistake were made, and as the axes are; nan where the readings allow none."""
+        """Return the dip, rad, under each mistake and with the axes as they are; NaN if the readings allow none."""
         product = self._window.product
         of_force = np.einsum("krc,rc->k", _MATRICES, product)
         of_field = np.einsum("krc,cr->k", _MATRICES, product)
@@ -273,10 +276,10 @@ class WindowJudge:
 
     def _least_contrived(self, check: Any, explaining: Flags) -> list[int]:
         """
-        Give the least contrived mistakes that explain this window and those before, as bits of mappings by sensor.
+        Return the simplest mistakes that explain this window and those before, as bits of mappings by sensor.
 
-        The first window that speaks for a fault may hold its begin, and rules out none for the later ones. Where no
-        mistake explains them all, the latest window counts.
+        The first window that speaks for a fault may contain its beginning, and does not exclude mistakes for later
+        windows. If no mistake explains all windows, the latest one counts.
         """
         before = (check.possible[_SENSOR] >> _MAPPING & 1).astype(np.bool_)
         if check.votes_for and bool((explaining & before).any()):
@@ -286,7 +289,7 @@ class WindowJudge:
         return _bits(explaining & (WEIGHTS[explaining].min() == WEIGHTS))
 
     def _judge_axes(self) -> int:
-        """Note the least contrived mistakes that explain the motion, and the dip where that is known."""
+        """Record the simplest mistakes that explain the motion, and the dip if it is known."""
         masks, seen, check = [0, 0, 0], NOTHING, self._checks[FaultCode.AXES, 0]
         if self._force.bad or (self._field.bad and self._field.judged):
             explaining = self._explaining()
@@ -305,9 +308,9 @@ class WindowJudge:
         return seen
 
     def _judge_mount(self) -> bool:
-        """Whether the string turns about another axis of the unit than x, or the other way round and points up."""
+        """Check whether the string turns about another axis of the unit than x, or in reverse while it points up."""
         w = self._window
-        # Of a unit whose axes do not belong together nothing is known of its mount.
+        # If the axes do not belong together, the mount cannot be determined.
         together = self._force.confirms or self._field.confirms
         if not together or self._checks[FaultCode.AXES, 0].state == FAULT or self._samples[0] != WHOLE:
             return False
@@ -315,7 +318,7 @@ class WindowJudge:
         if net < max(TURNING * w.seconds, 0.9 * w.path):
             return False
         about_x, down = float(w.turn[0]) / net, axis_down(w.turn, w.path)
-        # A string that turns to the left points up only where the unit lies the wrong way round.
+        # A string that turns to the left and points up means that the unit is mounted the wrong way round.
         upwards = float(w.mean_force[0]) > UPWARDS * self._length
         least = ALONG if w.seconds > _WHOLE_S else ROUGHLY_X
         seen = AGAINST if abs(about_x) > ABOUT_X else NOTHING
@@ -325,7 +328,7 @@ class WindowJudge:
         return seen == FOR
 
     def _judge_signs(self) -> None:
-        """Signs and frames: by the dip where the reference is known, else by which way a turning string points."""
+        """Check signs and frames by the dip if the reference is known, else by the direction of a rotating string."""
         w, p, expected = self._window, self._limits, self._expected.dip
         up = float(w.mean_force[0]) / self._length
         inclination = math.acos(min(max(-up, -1.0), 1.0))
@@ -357,7 +360,7 @@ class WindowJudge:
                 check.seen_which = check.which
 
     def _frames(self, dips: Array, up: float) -> Flags:
-        """Find the simple mistakes that leave the hole pointing down and explain motion and dip."""
+        """Return the simple mistakes with which the hole points down and that explain motion and dip."""
         matrices = _MATRICES[_MAPPING]
         rise = np.where(_SENSOR == ACCEL, matrices[:, :, 0] @ self._window.mean_force / self._length, up)
         near = np.abs(dips - self._expected.dip) < 0.1
@@ -366,7 +369,7 @@ class WindowJudge:
 
 
 def _bits(mistakes: Flags) -> list[int]:
-    """Mappings of these mistakes, as bits by sensor."""
+    """Return the mappings of these mistakes as bits by sensor."""
     masks = [0, 0, 0]
     for m in np.flatnonzero(mistakes):
         masks[int(_SENSOR[m])] |= 1 << int(_MAPPING[m])

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The magnetic field: corrections, spikes, the string's own field."""
+"""Magnetic field: axial correction, spike filter, and the interference of the drill string."""

@@ -2,17 +2,16 @@
 """
 Single-station correction of the magnetic azimuth for axial drill-string interference.
 
-Source S0; its symbols as in `core.magnetic_geometry`. The field of a station is resolved in three directions that
-gravity alone defines: along the *axis*, towards the *high* side, towards the *right* side (axis x high). With
-horizontal field H and downward field V:
+The source is S0, with symbols as in `core.magnetic_geometry`. The field of a station is resolved in three directions
+that gravity alone defines: along the *axis*, towards the *high* side, and towards the *right* side (axis x high). With
+horizontal field H and vertical field V:
 
     axis  =  H sin(I) cos(A) + V cos(I) + E      S0 (13), (16)
-    high  =  H cos(I) cos(A) - V sin(I)          S0 (19), sign of `high` turned
+    high  =  H cos(I) cos(A) - V sin(I)          S0 (19), sign of `high` reversed
     right = -H sin(A)                            S0 (20)
 
-E is the axial interference. The correction estimates azimuth A and E together by maximum likelihood from the three,
-so that S0's division by sin(theta) = -cos(I) is replaced by a weight that goes to zero there, and the sigma grows
-instead of the error.
+E is the axial interference. The correction estimates azimuth A and E together from the three by maximum likelihood.
+Where S0 divides by sin(theta) = -cos(I), this uses a weight that goes to zero, so that sigma grows and not the error.
 """
 
 from __future__ import annotations
@@ -27,21 +26,22 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 _GRID = 360
-# A grid of one degree describes a posterior wider than this; below, the curvature at the peak does.
+# A posterior wider than this is evaluated on a grid of one degree, a narrower one by the curvature at its peak.
 _WIDE = np.radians(1.5)
-# Prior of the interference: Student's t of seven degrees of freedom, with a small tail for strings magnetised beyond
-# any scale.
+# Prior of the interference: Student's t with seven degrees of freedom, plus a small tail without scale for extreme
+# strings.
 _FREEDOM, _TAIL = 7.0, 0.005
-# A second azimuth with a smaller share of the probability does not count; the limit is lower where the first needs more
-# than the plausible interference too. From so many times it on the two share evenly: nothing separates them there.
+# Probability share below which a second azimuth is ignored; the limit is lower if the first azimuth also needs more
+# than the plausible interference. If it needs more than _BEYOND times that, both get equal shares, because nothing
+# separates them.
 _MIRROR, _MIRROR_LOUD, _BEYOND = 3e-3, 3e-4, 2.0
 
 
 def hole_components(f_t: ArrayLike, b_t: ArrayLike) -> Array:
     """
-    Field along the axis, towards the high side and towards the right side, T.
+    Return the field along the axis, towards the high side and towards the right side, T, shape (..., 3).
 
-    f_t, b_t, shape (..., 3), in tool axes. Returns shape (..., 3). Undefined (nan) in an exactly vertical hole.
+    f_t and b_t, shape (..., 3), are in tool axes. The result is NaN in an exactly vertical hole.
     """
     f_t, b_t = np.broadcast_arrays(np.asarray(f_t, dtype=float), np.asarray(b_t, dtype=float))
     across = np.hypot(f_t[..., 1], f_t[..., 2])
@@ -52,23 +52,22 @@ def hole_components(f_t: ArrayLike, b_t: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class AxialCorrection:
-    """Azimuth freed of axial interference, and the interference itself; every array of the input's leading shape."""
+    """Azimuth corrected for axial interference, and the interference; arrays have the input's leading shape."""
 
-    #: `azimuth`, `sigma_azimuth`: magnetic azimuth, rad in [0, 2 pi), and 1 sigma, rad. Where the geometry is singular
-    #: they are those of the whole posterior, second solution included, up to pi / sqrt(3) = an angle of which nothing
-    #: is known.
+    #: `azimuth`, `sigma_azimuth`: magnetic azimuth, rad in [0, 2 pi), and 1 sigma, rad. In singular geometry they are
+    #: mean and sigma of the whole posterior, including the second solution, up to pi / sqrt(3) for an unknown angle.
     azimuth: Array
     sigma_azimuth: Array
-    #: `interference`, `sigma_interference`: axial field not of the Earth, T, positive down-hole, and 1 sigma.
+    #: `interference`, `sigma_interference`: axial field that is not the Earth's, T, positive down-hole, and 1 sigma.
     interference: Array
     sigma_interference: Array
-    #: Misfit of the field against the reference, one degree of freedom: large means that the disturbance is not axial,
-    #: or that the reference is not this place's.
+    #: Misfit of the field against the reference, one degree of freedom. A large value means that the disturbance is not
+    #: axial or that the reference is not for this place.
     chi_square: Array
-    #: bool; a second azimuth explains the readings nearly as well (a horizontal hole seen without the axial
+    #: bool; whether a second azimuth explains the readings nearly as well (a horizontal hole without the axial
     #: magnetometer).
     mirror: np.ndarray
-    both: Array  #: shape (..., 2); the better of the two and the other, rad; nan where there is no mirror
+    both: Array  #: shape (..., 2); the better azimuth and the other one, rad; NaN if there is no second azimuth
 
 
 def axial_correction(
@@ -81,34 +80,35 @@ def axial_correction(
     plausible: float = math.inf,
 ) -> AxialCorrection:
     """
-    Azimuth and axial interference by maximum likelihood (S0 eqs 12-21 with every equation weighted by its worth).
+    Estimate azimuth and axial interference by maximum likelihood.
 
-    Nothing is assumed of the interference, so that the axial magnetometer only shows it (the short-collar method).
+    The equations are S0 (12) to (21), each weighted by its accuracy. Nothing is assumed about the interference, so the
+    axial magnetometer only determines the interference (short-collar method).
 
     Parameters
     ----------
     f_t, b_t : array_like, shape (..., 3)
         Specific force, m/s^2, and field, T, in tool axes.
     horizontal, vertical : array_like, shape (...) or ()
-        Reference field, horizontal and down, T.
+        Reference field, horizontal and vertical (down), T.
     sensor_covariance : array_like, shape (..., 6, 6) or (6, 6)
-        Of (f_t, b_t), (m/s^2)^2 and T^2: noise of the averages and what calibration left.
+        Covariance of (f_t, b_t), (m/s^2)^2 and T^2: noise of the averages and remaining calibration errors.
     reference_covariance : array_like, shape (..., 2, 2) or (2, 2)
-        Of (horizontal, vertical), T^2.
+        Covariance of (horizontal, vertical), T^2.
     plausible : float
-        Interference possible at all, 1 sigma, T; of more there is a small chance that has no scale. It only decides
-        between azimuths that fit alike (a horizontal hole without the axial magnetometer has a mirror, an east-west one
-        fits a range of them) and changes none that the readings determine.
+        Plausible interference, 1 sigma, T; more has a small probability without scale. It only decides between azimuths
+        that fit equally well (a horizontal hole without the axial magnetometer has two, an east-west one a range of
+        them) and does not change an azimuth that the readings determine.
 
     Returns
     -------
     AxialCorrection
-        nan where the hole is exactly vertical.
+        The result; NaN where the hole is exactly vertical.
 
     Raises
     ------
     ValueError
-        A `plausible` that is not positive, or shapes that do not fit together.
+        `plausible` is not positive, or the shapes do not match.
     """
     if not plausible > 0.0:
         raise ValueError(f"plausible: must be positive, got {plausible!r} T")
@@ -119,7 +119,7 @@ def axial_correction(
     h, v = (np.broadcast_to(np.asarray(one, dtype=float), lead).reshape(n) for one in (horizontal, vertical))
     cov_s = np.broadcast_to(np.asarray(sensor_covariance, dtype=float), (*lead, 6, 6)).reshape(n, 6, 6)
     cov_r = np.broadcast_to(np.asarray(reference_covariance, dtype=float), (*lead, 2, 2)).reshape(n, 2, 2)
-    # An exactly vertical hole has no azimuth: worked through with a stand-in attitude, then withheld.
+    # An exactly vertical hole has no azimuth: use a dummy attitude and replace the result by NaN.
     vertical_hole = ~(np.hypot(f[:, 1], f[:, 2]) > 1e-12 * np.linalg.norm(f, axis=1))
     f = np.where(vertical_hole[:, None], np.array([-1.0, 0.0, 1.0]), f)
     stations = _Stations(f, b, h, v, cov_s, cov_r, plausible)
@@ -127,7 +127,7 @@ def axial_correction(
 
 
 def _corrected(stations: _Stations, vertical: np.ndarray, plausible: float, lead: tuple[int, ...]) -> AxialCorrection:
-    """Correct n stations; vertical, shape (n,): those without an azimuth. Arrays of the result have the shape lead."""
+    """Correct n stations; vertical, shape (n,), marks those without an azimuth. Results get the shape `lead`."""
     peaks = _peaks(stations)
     best = _best(stations, peaks)
     fit = stations.fit(best.azimuth)
@@ -135,7 +135,7 @@ def _corrected(stations: _Stations, vertical: np.ndarray, plausible: float, lead
     mirror = (share > 0.0) & ~vertical
     sigma = np.where(best.wide, best.spread, fit.variance_azimuth + share * peaks.apart**2)
     sigma = np.minimum(np.sqrt(sigma), np.pi / np.sqrt(3.0))
-    # The interference follows the azimuth through the field along the axis.
+    # The interference depends on the azimuth through the field along the axis.
     slope = stations.h * stations.sin * np.sin(best.azimuth)
     variance_e = fit.variance_interference + slope**2 * (sigma**2 - fit.variance_azimuth)
     sigma_e = np.sqrt(np.maximum(variance_e, fit.variance_along))
@@ -158,10 +158,11 @@ def _corrected(stations: _Stations, vertical: np.ndarray, plausible: float, lead
 @dataclass(frozen=True)
 class _Peaks:
     """
-    The two most probable azimuths of n stations; all of shape (n,), angles in rad.
+    The two most probable azimuths of n stations; arrays of shape (n,), angles in rad.
 
-    azimuth, other : the better and the second. apart : between them. cost, cost_other : of `_Stations.cost`, infinite
-    where there is no second. angles, density : grid (m,) and probability (n, m) of the whole circle.
+    azimuth, other : the better one and the second one. apart : difference between them. cost, cost_other : values of
+    `_Stations.cost`, infinite if there is no second one. angles, density : grid (m,) and probability (n, m) of the
+    circle.
     """
 
     azimuth: Array
@@ -174,12 +175,12 @@ class _Peaks:
 
 
 def _peaks(stations: _Stations) -> _Peaks:
-    """Search the whole circle and refine the two deepest basins."""
+    """Search the whole circle and refine the two deepest minima."""
     angles = np.linspace(0.0, 2.0 * np.pi, _GRID, endpoint=False)
     around = np.broadcast_to(angles, (len(stations.h), _GRID))
     misfit = stations.misfit(around)[0]
     cost = stations.cost(around)
-    # Basins are those of the misfit alone: the prior of the interference would move them, farthest from its maximum.
+    # Find minima of the misfit alone; the prior of the interference would shift them, most of all far from its maximum.
     basin = (misfit <= np.roll(misfit, 1, axis=1)) & (misfit < np.roll(misfit, -1, axis=1))
     ranked = np.argsort(np.where(basin, misfit, np.inf), axis=1)[:, :2]
     two = np.take_along_axis(basin, ranked, axis=1)[:, 1]
@@ -197,7 +198,7 @@ def _peaks(stations: _Stations) -> _Peaks:
 
 @dataclass(frozen=True)
 class _Best:
-    """The azimuth given, rad, whether it is the mean of a wide posterior, and the variance of that, rad^2."""
+    """Result: azimuth, rad, whether it is the mean of a wide posterior, and the variance of that posterior, rad^2."""
 
     azimuth: Array
     wide: np.ndarray
@@ -205,7 +206,7 @@ class _Best:
 
 
 def _best(stations: _Stations, peaks: _Peaks) -> _Best:
-    """The peak, or where the posterior is flat its mean, which errs least: its maximum may lie anywhere on a flat."""
+    """Return the peak, or the mean if the posterior is flat: its maximum can lie anywhere, the mean errs least."""
     wide = stations.fit(peaks.azimuth).variance_azimuth > _WIDE**2
     away = wrap_pi(peaks.angles - peaks.azimuth[:, None])
     mean = np.sum(peaks.density * away, axis=1)
@@ -214,7 +215,7 @@ def _best(stations: _Stations, peaks: _Peaks) -> _Best:
 
 
 def _mirror_share(stations: _Stations, peaks: _Peaks, plausible: float) -> Array:
-    """Share of the second azimuth in the probability, by the height of its peak; 0 where it does not count."""
+    """Return the probability share of the second azimuth, from the height of its peak; 0 if it is ignored."""
     share = 1.0 / (1.0 + np.exp(np.minimum(0.5 * (peaks.cost_other - peaks.cost), 700.0)))
     loud = np.abs(stations.misfit(peaks.azimuth[:, None])[2][:, 0]) / plausible
     counts = np.isfinite(peaks.cost_other) & (peaks.apart > np.radians(1.0))
@@ -230,7 +231,7 @@ class _Fit:
 
 
 class _Stations:
-    """Readings of n stations and their reference, with the misfit of any azimuth."""
+    """Readings and references of n stations, with the misfit of any azimuth."""
 
     def __init__(self, f: Array, b: Array, h: Array, v: Array, cov_s: Array, cov_r: Array, plausible: float) -> None:
         self.h, self.v, self.cov_r, self.information_plausible = h, v, cov_r, 1.0 / plausible**2
@@ -239,7 +240,7 @@ class _Stations:
         self.sin, self.cos = across / g, -f[:, 0] / g
         s, c = f[:, 1] / across, f[:, 2] / across
         n, zero = len(f), np.zeros(len(f))
-        # Derivatives of the three components by (f, b): the high side turns with the toolface.
+        # Derivatives of the three components by (f, b); an error of f turns the high side.
         toolface_f = np.stack([zero, c / across, -s / across], axis=1)
         inclination_f = np.stack([across / g**2, -f[:, 0] * s / g**2, -f[:, 0] * c / g**2], axis=1)
         seen_in = np.zeros((n, 3, 6))
@@ -247,13 +248,13 @@ class _Stations:
         seen_in[:, 1, :3], seen_in[:, 2, :3] = -self.seen[:, 2:] * toolface_f, self.seen[:, 1:2] * toolface_f
         seen_in[:, 1, 4], seen_in[:, 1, 5] = s, c
         seen_in[:, 2, 4], seen_in[:, 2, 5] = -c, s
-        # Covariances of the three components, of them with the inclination, and of the inclination.
+        # Covariance of the three components, their covariance with the inclination, and its variance.
         self.cov_seen = seen_in @ cov_s @ np.swapaxes(seen_in, 1, 2)
         self.cov_both = np.squeeze(seen_in @ cov_s[:, :, :3] @ inclination_f[:, :, None], 2)
         self.var_inc = np.squeeze(inclination_f[:, None, :] @ cov_s[:, :3, :3] @ inclination_f[:, :, None], (1, 2))
 
     def _linear(self, azimuth: Array) -> tuple[Array, Array]:
-        """Misfit of azimuths of shape (n, m) and its covariance, shapes (n, m, 3) and (n, m, 3, 3)."""
+        """Return misfit, shape (n, m, 3), and its covariance, shape (n, m, 3, 3), of azimuths of shape (n, m)."""
         h, v, s, c = (x[:, None] for x in (self.h, self.v, self.sin, self.cos))
         s_a, c_a = np.sin(azimuth), np.cos(azimuth)
         zero = np.zeros_like(s_a)
@@ -274,47 +275,46 @@ class _Stations:
 
     def misfit(self, azimuth: Array) -> tuple[Array, Array, Array]:
         """
-        Weighted square misfit of azimuths, the log of its covariance, and the interference each would mean.
+        Return weighted squared misfit, log determinant of its covariance, and implied interference of azimuths.
 
-        azimuth, shape (n, m). Three arrays of that shape. The first two together are minus twice the log likelihood,
-        the interference being at its best; the first alone has its minimum exactly at the truth for readings without
-        error.
+        azimuth and the three results have shape (n, m). The sum of the first two is minus twice the log likelihood at
+        the best interference. For readings without error the first alone has its minimum exactly at the truth.
         """
         misfit, cov = self._linear(azimuth)
         a, b, d = cov[..., 1, 1], cov[..., 1, 2], cov[..., 2, 2]
         det = a * d - b * b
         y, z = misfit[..., 1], misfit[..., 2]
         across = (d * y * y - 2.0 * b * y * z + a * z * z) / det
-        # What is left of the axial reading once the across-axis misfit has predicted its share.
+        # Axial misfit after subtracting the part predicted by the across-axis misfit.
         p, q = cov[..., 0, 1], cov[..., 0, 2]
         k_y, k_z = (d * p - b * q) / det, (a * q - b * p) / det
         return np.asarray(across), np.asarray(np.log(det)), np.asarray(misfit[..., 0] - k_y * y - k_z * z)
 
     def fit(self, azimuth: Array) -> _Fit:
-        """Variances of azimuth and interference at an azimuth, shape (n,)."""
+        """Return the variances of azimuth and interference at an azimuth, shape (n,)."""
         cov = self._linear(azimuth[:, None])[1][:, 0]
         s_a, c_a = np.sin(azimuth), np.cos(azimuth)
         slope = np.stack([-self.h * self.sin * s_a, -self.h * self.cos * s_a, -self.h * c_a], axis=1)
         unit = np.zeros_like(slope)
         unit[:, 0] = 1.0
-        # Scaled to the field, so that angles and tesla invert alike.
+        # Scale by the field, so that angles and tesla have similar size in the inversion.
         scale = np.stack([np.ones_like(self.h), self.h], axis=1)
         design = np.stack([slope, unit], axis=2) * scale[:, None, :]
         information = np.swapaxes(np.linalg.solve(cov, design), 1, 2) @ design
-        # At the exact east-west horizontal the azimuth has no information of its own: keep the inverse finite.
+        # In an exactly horizontal east-west hole the azimuth has no information of its own: keep the inverse finite.
         information[:, 0, 0] += 1e-6
         covariance = np.linalg.inv(information) * scale[:, :, None] * scale[:, None, :]
         return _Fit(covariance[:, 0, 0], covariance[:, 1, 1], self.h**2 / information[:, 1, 1])
 
     def cost(self, azimuth: Array) -> Array:
-        """Minus twice the log probability of azimuths, shape (n, m), counting implausible interference against them."""
+        """Return minus twice the log probability of azimuths, shape (n, m), including the prior of the interference."""
         misfit, log, interference = self.misfit(azimuth)
         square = interference**2 * self.information_plausible
         density = (1.0 + square / _FREEDOM) ** (-0.5 * (_FREEDOM + 1.0)) + _TAIL / (1.0 + square)
         return np.asarray(misfit + log - 2.0 * np.log(density))
 
     def polish(self, azimuth: Array) -> Array:
-        """Azimuths, shape (n, m), at the bottom of their basins, by ever smaller windows around the least misfit."""
+        """Move azimuths, shape (n, m), to the minima of their misfit by repeatedly narrowing a window."""
         window = np.linspace(-1.0, 1.0, 17)
         width = 2.0 * np.pi / _GRID
         for _ in range(9):

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The magnetic interference of the tool and its string, estimated sample by sample: axial and cross-axial bias and scale.
+Magnetic interference of the tool and its string, estimated sample by sample: bias and scale, axial and cross-axial.
 
-Gravity's direction and the magnetometers give two numbers that do not depend on the unknown azimuth: the downward
-field V and the horizontal field H. Against the reference they are the measurement of an extended Kalman filter; its
-states are bias and scale of x, y and z and the errors of the reference H and V.
+The direction of gravity and the magnetometers give two numbers that do not depend on the unknown azimuth: the vertical
+field V and the horizontal field H. Compared with the reference they are the measurement of an extended Kalman filter.
+Its states are bias and scale of x, y and z and the errors of the reference H and V.
 
-Near the horizontal east-west hole the axial bias moves H only by its square: the second-order term is part of the
-innovation and of its variance. A gyro's azimuth, where there is one, is taken as a third measurement.
+Near a horizontal east-west hole the axial bias changes H only by its square; this second-order term is part of the
+innovation and of its variance. A gyro azimuth, if available, is a third measurement.
 
-What is not white (the gravity filter's own error, the field's variation along the hole) is counted once in a
-correlation time, however often it is sampled. A block of n samples gives the same bits as n blocks of one. Derivation:
+Errors that are not white (of the gravity filter, of the field along the hole) count once per correlation time, however
+often they are sampled. A block of n samples gives the same bits as n blocks of one sample. Derivation:
 ``docs/methods/magnetic_interference.md``.
 """
 
@@ -37,13 +37,13 @@ from mwd_estimation.magnetic.interference_state import (
 from mwd_sensors.core.arrays import Array, Samples
 from mwd_sensors.core.compiled import compiled
 
-# What was learnt for less than this is dropped with a restart, and so is the azimuth that rests on it, s.
+# A restart discards what was learnt in less than this time, and also the azimuth that depends on it, s.
 _YOUNG = 60.0
-# Longest step over which the random walk is applied, s: a longer gap counts as this.
+# Longest step for which the random walk is applied, s; a longer gap counts as this.
 _MAX_STEP = 7200.0
-# An error of the second-order term of H repeats itself for so long, s.
+# Time for which an error of the second-order term of H repeats, s.
 _BEND_TIME = 3600.0
-# Chi-square of one degree of freedom beyond which an azimuth from elsewhere disagrees: odds of one in a thousand.
+# Chi-square with one degree of freedom above which an external azimuth disagrees (probability of one in a thousand).
 _AZIMUTH_GATE = 10.83
 
 
@@ -54,23 +54,23 @@ def initial(
     axial: tuple[float, float] = (0.0, 0.0),
 ) -> Samples:
     """
-    State before the first sample.
+    Return the state before the first sample.
 
     Parameters
     ----------
     params : Params
     reference : Reference
     errors : SensorErrors
-        Sensor part of the priors: the bias of the magnetometers is added in squares, their scale error stands alone.
+        Sensor part of the priors: magnetometer bias (added in squares) and scale error.
     axial : tuple of float
-        Axial interference to start from and 1 sigma, T, where a station has shown one beyond what the prior thinks
-        possible. The prior's sigma stays at least: samples are held against the same reference as the station was,
-        whose error must not be averaged away.
+        Axial interference to start from and 1 sigma, T, if a station has shown more than the prior allows. The sigma is
+        at least that of the prior, because samples use the same reference as the station, whose error must not be
+        averaged away.
 
     Returns
     -------
     ndarray of dtype STATE, shape (1,)
-        A copy of it resumes.
+        State; a run can continue from a copy.
 
     Raises
     ------
@@ -93,13 +93,13 @@ def initial(
 
 def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
     """
-    Take in samples and give the azimuth freed of what is known so far.
+    Process samples and return azimuths corrected for the interference known so far.
 
     Parameters
     ----------
     p : Params
     state : ndarray, shape (1,)
-        From `initial`; changed in place. Blocks of any length give the same numbers.
+        State from `initial`, changed in place; the result does not depend on how the samples are cut into blocks.
     samples : FieldSamples
 
     Returns
@@ -107,7 +107,7 @@ def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
     ndarray of dtype INTERFERENCE, shape (n,)
     """
     rows = np.zeros(len(samples.stamp_ns), dtype=INTERFERENCE)
-    # One layout, and so one compilation.
+    # Contiguous arrays, so that numba compiles only one layout.
     samples = FieldSamples._make(np.ascontiguousarray(column) for column in samples)
     _run(p, state[0], samples, np.zeros(1, dtype=INNOVATION)[0], rows)
     return rows
@@ -115,28 +115,28 @@ def run(p: Params, state: Samples, samples: FieldSamples) -> Samples:
 
 def aid_azimuth(p: Params, state: Samples, g_t: Array, b_t: Array, azimuth: float, sigma: float) -> float:
     """
-    Take in a magnetic azimuth known otherwise (a gyro's less the declination), with field and gravity of that instant.
+    Update with a known magnetic azimuth (gyro azimuth minus declination), and field and gravity at that time.
 
     Parameters
     ----------
     p : Params
     state : ndarray, shape (1,)
-        Changed in place unless the azimuth is rejected.
+        State, changed in place unless the azimuth is rejected.
     g_t, b_t : ndarray, shape (3,)
         Unit vector down and field, T.
     azimuth, sigma : float
-        rad from magnetic north, and 1 sigma: of gyro and declination together.
+        Azimuth from magnetic north, rad, and 1 sigma of gyro and declination together.
 
     Returns
     -------
     float
-        Chi-square of the innovation, one degree of freedom, over its gate: above one it disagrees and was rejected.
+        Chi-square of the innovation (one degree of freedom) divided by its gate; above 1 the azimuth was rejected.
     """
     s = state[0]
     own, horizontal, row = _azimuth(s, np.array(g_t, dtype=float), np.array(b_t, dtype=float))
     innovation = math.remainder(azimuth - own, 2.0 * math.pi)
     gain = s.P @ row
-    # Gravity and field of this instant err too: as the filter's own lasting error.
+    # Gravity and field of this sample have errors too: add the filter's own correlated error.
     variance = float(row @ gain) + sigma**2 + (p.varying / horizontal) ** 2
     ratio = innovation**2 / variance / _AZIMUTH_GATE
     if ratio <= 1.0:
@@ -146,11 +146,11 @@ def aid_azimuth(p: Params, state: Samples, g_t: Array, b_t: Array, azimuth: floa
 
 
 def _azimuth(s: State, g: Array, b: Array) -> tuple[float, float, Array]:
-    """Magnetic azimuth of one sample, rad, its horizontal field, T, and the azimuth's slope by the state, (8,)."""
+    """Return a sample's magnetic azimuth, rad, horizontal field, T, and slope of the azimuth by the state, (8,)."""
     m = np.zeros(1, dtype=INNOVATION)[0]
     _directions(s, g, b, m)
     row = np.zeros(STATES)
-    # A field taken off towards east turns the north that is seen back west, and the azimuth up.
+    # Subtracting a field towards east turns the measured north west and increases the azimuth.
     row[: Error.SCALE], row[Error.SCALE : Error.HORIZONTAL] = m.east / m.horizontal, m.east * m.clean / m.horizontal
     return math.atan2(m.east[0], m.north[0]), float(m.horizontal), row
 
@@ -158,7 +158,7 @@ def _azimuth(s: State, g: Array, b: Array) -> tuple[float, float, Array]:
 @compiled
 def _directions(s: State, g: Array, b: Array, m: Innovation) -> None:
     """
-    Fill the directions, the clean field and H and V of one sample, with the state's errors taken off.
+    Fill the directions, the clean field, and H and V of one sample after subtracting the state's errors.
 
     g, b, shape (3,): unit vector down and field, T, in tool axes.
     """
@@ -183,10 +183,10 @@ def _directions(s: State, g: Array, b: Array, m: Innovation) -> None:
 @compiled
 def _slopes(g: Array, m: Innovation) -> None:
     """
-    Slopes of the innovations of V and H by the state.
+    Fill the slopes of the innovations of V and H by the state.
 
-    Those by scale take the field as expected, not as read: the noise of the reading is in the innovation too, and the
-    product of the two would bias the scales.
+    Slopes by scale use the expected field, not the measured one: its noise is in the innovation too, and the product of
+    the two would bias the scales.
     """
     for i in range(3):
         m.slope[0, Error.BIAS + i], m.slope[1, Error.BIAS + i] = -g[i], -m.north[i]
@@ -197,7 +197,7 @@ def _slopes(g: Array, m: Innovation) -> None:
 
 @compiled
 def _variance_east(s: State, m: Innovation) -> float:
-    """Variance that biases and scales leave in the field towards east, T^2."""
+    """Return the variance of the field towards east due to biases and scales, T^2."""
     total = 0.0
     for i in range(6):
         d_i = m.east[i] if i < 3 else m.east[i - 3] * m.clean[i - 3]
@@ -209,13 +209,13 @@ def _variance_east(s: State, m: Innovation) -> float:
 
 @compiled
 def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation) -> float:
-    """Fill the innovation of sample k; returns its chi-square over the gate."""
+    """Fill the innovation of sample k; return its chi-square divided by the gate."""
     g = samples.g_t[k]
     _directions(s, g, samples.b_t[k], m)
     _slopes(g, m)
     horizontal, vertical = m.horizontal, m.vertical
     white, tilt = p.noise * p.noise, samples.sigma_g[k] * samples.sigma_g[k]
-    # What errs along east (biases and scales left, noise, tilt) lifts H by its square over 2 H.
+    # An error along east (remaining bias and scale, noise, tilt) increases H by its square over 2 H.
     curve = 0.5 * _variance_east(s, m) / horizontal
     m.bend = 2.0 * curve * curve
     lifted = curve + 0.5 * (white + vertical * vertical * tilt) / horizontal
@@ -231,7 +231,7 @@ def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation)
         m.p_vv += m.slope[0, i] * m.gain[0, i]
         m.p_vh += m.slope[0, i] * m.gain[1, i]
         m.p_hh += m.slope[1, i] * m.gain[1, i]
-    # A tilt of the vertical towards north moves V by H and H by -V.
+    # A tilt of the vertical towards north changes V by H and H by -V.
     m.r_vv = p.varying * p.varying + horizontal * horizontal * tilt
     m.r_hh = p.varying * p.varying + vertical * vertical * tilt
     m.r_vh = -vertical * horizontal * tilt
@@ -245,9 +245,9 @@ def _innovate(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation)
 
 @compiled
 def _learn(p: Params, s: State, m: Innovation, step: float) -> None:
-    """Kalman update by the innovation; step: s since the last sample."""
-    # An error that lasts counts as one sample in a correlation time (of an exponential correlation: as two), the
-    # variance of the second-order term as one in an hour.
+    """Update with the innovation (Kalman); step: time since the last sample, s."""
+    # A correlated error counts as one sample per correlation time (exponential correlation: twice that time), the
+    # variance of the second-order term as one per hour.
     repeats, bend_repeats = 1.0, 1.0
     if step > 0.0:
         repeats = max(2.0 * p.correlation_s / step, 1.0)
@@ -274,7 +274,7 @@ def _learn(p: Params, s: State, m: Innovation, step: float) -> None:
 
 @compiled
 def _reject(p: Params, s: State, step: float) -> bool:
-    """Count a rejected sample; restart after enough of them. True where that drops what was learnt lately."""
+    """Count a rejected sample; restart after enough of them. Return True if this discards a recently learnt state."""
     s.disturbed_s += step
     if not s.disturbed_s > min(max(s.learnt_s, p.min_reset_time_s), p.max_reset_time_s):
         return False
@@ -289,14 +289,14 @@ def _reject(p: Params, s: State, step: float) -> bool:
 
 @compiled
 def _write(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation, row: Interference) -> None:
-    """Azimuth of sample k by the state, with its sigmas."""
+    """Write the azimuth of sample k by the state, with its sigmas."""
     g = samples.g_t[k]
     _directions(s, g, samples.b_t[k], m)
     angle = math.atan2(m.east[0], m.north[0])
     row.azimuth = angle + 2.0 * math.pi if angle < 0.0 else angle
     white, tilt = p.noise * p.noise, samples.sigma_g[k] * samples.sigma_g[k]
     spread, horizontal = _variance_east(s, m), m.horizontal
-    # A tilt of the vertical turns the horizontal field by tan(dip), and the axis' own heading near vertical.
+    # A tilt of the vertical turns the horizontal field by tan(dip), and near vertical also the heading of the axis.
     upright = max(1.0 - g[0] * g[0], 1e-12)
     turn = (m.vertical * m.vertical / (horizontal * horizontal) + g[0] * g[0] / upright) * tilt
     row.sigma_own = min(math.sqrt(max(spread, 0.0)) / horizontal, math.pi)
@@ -305,7 +305,7 @@ def _write(p: Params, s: State, samples: FieldSamples, k: int, m: Innovation, ro
 
 @compiled
 def _predict(p: Params, s: State, stamp_ns: int) -> tuple[float, bool]:
-    """Let the errors walk to a sample; s since the last one, and whether its stamp advances."""
+    """Propagate the errors to a sample; return the time since the last one, s, and whether the stamp advances."""
     first = s.last_ns < 0
     step = 0.0 if first else 1e-9 * (stamp_ns - s.last_ns)
     if step > 0.0:
@@ -322,7 +322,7 @@ def _predict(p: Params, s: State, stamp_ns: int) -> tuple[float, bool]:
 
 @compiled
 def _run(p: Params, s: State, samples: FieldSamples, m: Innovation, rows: Samples) -> None:
-    """Explicit loops over samples and states; m is scratch, `rows` is filled."""
+    """Loop over samples; m is scratch space, `rows` is filled."""
     for k in range(len(samples.stamp_ns)):
         row, finite = rows[k], True
         for i in range(3):

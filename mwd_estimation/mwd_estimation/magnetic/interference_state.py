@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings, state and rows of the interference filter, as its kernels see them."""
+"""Settings, state and rows of the interference filter, in the form that its kernels use."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from mwd_sensors.core.records import dtype_of
 
 class ErrorOrder(NamedTuple):
     """
-    Order of the error state: the first place of each quantity; there are STATES.
+    Order of the error state: the first index of each quantity; STATES in total.
 
-    BIAS and SCALE are those of x, y, z; HORIZONTAL and VERTICAL the errors of the reference.
+    BIAS and SCALE have x, y, z; HORIZONTAL and VERTICAL are errors of the reference.
     """
 
     BIAS: int = 0
@@ -29,7 +29,7 @@ STATES = 8
 
 
 class Params(NamedTuple):
-    """Priors, noise and gates of the filter."""
+    """Priors, noise and gates of the interference filter."""
 
     #: `axial`, `cross_axial`: prior of the axial interference and of the cross-axial bias, 1 sigma, T.
     axial: float = 2000.0 * 1e-9
@@ -37,27 +37,27 @@ class Params(NamedTuple):
     noise: float = 100e-9  #: white noise of each magnetometer axis in one sample, 1 sigma, T
     walk: float = 20.0**2 * 1e-18 / 3600.0  #: random walk of every bias, T^2/s
     field_walk: float = 30.0**2 * 1e-18 / 3600.0  #: random walk of the field along the hole, T^2/s
-    varying: float = 30.0 * 1e-9  #: error of a sample that lasts a correlation time, each of H and V, 1 sigma, T
+    varying: float = 30.0 * 1e-9  #: error of H and of V that lasts a correlation time, 1 sigma, T
     correlation_s: float = 10.0  #: correlation time of errors that are not white
-    gate: float = 16.0  #: chi-square of two degrees of freedom beyond which a sample is rejected
-    #: `max_reset_time_s`, `min_reset_time_s`: longest and shortest time for which samples must be rejected before the
-    #: filter restarts from its priors; a lower shortest one restarts on short shocks.
+    gate: float = 16.0  #: chi-square with two degrees of freedom above which a sample is rejected
+    #: `max_reset_time_s`, `min_reset_time_s`: longest and shortest time of rejected samples after which the filter
+    #: restarts from its priors; with a lower shortest time it restarts on short disturbances.
     max_reset_time_s: float = 900.0
     min_reset_time_s: float = 10.0
 
 
 class State:
-    """All that changes."""
+    """State of the filter."""
 
-    #: `x`, `P`: bias T and scale of the three axes, error of the reference H and V, T; and covariance.
+    #: `x`, `P`: bias, T, and scale of the three axes, errors of the reference H and V, T; and covariance.
     x: Annotated[Array, STATES]
     P: Annotated[Array, STATES, STATES]
-    #: `start`, `prior`: state and covariance to restart from.
+    #: `start`, `prior`: state and covariance used for a restart.
     start: Annotated[Array, STATES]
     prior: Annotated[Array, STATES, STATES]
     field: Annotated[Array, 2]  #: reference H and V, T
     last_ns: int  #: stamp of the last sample; -1 before the first
-    #: `disturbed_s`, `learnt_s`: how long samples have been rejected without a break, and learnt from since the start.
+    #: `disturbed_s`, `learnt_s`: time of uninterrupted rejection, and time learnt from since the start.
     disturbed_s: float
     learnt_s: float
 
@@ -68,51 +68,52 @@ class Interference:
     #: `bias`, `sigma`: axial, y and z bias, T, and 1 sigma.
     bias: Annotated[Array, 3]
     sigma: Annotated[Array, 3]
-    #: `azimuth`, `sigma_azimuth`: magnetic azimuth freed of bias and scale, rad in [0, 2 pi), and 1 sigma, at most pi.
+    #: `azimuth`, `sigma_azimuth`: magnetic azimuth without bias and scale, rad in [0, 2 pi), and 1 sigma, at most pi.
     azimuth: float
     sigma_azimuth: float
-    #: The part of that sigma which the biases and scales left unknown make: it stays from sample to sample.
+    #: Part of that sigma due to unknown biases and scales, which lasts from sample to sample.
     sigma_own: float
-    ratio: float  #: chi-square of the innovation over the gate; above one the sample was not learnt from
-    #: With this sample the filter forgot what it had learnt in a short time: that was from somewhere else.
+    ratio: float  #: chi-square of the innovation divided by the gate; above 1 the sample was not used
+    #: True if with this sample the filter discarded what it had learnt recently, because it came from a disturbed
+    #: place.
     restarted: bool
 
 
 class FieldSamples(NamedTuple):
     """Magnetic samples with gravity at the same instants, n of them."""
 
-    stamp_ns: Stamps  #: int64, shape (n,); not falling; a sample at or before the last one is not learnt from
+    stamp_ns: Stamps  #: int64, shape (n,); not decreasing; a sample at or before the last stamp is not learnt from
     #: `g_t`, `b_t`: shape (n, 3); unit vector down and field, T, in tool axes.
     g_t: Array
     b_t: Array
-    sigma_g: Array  #: shape (n,); 1 sigma of the direction down, rad, which lasts a correlation time
+    sigma_g: Array  #: shape (n,); 1 sigma of the direction down, rad, an error that lasts a correlation time
 
 
 class Innovation:
-    """The downward and horizontal field of a sample against the reference, and what its azimuth follows from."""
+    """Innovation of a sample: vertical and horizontal field against the reference, and quantities for its azimuth."""
 
     #: `north`, `east`: unit vectors in tool axes.
     north: Annotated[Array, 3]
     east: Annotated[Array, 3]
-    clean: Annotated[Array, 3]  #: the field as expected, T, free of the noise of the reading
-    #: `horizontal`, `vertical`: of the reading less bias and scale, T.
+    clean: Annotated[Array, 3]  #: expected field, T, without the noise of the measurement
+    #: `horizontal`, `vertical`: measured field minus bias and scale, T.
     horizontal: float
     vertical: float
-    #: `slope`, `gain`: of the innovations of V and H by the state, and the covariance of state and innovation.
+    #: `slope`, `gain`: slopes of the innovations of V and H by the state, and covariance of state and innovation.
     slope: Annotated[Array, 2, STATES]
     gain: Annotated[Array, 2, STATES]
     #: `off_v`, `off_h`: innovations, T.
     off_v: float
     off_h: float
-    #: `p_vv`, `p_vh`, `p_hh`: the state's part of their covariance, T^2.
+    #: `p_vv`, `p_vh`, `p_hh`: part of their covariance due to the state, T^2.
     p_vv: float
     p_vh: float
     p_hh: float
-    #: `r_vv`, `r_vh`, `r_hh`: the part of errors that last a correlation time.
+    #: `r_vv`, `r_vh`, `r_hh`: part due to errors that last a correlation time.
     r_vv: float
     r_vh: float
     r_hh: float
-    bend: float  #: variance of H's second-order term
+    bend: float  #: variance of the second-order term of H
 
 
 STATE, INTERFERENCE, INNOVATION = dtype_of(State), dtype_of(Interference), dtype_of(Innovation)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Spikes of a magnetometer: samples whose strength jumps away from those just before them, and comes back.
+Find spikes of a magnetometer: samples whose field strength jumps away from those before and comes back.
 
-Turning the tool does not change the strength, so a running median of it shows a spike at once, without delay. External
-interference that stays moves the median: after half the memory its samples count. What a turning tool with a biased
-magnetometer reads varies by more than that and widens the limit with it.
+Rotation of the tool does not change the strength, so a running median shows a spike at once. Lasting external
+interference moves the median and is accepted after half the memory. The readings of a rotating tool with a biased
+magnetometer vary more and thereby widen the limit.
 """
 
 from __future__ import annotations
@@ -18,39 +18,39 @@ from mwd_sensors.core.arrays import Array, Samples, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-_MEMORY = 9  # samples whose median is compared with
-_MIN_JUMP = 3e-6  # T, a smaller jump is never a spike
-_SPREADS = 8.0  # of the median distance from the median
-_GAP_NS = 10_000_000_000  # after a longer data gap it begins anew
+_MEMORY = 9  # number of samples in the median
+_MIN_JUMP = 3e-6  # T; a smaller jump is never a spike
+_SPREADS = 8.0  # limit as a multiple of the median distance from the median
+_GAP_NS = 10_000_000_000  # data gap after which the filter restarts, ns
 
 
 class State:
-    """All that changes."""
+    """State of the spike filter."""
 
-    strengths: Annotated[Array, _MEMORY]  #: of the last samples, T, in a ring
-    count: int  #: how many there are
-    next: int  #: place of the next one
-    last_ns: int  #: stamp of the last one
+    strengths: Annotated[Array, _MEMORY]  #: strengths of the last samples, T, in a ring
+    count: int  #: number of strengths
+    next: int  #: ring index of the next one
+    last_ns: int  #: stamp of the last sample
 
 
 STATE = dtype_of(State)
 
 
 def initial() -> Samples:
-    """State before the first sample, shape (1,), dtype STATE; a copy of it resumes."""
+    """Return the state before the first sample, shape (1,), dtype STATE; a run can continue from a copy."""
     return np.zeros(1, dtype=STATE)
 
 
 def run(state: Samples, stamp_ns: Stamps, b_t: Array) -> NDArray[np.bool_]:
     """
-    Which samples are no spikes.
+    Return which samples are not spikes.
 
     Parameters
     ----------
     state : ndarray, shape (1,)
-        From `initial`; changed in place. Blocks of any length give the same answer.
+        State from `initial`, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns, b_t : ndarray, shapes (n,) and (n, 3)
-        T, finite or not; a sample that is not finite is left to other checks and not remembered.
+        Stamps, and field, T; samples that are not finite are ignored and left to other checks.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def run(state: Samples, stamp_ns: Stamps, b_t: Array) -> NDArray[np.bool_]:
 
 @compiled
 def _median(values: Array, work: Array) -> float:
-    """Of an odd number of values; `work` is written to."""
+    """Return the median of an odd number of values; `work` is overwritten."""
     for i in range(len(values)):
         value, k = values[i], i
         while k > 0 and work[k - 1] > value:

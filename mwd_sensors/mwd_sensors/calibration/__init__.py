@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration of a tool: Allan variance, tumble fit, compensation of a stream."""
+"""Calibration of a tool: Allan variance, fit of a tumble run, correction of samples."""

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Allan deviation: what a sensor's noise is made of, from a recording at rest.
+Allan deviation: identify the parts of a sensor's noise in a recording at rest.
 
 Sources: IEEE Std 952-1997, annex C; overlapping estimator of Howe, Allan and Barnes (1981).
 """
@@ -15,23 +15,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from mwd_sensors.core.arrays import Array
 
-# Flicker floor of the Allan deviation over the bias instability coefficient B, sqrt(2 ln 2 / pi) (IEEE Std 952, C.1.3).
+# Ratio of the flat part of the Allan deviation to the bias instability B, sqrt(2 ln 2 / pi) (IEEE Std 952, C.1.3).
 FLICKER_FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 
 
 @dataclasses.dataclass(frozen=True)
 class AllanCurve:
     """
-    Allan deviation over averaging time.
+    Allan deviation as a function of averaging time.
 
     Attributes
     ----------
     tau : ndarray, shape (k,)
         Averaging time, s.
     deviation : ndarray, shape (k, ...)
-        In the unit of the samples, one column for each axis.
+        Deviation in the unit of the samples, one column for each axis.
     sigma : ndarray, shape (k,)
-        Relative 1 sigma of the deviation, from the number of independent averages.
+        Relative 1 sigma of the deviation, which follows from the number of independent averages.
     """
 
     tau: Array
@@ -42,7 +42,7 @@ class AllanCurve:
 @dataclasses.dataclass(frozen=True)
 class AllanFigures:
     """
-    Noise figures of one axis, unit of the samples.
+    Noise figures of one axis, in the unit of the samples.
 
     Attributes
     ----------
@@ -51,9 +51,10 @@ class AllanFigures:
     floor, floor_tau : float
         Lowest deviation and its averaging time, s.
     instability : float
-        Coefficient B, the floor over 0.664.
+        Bias instability B: the floor divided by 0.664.
     walk : float
-        Random walk of the bias, unit / sqrt(s): the slope of +1/2 at 3 s; 0 where the record is too short to show it.
+        Random walk of the bias, unit / sqrt(s): the deviation at 3 s on the slope of +1/2; 0 if the record is too
+        short.
     """
 
     white: float
@@ -65,21 +66,21 @@ class AllanFigures:
 
 def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> AllanCurve:
     """
-    Overlapping Allan deviation.
+    Compute the overlapping Allan deviation.
 
     Parameters
     ----------
     samples : array_like, shape (n,) or (n, axes)
-        Equally spaced, of a sensor at rest.
+        Equally spaced samples of a sensor at rest.
     rate : float
-        Hz.
+        Sample rate, Hz.
     points_per_decade : int
-        Averaging times in a decade; the longest is a fifth of the record.
+        Number of averaging times per decade; the longest is a fifth of the record.
 
     Raises
     ------
     ValueError
-        Fewer than 20 samples, a rate that is not positive, or samples that are not finite.
+        There are fewer than 20 samples, the rate is not positive, or a sample is not finite.
     """
     x = np.asarray(samples, dtype=float)
     if len(x) < 20:
@@ -87,9 +88,9 @@ def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> Allan
     if not rate > 0.0:
         raise ValueError(f"rate must be positive, got {rate!r} Hz")
     if not np.isfinite(x).all():
-        raise ValueError("samples: not all are finite; cut the gaps out first")
+        raise ValueError("samples: not all are finite; remove the gaps first")
     columns = x.reshape(len(x), -1)
-    # The mean is taken off first, so that the running sum keeps its digits.
+    # Subtract the mean first, so that the running sum keeps its digits.
     total = np.concatenate([np.zeros((1, columns.shape[1])), np.cumsum(columns - columns.mean(axis=0), axis=0)])
     longest = len(x) // 5
     count = max(2, math.ceil(math.log10(longest) * points_per_decade) + 1)
@@ -105,9 +106,9 @@ def allan(samples: ArrayLike, rate: float, points_per_decade: int = 10) -> Allan
 
 def figures(curve: AllanCurve, axis: int | None = None) -> AllanFigures:
     """
-    Read the noise figures off a curve; axis: which column, None for a curve of one axis.
+    Read the noise figures from a curve; axis selects a column, None is for a curve of one axis.
 
-    The white part is fitted where the slope is near -1/2, the walk where it is near +1/2 beyond the floor.
+    White noise is fitted where the slope is near -1/2, random walk where it is near +1/2 beyond the floor.
     """
     deviation = curve.deviation if axis is None else curve.deviation[:, axis]
     log_tau, log_dev = np.log(curve.tau), np.log(np.maximum(deviation, 1e-300))

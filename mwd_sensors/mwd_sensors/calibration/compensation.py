@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A calibration applied to a stream of samples, temperature by temperature (S0's compensation).
+Apply a calibration to a stream of samples, at the temperature of each sample (S0's compensation).
 
-Samples are corrected with the newest temperature that was measured before them, so that live and replay give the same
-bits whatever the blocks; until there is one, with that of the calibration itself.
+Each sample is corrected with the newest temperature that was measured before it, so that live and replay give the same
+bits however the stream is cut. Before the first temperature the reference temperature of the calibration is used.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mwd_sensors.calibration.triad_calibration import Calibration, TriadCalibration
 from mwd_sensors.core.arrays import Array, Samples
 
-# Temperatures remembered: samples that come late still find theirs.
+# Number of temperatures kept, so that late samples still find their temperature.
 _KEPT = 4096
 
 
@@ -29,7 +29,7 @@ class Compensation:
     Attributes
     ----------
     without_temperature : int
-        IMU samples corrected before any temperature was known.
+        Number of IMU samples that were corrected before any temperature was known.
     """
 
     def __init__(self, calibration: Calibration) -> None:
@@ -39,7 +39,7 @@ class Compensation:
         self._celsius: Array = np.empty(0)
 
     def push_temperature(self, samples: Samples) -> None:
-        """Take samples of the layout `wire.TEMPERATURE`; what is not finite is left out."""
+        """Accept samples of the layout `wire.TEMPERATURE`; ignore values that are not finite."""
         good = samples[np.isfinite(samples["temperature"])]
         stamps = np.concatenate([self._stamps, good["stamp_ns"]])
         order = np.argsort(stamps, kind="stable")[-_KEPT:]
@@ -56,7 +56,7 @@ class Compensation:
         return out
 
     def mag(self, samples: Samples) -> Samples:
-        """Correct samples of the layout `wire.MAG`; unchanged where the calibration has no magnetometer."""
+        """Correct samples of the layout `wire.MAG`; return them unchanged if the calibration has no magnetometer."""
         if self.calibration.magnetometer is None:
             return samples
         out = samples.copy()
@@ -67,7 +67,7 @@ class Compensation:
         return np.asarray(np.searchsorted(self._stamps, stamp_ns, side="left") > 0)
 
     def _corrected(self, triad: TriadCalibration, samples: Samples, field: str) -> Array:
-        # Strictly before: which of two messages of one stamp comes first is chance.
+        # Strictly before, because the order of two messages with equal stamps is chance.
         index = np.searchsorted(self._stamps, samples["stamp_ns"], side="left") - 1
         celsius = np.full(len(samples), triad.reference_c)
         celsius[index >= 0] = self._celsius[index[index >= 0]]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Statistics of least-squares calibrations: influence of temperature, sigmas from residuals, what is not determined."""
+"""Statistics of least-squares calibrations: effect of temperature, sigmas from residuals, check of the attitudes."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ UNDETERMINED = "these attitudes do not determine scale, misalignment and bias; t
 @dataclasses.dataclass(frozen=True)
 class RunTemperature:
     """
-    Temperature of a run.
+    Temperature during a calibration run.
 
     Attributes
     ----------
     reference_c, span : float
         Mean and range, degC.
     warm : ndarray, shape (m,)
-        Temperature above the reference over the range, so that all figures of a fit are of one size.
+        Temperature above the reference divided by the range, so that all parameters of a fit have similar size.
     varied : bool
-        Whether the range is large enough to fit the influence of temperature.
+        Whether the range is large enough to fit the effect of temperature.
     """
 
     reference_c: float
@@ -35,25 +35,29 @@ class RunTemperature:
 
     @classmethod
     def of(cls, celsius: Array) -> RunTemperature:
-        """Take reference and range from temperatures, shape (m,), degC."""
+        """Compute reference and range from temperatures, shape (m,), degC."""
         reference, varied = float(celsius.mean()), bool(np.ptp(celsius) > 1.0)
         span = float(np.ptp(celsius)) if varied else 1.0
         return cls(reference, span, (celsius - reference) / span, varied)
 
     @property
     def count(self) -> int:
-        """Number of figures beside the matrix: bias, and where temperature varied its influence on bias and scale."""
+        """Number of parameters besides the matrix: bias and, if temperature varied, slopes of bias and scale."""
         return 9 if self.varied else 3
 
     def corrected(self, y: Array, p: Array) -> Array:
-        """Correct readings, shape (m, 3), by the figures p: bias, and over the range of temperature bias and scale."""
+        """Correct readings, shape (m, 3), by p: bias and, if temperature varied, slopes of bias and scale."""
         if not self.varied:
             return np.asarray(y - p[:3])
         warm = self.warm[:, None]
         return np.asarray((y - p[:3] - warm * p[3:6]) / (1.0 + warm * p[6:9]))
 
     def figures_of(self, p: Array, sigma: Array, strength: float, scatter: float) -> dict[str, Any]:
-        """Name the figures p and their sigmas, SI; scatter: rms of the residuals over the strength."""
+        """
+        Return parameters p and their sigmas as named results in SI.
+
+        scatter is the rms of the residuals divided by the strength of the field.
+        """
         none = np.zeros(3)
         per_c, gain = strength / self.span, 1.0 / self.span
         bias, bias_per_c = allow_for_drift(sigma[:3], sigma[3:6] if self.varied else none, scatter, 1.0)
@@ -70,11 +74,12 @@ class RunTemperature:
 
 def fit_sigmas(jacobian: Array, residual: Array, parts: int = 1, interleaved: bool = False) -> Array:
     """
-    1 sigma of the figures of a least-squares fit, from the scatter of its residuals.
+    Return 1 sigma of the parameters of a least-squares fit, from the scatter of its residuals.
 
-    parts residuals belong to each rest: one after the other (interleaved), or all firsts before all seconds. A slow
-    drift of the sensor leaves residuals that resemble their neighbours, and fewer of them count: the larger of the
-    ordinary sigma and of that by Newey and West (Econometrica 55, 1987) with a fifth of the rests as its reach.
+    Each rest has `parts` residuals, stored one after the other (interleaved) or all firsts before all seconds. A slow
+    drift of the sensor makes neighbouring residuals similar, so that fewer of them are independent. The result is
+    therefore the larger of the ordinary sigma and the one by Newey and West (Econometrica 55, 1987), with a lag of a
+    fifth of the rests.
     """
     size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     scaled = jacobian / size
@@ -100,16 +105,16 @@ def allow_for_drift(
     sigma_bias: Array, sigma_bias_per_c: Array, scatter: Array | float, span: float
 ) -> tuple[Array, Array]:
     """
-    Widen sigmas for drift: half the scatter of the residuals in the bias, twice the scatter over the range.
+    Increase sigmas for drift: add half the residual scatter to the bias, and twice the scatter per range to its slope.
 
-    A sensor that drifts while the temperature happens to rise looks like one that depends on the temperature.
+    A sensor that drifts while the temperature happens to rise looks like a sensor that depends on temperature.
     """
     return np.hypot(sigma_bias, 0.5 * scatter), np.hypot(sigma_bias_per_c, 2.0 * scatter / span)
 
 
 def check_determined(jacobian: Array) -> None:
     """
-    Refuse a fit that the attitudes do not determine.
+    Raise ValueError if the attitudes do not determine the parameters of a fit.
 
     Raises
     ------
@@ -122,5 +127,5 @@ def check_determined(jacobian: Array) -> None:
 
 
 def rms(x: Array) -> float:
-    """Root mean square of vectors, shape (m, 3), or numbers, shape (m,)."""
+    """Return the root mean square of vectors, shape (m, 3), or numbers, shape (m,)."""
     return float(np.sqrt(np.mean(np.sum(np.atleast_2d(x.T).T ** 2, axis=-1))))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intervals at rest of a tumble run: where they are, and the mean readings in them."""
+"""Find the intervals at rest in a tumble run and average the readings in them."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ MIN_POSES = 12
 @dataclasses.dataclass(frozen=True)
 class Rests:
     """
-    Means over intervals at rest.
+    Mean readings over intervals at rest.
 
     Attributes
     ----------
     first, last : ndarray, shape (m,)
-        Indices of the first sample and past the last one.
+        Index of the first sample of each rest, and index after its last sample.
     gyro, accel, mag : ndarray, shape (m, 3)
-        rad/s, m/s^2, T; mag is nan where there is none.
+        Mean readings, rad/s, m/s^2, T; mag is NaN if there is no magnetometer.
     celsius : ndarray, shape (m,)
+        Mean temperature, degC.
     """
 
     first: Indices
@@ -46,24 +47,25 @@ def rests(
     quiet_force: float = 0.15,
 ) -> Rests:
     """
-    Find the intervals at rest of a tumble run.
+    Find the intervals at rest in a tumble run.
 
     Parameters
     ----------
     gyro, accel, mag : array_like, shape (n, 3)
-        rad/s, m/s^2, T (or None), at one rate.
+        Readings in rad/s, m/s^2, T (or None), all at the same rate.
     celsius : array_like, shape (n,)
+        Temperature, degC.
     rate : float
-        Hz.
+        Sample rate, Hz.
     seconds : float
-        Shortest rest.
+        Duration of the shortest rest, s.
     quiet_rate, quiet_force : float
-        At rest every half second keeps within this of its mean, rad/s and m/s^2.
+        Largest range of the readings within half a second at rest, rad/s and m/s^2.
 
     Raises
     ------
     ValueError
-        Fewer than `MIN_POSES` rests: the run cannot carry a calibration.
+        There are fewer than `MIN_POSES` rests, too few for a calibration.
     """
     w, f = np.asarray(gyro, dtype=float), np.asarray(accel, dtype=float)
     t = np.asarray(celsius, dtype=float)
@@ -72,7 +74,7 @@ def rests(
     count = len(f) // window
     shape = (count, window, 3)
     spans = [np.ptp(x[: count * window].reshape(shape), axis=1).max(axis=1) for x in (w, f)]
-    # A steady rotation is quiet too: at rest two windows in a row also agree in their specific force.
+    # A steady rotation is quiet too; at rest the specific force of neighbouring windows must also agree.
     mean_f = f[: count * window].reshape(shape).mean(axis=1)
     drift = np.linalg.norm(np.diff(mean_f, axis=0, prepend=mean_f[:1]), axis=1)
     drift = np.maximum(drift, np.append(drift[1:], 0.0))

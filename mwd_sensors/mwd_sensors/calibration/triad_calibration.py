@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Corrections of a unit's triads, and their table of plain numbers for YAML or JSON.
+Calibration of a unit's triads, and its form as plain numbers for YAML or JSON.
 
 Model of one triad, with warm = temperature - reference temperature:
 reading = (1 + scale_per_c * warm) * (inverse(matrix) @ truth) + bias + bias_per_c * warm.
@@ -26,21 +26,21 @@ class TriadCalibration:
     Attributes
     ----------
     matrix : ndarray, shape (3, 3)
-        Corrected = matrix @ ((reading - bias - bias_per_c * warm) / (1 + scale_per_c * warm)), where warm is the
-        temperature above reference_c.
+        The corrected vector is matrix @ ((reading - bias - bias_per_c * warm) / (1 + scale_per_c * warm)), where warm
+        is the temperature minus reference_c.
     bias, bias_per_c : ndarray, shape (3,)
-        SI and SI/degC.
+        Bias, SI, and its slope, SI/degC.
     scale_per_c : ndarray, shape (3,)
-        1/degC; like bias_per_c zero where the run was made at one temperature.
+        Slope of the scale, 1/degC; zero, like bias_per_c, if the run was made at one temperature.
     sigma_matrix, sigma_bias, sigma_bias_per_c, sigma_scale_per_c : ndarray
-        1 sigma of each figure, from the scatter of the residuals.
+        1 sigma of each parameter, from the scatter of the residuals.
     reference_c : float
-        degC.
+        Reference temperature, degC.
     before, after : float
-        Root mean square of the residuals without and with the correction, SI: of the vector on a stand, of the
-        strength without one, of gravity's direction (rad) for gyros turned without one.
+        Root mean square of the residuals without and with the correction. On a stand these are errors of the vector,
+        SI. Without a stand they are errors of the strength, SI; for gyros, errors of the direction of gravity, rad.
     poses : int
-        Rests (or turns) used.
+        Number of rests (or turns) used.
     """
 
     matrix: Array
@@ -57,7 +57,7 @@ class TriadCalibration:
     poses: int
 
     def __call__(self, reading: ArrayLike, celsius: ArrayLike) -> Array:
-        """Corrected vectors, shape (..., 3), of readings (..., 3) at temperatures (...), degC."""
+        """Return corrected vectors, shape (..., 3), of readings (..., 3) at temperatures (...), degC."""
         warm = np.asarray(celsius, dtype=float)[..., None] - self.reference_c
         free = np.asarray(reading, dtype=float) - self.bias - self.bias_per_c * warm
         return np.asarray(np.einsum("ij,...j->...i", self.matrix, free / (1.0 + self.scale_per_c * warm)))
@@ -73,7 +73,7 @@ class Calibration:
 
 
 def as_table(calibration: Calibration) -> dict[str, Any]:
-    """Write a calibration as plain numbers, for YAML or JSON; `from_table` reads it back exactly."""
+    """Return a calibration as plain numbers for YAML or JSON; `from_table` reads it back exactly."""
     triads = {field.name: getattr(calibration, field.name) for field in dataclasses.fields(calibration)}
     return {
         name: {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in vars(triad).items()}
@@ -84,12 +84,12 @@ def as_table(calibration: Calibration) -> dict[str, Any]:
 
 def from_table(table: Mapping[str, Any]) -> Calibration:
     """
-    Read a calibration from a table as `as_table` writes it.
+    Read a calibration from a mapping in the form of `as_table`.
 
     Raises
     ------
     ValueError
-        A missing triad or figure, a wrong shape, a number that is not finite, or a matrix far from the identity.
+        A triad or number is missing, has a wrong shape or is not finite, or a matrix is far from the identity.
     """
     read: dict[str, TriadCalibration] = {}
     for name, triad in table.items():

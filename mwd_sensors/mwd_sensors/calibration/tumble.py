@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Fits of a calibration from a tumble and temperature run.
+Fit a calibration to a tumble and temperature run.
 
-The strength of gravity and of the field, the dip between them, and the turns between rests are enough, up to one common
-rotation of the triads. Every figure comes with its 1 sigma, from the scatter of the residuals.
+The known inputs are the strengths of gravity and of the magnetic field, the dip between them, and the rotations between
+rests. They determine the triads except for one common rotation. Every parameter comes with its 1 sigma, from the
+scatter of the residuals.
 """
 
 from __future__ import annotations
@@ -27,15 +28,15 @@ from mwd_sensors.core.frames import mat_from_quat, quat_from_rotvec, quat_multip
 
 def fit_strength(reading: ArrayLike, strength: float, celsius: ArrayLike) -> TriadCalibration:
     """
-    Calibrate from the strength of a field alone (gravity), any attitudes, none of them known.
+    Calibrate a triad from the strength of a field alone (gravity), with unknown attitudes.
 
-    reading, shape (m, 3); strength, SI; celsius, shape (m,). The matrix is symmetric: the rotation that strength
-    cannot see is left out.
+    reading, shape (m, 3); strength, SI; celsius, shape (m,). The matrix is symmetric, because strength does not
+    determine a rotation.
 
     Raises
     ------
     ValueError
-        The attitudes do not determine the figures.
+        The attitudes do not determine the parameters.
     """
     y, heat = np.asarray(reading, dtype=float) / strength, RunTemperature.of(np.asarray(celsius, dtype=float))
 
@@ -60,20 +61,21 @@ def fit_magnetometer(
     reading: ArrayLike, f_t: ArrayLike, strength: float, dip: float, celsius: ArrayLike
 ) -> TriadCalibration:
     """
-    Calibrate a magnetometer from the strength of the field and its dip against calibrated accelerometers.
+    Calibrate a magnetometer from the strength of the field and its dip relative to calibrated accelerometers.
 
     Parameters
     ----------
     reading, f_t : array_like, shape (m, 3)
-        T; corrected specific force, m/s^2: the dip ties the magnetic axes to those of the accelerometers.
+        Readings, T, and corrected specific force, m/s^2. The dip relates the magnetic axes to those of the
+        accelerometers.
     strength, dip : float
-        Of the field where the run was made, T and rad.
+        Strength, T, and dip, rad, of the field at the place of the run.
     celsius : array_like, shape (m,)
 
     Raises
     ------
     ValueError
-        The attitudes do not determine the figures.
+        The attitudes do not determine the parameters.
     """
     y, f = np.asarray(reading, dtype=float) / strength, np.asarray(f_t, dtype=float)
     down = -f / np.linalg.norm(f, axis=1, keepdims=True)
@@ -99,23 +101,23 @@ def fit_magnetometer(
 
 def fit_gyro(gyro: ArrayLike, at_rest: Rests, accelerometer: TriadCalibration, rate: float) -> TriadCalibration:
     """
-    Calibrate gyros: bias and its temperature from the rests, scale and misalignment from the turns between them.
+    Calibrate gyros: bias and its temperature slope from the rests, scale and misalignment from the rotations between.
 
     Parameters
     ----------
     gyro : array_like, shape (n, 3)
         Readings of the whole run, rad/s.
     at_rest : Rests
-        Of the same run.
+        Rests of the same run.
     accelerometer : TriadCalibration
-        Gives the direction of gravity in each rest: a turn must carry one into the next.
+        Calibration that gives the direction of gravity in each rest; each rotation must carry it into the next rest.
     rate : float
-        Hz.
+        Sample rate, Hz.
 
     Raises
     ------
     ValueError
-        The turns do not determine the figures (they must go round all axes).
+        The rotations do not determine the parameters (rotations about all axes are needed).
     """
     w, t = np.asarray(gyro, dtype=float), at_rest.celsius
     heat = RunTemperature.of(t)
@@ -174,16 +176,16 @@ def calibrate(
     celsius : array_like, shape (n,)
         Temperature at each sample.
     rate : float
-        Hz.
+        Sample rate, Hz.
     gravity : float
-        m/s^2.
+        Strength of gravity, m/s^2.
     field : (float, float) or None
-        Strength, T, and dip, rad, of the field where the run was made; needed for magnetometers.
+        Strength, T, and dip, rad, of the magnetic field at the place of the run; needed to calibrate magnetometers.
 
     Raises
     ------
     ValueError
-        Too few rests, or attitudes that do not determine the figures.
+        There are too few rests, or the attitudes do not determine the parameters.
     """
     found = rests(gyro, accel, mag, celsius, rate)
     accelerometer = fit_strength(found.accel, gravity, found.celsius)
@@ -196,16 +198,16 @@ def calibrate(
 
 def _turns(w: Array, at_rest: Rests, bias: Array, drift: Array, rate: float) -> Array:
     """
-    Rotation vectors of the turns between rests, shape (longest, turns, 3), rad, in the order of time.
+    Return the rotation vectors between rests in order of time, rad, shape (longest, rotations, 3).
 
-    w, shape (n, 3): rates of the whole run. bias, shape (3,), and drift, shape (turns, 3): of the gyros in the run
-    and in each turn. All rad/s.
+    w, shape (n, 3), are the rates of the whole run; bias, shape (3,), is the gyro bias of the run and drift, shape
+    (rotations, 3), its change in each rotation. All in rad/s.
     """
     turns = []
     for k in range(len(drift)):
         a, z = int(at_rest.last[k]) - round(0.5 * rate), int(at_rest.first[k + 1]) + round(0.5 * rate)
         turns.append((w[a:z] - bias - drift[k]) / rate)
-    # All turns are computed side by side; short ones are filled up with zeros, which do not turn.
+    # All rotations are computed in parallel; short ones are padded with zeros, which are no rotation.
     steps = np.zeros((max(len(turn) for turn in turns), len(turns), 3))
     for k, turn in enumerate(turns):
         steps[: len(turn), k] = turn
@@ -213,13 +215,13 @@ def _turns(w: Array, at_rest: Rests, bias: Array, drift: Array, rate: float) -> 
 
 
 def _carried(steps: Array, down: Array) -> Array:
-    """Gravity's direction (k, 3) in tool axes after the rotation vectors steps (n, k, 3)."""
-    # Halved pairwise: rotations are joined as a tree, so that a long turn takes few array operations.
+    """Return gravity's direction, shape (k, 3), in tool axes after the rotation vectors steps, shape (n, k, 3)."""
+    # Rotations are multiplied in pairs, as a tree, so that a long rotation takes few array operations.
     q = quat_from_rotvec(steps)
     while len(q) > 1:
         odd = q[-1:] if len(q) % 2 else q[:0]
         q = np.concatenate([quat_multiply(q[0 : len(q) - len(odd) : 2], q[1 : len(q) : 2]), odd])
-    # Tool to level grows by right factors: the direction turns back by the whole.
+    # q is the tool-to-level rotation relative to the start, so the direction turns by its inverse.
     return np.asarray(np.einsum("kji,kj->ki", mat_from_quat(q[0]), down))
 
 

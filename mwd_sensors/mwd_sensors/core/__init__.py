@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every package builds on: units, frames, Earth models, the wire, compiled kernels, settings."""
+"""Units, frames, Earth models, message layouts, compiled kernels and settings, used by every package."""

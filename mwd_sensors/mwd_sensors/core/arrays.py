@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The array types of all packages, so that a signature says what an array holds, and how samples are joined."""
+"""Array types of all packages, so that a signature says what an array holds, and a function that joins samples."""
 
 from collections.abc import Sequence
 
@@ -7,30 +7,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""Measurements, states, covariances; the docstring beside it names shape and unit."""
+"""Measurements, states or covariances; the docstring of each argument gives its shape and unit."""
 
 Vector = Array | tuple[float, float, float]
 """
 Three components: an array of shape (3,), or the numbers themselves.
 
-Kernels that run once a sample pass numbers: numba counts the references of an array at each call.
+Kernels that run once a sample pass plain numbers, because numba counts references to an array at each call.
 """
 
 Stamps = NDArray[np.int64]
 """Times of measurement, ns since 1970."""
 
 Indices = NDArray[np.int64]
-"""Places in another array, or counts."""
+"""Positions in another array, or counts."""
 
 Bytes = NDArray[np.uint8]
 """Raw bytes of messages or of a file."""
 
 Samples = NDArray[np.void]
-"""Structured array of samples: one named record for each, as laid out in `mwd_sensors.core.wire`."""
+"""Structured array of samples, one record per sample, with a dtype of `mwd_sensors.core.wire`."""
 
 
 def joined(parts: Sequence[Samples]) -> Samples:
-    """Join samples of one layout, at least one part."""
-    # As bare bytes: joining records looks at each of their fields.
+    """Concatenate arrays of samples that share one dtype; at least one array is needed."""
+    # As raw bytes: numpy is slow at joining records because it visits each field.
     kind = parts[0].dtype
     return np.concatenate([part.view(f"V{kind.itemsize}") for part in parts]).view(kind)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Budgets of every reader of files and peers: how much it takes before it stops with a sentence.
+Size limits for every reader of files and network peers. A reader stops with a clear message at its limit.
 
-A reader allocates and works in proportion to what it is given; the budget bounds that where a small input can ask for
-much: compression, aliases, repeated chunks, times far apart, deep nesting. The table stands in SECURITY.md as well.
+Readers use memory and time in proportion to the size of their input. The budget limits the cases where a small input
+can ask for much more: compression, aliases, repeated chunks, times far apart and deep nesting. SECURITY.md shows the
+same table.
 """
 
 from __future__ import annotations
@@ -14,22 +15,22 @@ MB = 1_000_000
 
 
 class BudgetError(ValueError):
-    """An input asks for more than its budget; the message says of what, and how much is allowed."""
+    """An input exceeds its budget; the message names the quantity and the limit."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Budget:
     """
-    Budget of one reader; None: nothing to bound, or bounded by another column.
+    Limits of one reader; None means that this quantity is not limited, or that another column limits it.
 
     Attributes
     ----------
     reads : str
-        Inputs that it is for.
+        Inputs that the budget applies to.
     size : int
         Bytes read.
     unpacked : int, optional
-        Bytes in memory after decompression, of one piece.
+        Bytes in memory of one piece after decompression.
     records : int, optional
         Rows, values, samples or records.
     columns : int, optional
@@ -37,7 +38,7 @@ class Budget:
     seconds : float, optional
         Time from the first record to the last.
     nesting : int, optional
-        Levels.
+        Levels of nesting.
     """
 
     reads: str
@@ -50,12 +51,12 @@ class Budget:
 
     def check(self, what: str, amount: float) -> None:
         """
-        Hold an amount against one column of the budget.
+        Compare an amount with one column of the budget.
 
         Raises
         ------
         BudgetError
-            It is more.
+            The amount is above the limit.
         """
         most = getattr(self, what)
         if most is not None and amount > most:
@@ -63,12 +64,12 @@ class Budget:
 
     def check_ratio(self, packed: int, unpacked: int) -> None:
         """
-        Hold all that a file unpacks to against its size.
+        Compare the total decompressed size of a file with the size of the file.
 
         Raises
         ------
         BudgetError
-            It unpacks to more than `FREE` bytes and `RATIO` times its size.
+            The decompressed size is more than `FREE` bytes plus `RATIO` times the size of the file.
         """
         most = FREE + RATIO * packed
         if unpacked > most:
@@ -87,7 +88,7 @@ _WORDS = {
 }
 
 FREE, RATIO = 256 * MB, 200
-"""A compressed file may unpack to so many bytes, and so many times its size more: sensor noise packs less than tenfold,
+"""A compressed file may decompress to FREE bytes plus RATIO times its size. Sensor noise compresses less than tenfold,
 a silent topic up to a hundredfold."""
 
 DAY_S = 86_400.0

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Bursts: several samples of an inertial unit in one mwd_msgs/ImuBurst, and back, to the bit.
+Encode several samples of an inertial unit as one mwd_msgs/ImuBurst and decode them again, bit for bit.
 
-At several kilohertz a message for each sample costs more than its content: a burst of ten costs what one sample does.
-An Imu's orientation is not carried, for a raw unit has none; its covariances are those of the whole burst.
-
-Encoding: CDR, little endian, as ROS 2 writes it (see `wire`).
+At several kilohertz the overhead of a message is larger than its content: a burst of ten samples costs as much as one
+message with one sample. A burst carries no orientation, because a raw unit has none, and one covariance for all its
+samples. The encoding is little-endian CDR as ROS 2 writes it (see `wire`).
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ from mwd_sensors.core.arrays import Samples
 from mwd_sensors.core.wire import WireError
 
 TYPE_NAME = "mwd_msgs/msg/ImuBurst"
-MOST = 1000  # samples of one burst, as the message bounds them
-# Topics of bursts, and the topics whose samples they carry.
+MOST = 1000  # most samples in one burst, the bound in the message definition
+# Topic of the bursts -> topic of the single samples that they contain.
 TOPICS = {"imu/burst": "imu/data_raw", "gyro/burst": "gyro/data_raw"}
 
 _HEAD = wire.Layout(
@@ -40,12 +39,12 @@ _COVARIANCES = ("angular_velocity_covariance", "linear_acceleration_covariance")
 
 def encode(samples: Samples, frame_id: str) -> bytes:
     """
-    One burst of the samples, dtype of `wire.IMU`; their covariances must be equal.
+    Encode samples of dtype `wire.IMU` as one burst; all samples must have the same covariances.
 
     Raises
     ------
     ValueError
-        No samples or more than `MOST`, another dtype, an orientation, or covariances that differ among the samples.
+        There are no samples or more than `MOST`, the dtype differs, a sample has an orientation, or covariances differ.
     """
     if samples.dtype != wire.IMU.dtype:
         raise ValueError(f"samples: expected the dtype of {wire.IMU.type_name}, got {samples.dtype}")
@@ -63,13 +62,17 @@ def encode(samples: Samples, frame_id: str) -> bytes:
     rows = np.zeros(len(samples), dtype=_SAMPLE)
     rows["sec"], rows["nanosec"] = np.divmod(samples["stamp_ns"], wire.NANOSECONDS)
     rows["angular_velocity"], rows["linear_acceleration"] = samples["angular_velocity"], samples["linear_acceleration"]
-    # Behind the count the first stamp is four bytes off what a double needs, and so padded; the others are not.
+    # The first stamp follows the 4-byte count, so its doubles need four bytes of padding; later samples need none.
     packed: bytes = rows.tobytes()
     return start + packed[:8] + _PADDING + packed[8:]
 
 
 def parts(samples: Samples, size: int) -> list[slice]:
-    """Slices for bursts of at most `size`, each of one covariance: a sample flagged as clipped begins another."""
+    """
+    Split samples into slices for bursts of at most `size` samples with equal covariances.
+
+    A sample whose covariance says that it was clipped therefore starts a new burst.
+    """
     changes = np.zeros(max(len(samples) - 1, 0), dtype=np.bool_)
     for name in _COVARIANCES:
         changes |= (samples[name][1:] != samples[name][:-1]).any(axis=1)
@@ -79,7 +82,7 @@ def parts(samples: Samples, size: int) -> list[slice]:
 
 def decode(message: bytes) -> Samples:
     """
-    Decode a burst: samples, dtype of `wire.IMU`, without orientation (its first covariance element is -1).
+    Decode a burst to samples of dtype `wire.IMU` without orientation (its first covariance element is -1).
 
     Raises
     ------
@@ -108,7 +111,7 @@ def decode(message: bytes) -> Samples:
 
 
 def bare(count: int = 1) -> Samples:
-    """Take the orientation out of samples, as REP-145 defines it: zeros, and -1 as first element of the covariance."""
+    """Return `count` zero samples marked as having no orientation: -1 in its first covariance element (REP-145)."""
     samples = wire.IMU.empty(count)
     samples["orientation_covariance"][:, 0] = -1.0
     return samples

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compilation of kernels by numba, with a cache that follows every module they take names from."""
+"""Compile kernels with numba, with a cache that is renewed when any module that a kernel uses changes."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 class _OldDispatcher(_Dispatcher):  # type: ignore[misc]
     """
-    A kernel for numba before 0.61, which tells named tuples apart by memory it has not written (its issue 9097).
+    Kernel for numba before 0.61, which compares named tuples by uninitialised memory (numba issue 9097).
 
-    Each call would keep some hundred bytes for good, and could take one type for another. So the machine code for
-    named tuples is looked up here.
+    With numba's own lookup each call would leak some hundred bytes and could pick the code of another type. This class
+    therefore looks up the machine code of calls with named tuples itself.
     """
 
     def __call__(self, *args: Any, **keywords: Any) -> Any:
@@ -50,20 +50,20 @@ def compiled(function: F) -> F:
     """
     Compile an explicit-loop kernel to machine code.
 
-    The function must use scalars, numpy arrays and loops only (no Python objects, no ``@``: matrix products of
-    small arrays are slower than loops there). The machine code is cached beside the module, and rebuilt when the
-    module changes or one that its names come from. Floating point stays strict (no fast-math), so that a block of
-    samples gives the same bits as the samples one by one. Other threads run meanwhile, so the arrays of one call belong
-    to it until it returns.
+    The function must use scalars, numpy arrays and loops only (no Python objects, no ``@``: for small arrays loops are
+    faster than matrix products). The machine code is cached next to the module. It is rebuilt when the module changes,
+    or any module that its names come from. Floating point stays strict (no fast-math), so that a block of samples gives
+    the same bits as the same samples one by one. The kernel releases the interpreter lock; other threads must not touch
+    the arrays of a call until it returns.
     """
     kernel = _njit(cache=True, fastmath=False, nogil=True)(function)
-    # numba looks at the kernel's own file only; machine code of a callee that has changed since would live on in it.
+    # numba checks the kernel's own file only and would keep the old machine code of a changed function that it calls.
     index = getattr(getattr(kernel, "_cache", None), "_cache_file", None)
     if index is not None:
         index._source_stamp = (index._source_stamp, _stamps(function.__module__))
         index._load_index = _or_none(index._load_index)
         kernel.compile = _one_at_a_time(kernel.compile, Path(index._cache_path), index._index_name)
-    # Called by another kernel with 0 here and 1 there it would be compiled for each: a fifth of all compiling.
+    # Without this, numba compiles a called kernel again for every literal argument (0, 1): a fifth of all compile time.
     by_type = kernel.get_call_template
     kernel.get_call_template = lambda args, keywords: by_type(
         tuple(map(_unliteral, args)), {name: _unliteral(kind) for name, kind in keywords.items()}
@@ -76,7 +76,7 @@ def compiled(function: F) -> F:
 
 @contextlib.contextmanager
 def when_compiling(report: Callable[[], None]) -> Iterator[None]:
-    """Within this, call `report` before the first kernel that is in no cache and has to be compiled; then no more."""
+    """Call `report` once, before the first kernel that is not in the cache is compiled within this context."""
     waiting = [report]
 
     class First(_event.Listener):  # type: ignore[misc]
@@ -85,7 +85,7 @@ def when_compiling(report: Callable[[], None]) -> Iterator[None]:
                 waiting.pop()()
 
         def on_end(self, _: object) -> None:
-            """Of no interest."""
+            """Ignore the end of a compilation."""
 
     with _event.install_listener("numba:compile", First()):
         yield
@@ -93,12 +93,12 @@ def when_compiling(report: Callable[[], None]) -> Iterator[None]:
 
 def _one_at_a_time(compile_: Callable[[Any], Any], folder: Path, name: str) -> Callable[[Any], Any]:
     """
-    Compile a kernel in one process at a time: another that needs it waits, and then takes it from the cache.
+    Wrap a compile function so that only one process compiles a kernel; others wait and then read it from the cache.
 
-    Nodes and test workers that start together would each compile the same kernels, for minutes.
+    Without this, nodes and test workers that start together would each compile the same kernels for minutes.
     """
-    # A kernel waits for those it calls only, so that processes do not wait for each other in a circle; where two names
-    # share a place they could, which the system notices and refuses.
+    # A kernel waits only for kernels that it calls, so processes cannot wait for each other in a circle. They could if
+    # two names share a lock byte; the system detects that deadlock and refuses the lock.
     place = zlib.crc32(name.encode())
 
     def compiled_once(signature: Any) -> Any:
@@ -120,16 +120,20 @@ def _one_at_a_time(compile_: Callable[[Any], Any], folder: Path, name: str) -> C
 
 @functools.cache
 def _lock_file(folder: Path) -> int | None:
-    """Descriptor of a file whose bytes stand for the kernels of a folder of the cache; None where none can be had."""
+    """
+    Open the lock file of a cache folder, in which one byte stands for each kernel, and return its descriptor.
+
+    Returns None when the file cannot be opened.
+    """
     try:
-        # Open for good: a process that closes a file gives up all its locks on it.
+        # Never closed: when a process closes a file, it loses all its locks on that file.
         return os.open(folder / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
     except OSError:
         return None
 
 
 def _or_none(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
-    """Cache's index, empty where it names a module or a type that an earlier version had and this one has not."""
+    """Load the cache's index, or an empty one if the index names a module or type that no longer exists."""
 
     def loaded() -> dict[Any, str]:
         try:
@@ -142,7 +146,7 @@ def _or_none(load: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]
 
 @functools.cache
 def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
-    """Name, change and size of the files of a module and of all of ours that its names come from, near and far."""
+    """Return name, time of change and size of the files of a module and of all our modules that its names come from."""
     seen: set[str] = set()
     waiting = [name]
     while waiting:
@@ -152,10 +156,10 @@ def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
             continue
         seen.add(at)
         if hasattr(module, "__path__"):
-            # A package's names are whatever has been imported of it so far.
+            # The names in a package are whatever modules were imported so far, which differs from process to process.
             continue
         for value in list(vars(module).values()):
-            # What a kernel can use: modules, other kernels, names of numbers, and tuples of settings with named fields.
+            # Values that a kernel can use: modules, other kernels, enumerations and named tuples of settings.
             usable = hasattr(value, "py_func") or (isinstance(value, type) and issubclass(value, (enum.Enum, tuple)))
             source = value.__name__ if isinstance(value, ModuleType) else value.__module__ if usable else ""
             if source.startswith(_OURS):
@@ -170,7 +174,7 @@ def _stamps(name: str) -> tuple[tuple[str, int, int], ...]:
 
 
 def _kind(arg: Any) -> Any:
-    """What numba makes the type of an argument from."""
+    """Return the properties of an argument from which numba derives its type."""
     if isinstance(arg, tuple):
         return type(arg), *map(_kind, arg)
     if isinstance(arg, np.ndarray | np.void):

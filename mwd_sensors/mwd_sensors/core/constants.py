@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Physical constants of every package, each once, with its source."""
+"""Physical constants that the packages share, each defined once with its source."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import math
 
 # Standard acceleration of gravity, m/s^2 (CGPM 1901).
 STANDARD_GRAVITY = 9.80665
-# Farthest that gravity on land or at sea lies from standard gravity, m/s^2: WGS 84 normal gravity is 9.7803 at the
-# equator and 9.8322 at the pole, less 0.003 for each km of height. Beyond it a reading is wrong wherever the well is.
+# Largest difference of gravity on land or at sea from standard gravity, m/s^2: WGS 84 normal gravity is 9.7803 at the
+# equator and 9.8322 at the pole, less 0.003 for each km of height. A reading outside this is wrong at any well.
 GRAVITY_FARTHEST = 0.04
-# 1 sigma of gravity where the place is not known, m/s^2: half the range of normal gravity over the latitudes, and
-# heights of a km or two.
+# 1 sigma of gravity when the place is not known, m/s^2: half the range of normal gravity over the latitudes, plus
+# heights of one or two km.
 GRAVITY_SPREAD = 0.03
 # Ice point, K: 0 degC (SI Brochure, 9th edition, 2.3.1).
 CELSIUS_ZERO = 273.15

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The Earth under the rig: reference magnetic field, gravity, rotation and grid convergence.
+Reference magnetic field, gravity, Earth rotation and grid convergence at the rig.
 
-The field comes from the World Magnetic Model (package pygeomag) or from the IGRF (package ppigrf); the two differ by
-tens of nT, which is the honest size of what a global model does not know about one place.
+The field comes from the World Magnetic Model (package pygeomag) or from the IGRF (package ppigrf). The two models
+differ by tens of nT, which is a realistic size for the error of a global model at one place.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ _YEARS = {"wmm2025": (2025.0, 2030.0), "igrf": (1900.0, 2030.0)}
 @dataclasses.dataclass(frozen=True)
 class ReferenceField:
     """
-    Reference of gravity and magnetic field at one place and date.
+    Reference gravity and magnetic field at one place and date.
 
     Attributes
     ----------
     total : float
         Strength of the magnetic field, T.
     dip : float
-        Of the field below the horizontal, rad.
+        Dip of the field, positive below the horizontal, rad.
     declination : float
-        Magnetic north from true north, rad, east positive.
+        Angle from true north to magnetic north, rad, east positive.
     convergence : float
-        Grid north from true north, rad, east positive: grid azimuth = true azimuth - convergence.
+        Angle from true north to grid north, rad, east positive: grid azimuth = true azimuth - convergence.
     gravity : float
-        m/s^2.
+        Gravity, m/s^2.
     source : str
-        Model with its year, "measured" or "configured".
+        Name of the model with its year, "measured" or "configured".
     """
 
     total: float
@@ -63,12 +63,12 @@ class ReferenceField:
 
     @property
     def horizontal(self) -> float:
-        """Horizontal strength, T."""
+        """Horizontal component of the field, T."""
         return self.total * math.cos(self.dip)
 
     @property
     def vertical(self) -> float:
-        """Downward component, T."""
+        """Downward component of the field, T."""
         return self.total * math.sin(self.dip)
 
     @property
@@ -84,7 +84,7 @@ class ReferenceField:
 
 
 def field_of(b_n: Array, convergence: float, gravity_mps2: float, source: str) -> ReferenceField:
-    """Describe a field given in true north, east, down, T, shape (3,); convergence rad, gravity m/s^2."""
+    """Return the reference for a field in true north, east, down, T, shape (3,); convergence rad, gravity m/s^2."""
     horizontal = math.hypot(b_n[0], b_n[1])
     return ReferenceField(
         total=math.hypot(horizontal, b_n[2]),
@@ -100,38 +100,39 @@ def reference_field(
     lat: float, lon: float, height: float, date: datetime.date, model: str = "wmm2025"
 ) -> ReferenceField:
     """
-    Magnetic field, grid convergence (UTM) and gravity at one place and date.
+    Return magnetic field, grid convergence (UTM) and gravity at one place and date.
 
     Parameters
     ----------
     lat, lon : float
         WGS 84, rad, north and east positive.
     height : float
-        Above the ellipsoid, m; below ground negative.
+        Height above the ellipsoid, m; negative below ground.
     date : datetime.date
-        Within the years of the model.
+        Date within the years of the model.
     model : str
         "wmm2025" (2025.0 to 2030.0) or "igrf" (IGRF-14, 1900 to 2030).
 
     Raises
     ------
     ValueError
-        An unknown model, a place off the Earth, a date outside the model: an expired model is refused, not stretched.
+        The model is unknown, the place is off the Earth, or the date is outside the model (no extrapolation).
     """
     return field_of(magnetic_field(lat, lon, height, date, model), *_local(lat, lon, height), _SOURCES[model])
 
 
 def magnetic_field(lat: float, lon: float, height: float, date: datetime.date, model: str = "wmm2025") -> Array:
     """
-    Field of a global model in true north, east, down, T, shape (3,). Arguments and errors as `reference_field`.
+    Return the field of a global model in true north, east, down, T, shape (3,).
 
-    Source: WMM2025 technical report (NOAA/NCEI, BGS); IGRF-14 (IAGA).
+    Arguments and errors are those of `reference_field`. Source: WMM2025 technical report (NOAA/NCEI, BGS); IGRF-14
+    (IAGA).
     """
     return field_at_year(lat, lon, height, decimal_year(date), model)
 
 
 def field_at_year(lat: float, lon: float, height: float, year: float, model: str = "wmm2025") -> Array:
-    """As `magnetic_field`, with the date as a decimal year (the form in which the authorities print their tables)."""
+    """Return the field like `magnetic_field`, for a decimal year, as in the models' published test tables."""
     if model not in MODELS:
         raise ValueError(f"model {model!r} is not known; one of {', '.join(MODELS)}")
     if not -math.pi / 2 <= lat <= math.pi / 2:
@@ -148,12 +149,12 @@ def field_at_year(lat: float, lon: float, height: float, year: float, model: str
 
 def years(model: str) -> tuple[float, float]:
     """
-    First and last decimal year for which a model is valid.
+    Return the first and last decimal year for which a model is valid.
 
     Raises
     ------
     ValueError
-        An unknown model.
+        The model is unknown.
     """
     if model not in MODELS:
         raise ValueError(f"model {model!r} is not known; one of {', '.join(MODELS)}")
@@ -161,7 +162,7 @@ def years(model: str) -> tuple[float, float]:
 
 
 def decimal_year(date: datetime.date) -> float:
-    """Year with its fraction at the start of the day."""
+    """Return the year with its fraction at the start of the day."""
     start = datetime.date(date.year, 1, 1)
     days = (datetime.date(date.year + 1, 1, 1) - start).days
     return date.year + (datetime.date(date.year, date.month, date.day) - start).days / days
@@ -169,19 +170,19 @@ def decimal_year(date: datetime.date) -> float:
 
 def gravity(lat: float, height: float, depth: float = 0.0, density: float = 2670.0) -> float:
     """
-    Magnitude of gravity, m/s^2.
+    Return the magnitude of gravity, m/s^2.
 
     Parameters
     ----------
     lat : float
         Geodetic latitude, rad.
     height : float
-        Of the ground (or of the point in free air) above the ellipsoid, m.
+        Height of the ground (or of a point in free air) above the ellipsoid, m.
     depth : float
-        Of the point below the ground, m: gravity grows with the free-air gradient less twice the pull of the
-        slab of rock above.
+        Depth of the point below the ground, m. Gravity changes with depth by the free-air gradient minus twice the pull
+        of the slab of rock above the point.
     density : float
-        Of that rock, kg/m^3.
+        Density of that rock, kg/m^3.
 
     Source: Somigliana's formula and free-air series, NIMA TR8350.2, section 4.2; Poincare-Prey reduction for depth.
     """
@@ -193,43 +194,43 @@ def gravity(lat: float, height: float, depth: float = 0.0, density: float = 2670
 
 
 def gravity_gradient(lat: float, density: float = 2670.0) -> float:
-    """Growth of gravity with depth below ground, 1/s^2; arguments as `gravity`."""
+    """Return how fast gravity grows with depth below ground, 1/s^2; arguments as for `gravity`."""
     sin2 = math.sin(lat) ** 2
     return 2.0 * _normal_gravity(sin2) * _steepness(sin2) / _RADIUS - 4.0 * math.pi * _NEWTON * density
 
 
 def _normal_gravity(sin2: float) -> float:
-    """Somigliana's gravity on the ellipsoid, m/s^2; sin2: squared sine of the geodetic latitude."""
+    """Return Somigliana's gravity on the ellipsoid, m/s^2; sin2 is the squared sine of the geodetic latitude."""
     k = _POLAR_RADIUS * _GRAVITY_POLE / (_RADIUS * _GRAVITY_EQUATOR) - 1.0
     return _GRAVITY_EQUATOR * (1.0 + k * sin2) / math.sqrt(1.0 - _ECCENTRICITY_2 * sin2)
 
 
 def _steepness(sin2: float) -> float:
-    """Factor on 2 gravity / radius in the free-air gradient; sin2 as in `_normal_gravity`."""
+    """Return the factor on 2 gravity / radius in the free-air gradient; sin2 as in `_normal_gravity`."""
     m = EARTH_RATE**2 * _RADIUS**2 * _POLAR_RADIUS / _GM
     return 1.0 + _FLATTENING + m - 2.0 * _FLATTENING * sin2
 
 
 def earth_rate_n(lat: float) -> Array:
-    """Rotation of the Earth in north, east, down, rad/s, shape (3,); lat rad."""
+    """Return the Earth's rotation in north, east, down, rad/s, shape (3,); lat in rad."""
     return np.array([EARTH_RATE * math.cos(lat), 0.0, -EARTH_RATE * math.sin(lat)])
 
 
 def grid_convergence(lat: float, lon: float, crs: str | None = None) -> float:
     """
-    Angle from true north to grid north, rad, east positive: grid azimuth = true azimuth - convergence.
+    Return the angle from true north to grid north, rad, east positive: grid azimuth = true azimuth - convergence.
 
     Parameters
     ----------
     lat, lon : float
         WGS 84, rad.
     crs : str, optional
-        Any projected system that pyproj understands ("EPSG:32652"); by default the UTM zone of the place.
+        Any projected system that pyproj understands ("EPSG:32652"); the default is the UTM zone of the place.
 
     Raises
     ------
     ValueError
-        A system that pyproj does not know or that has no convergence there.
+        pyproj does not know the system, or the system has no convergence at this place.
     """
     return map_grid(lat, lon, crs).convergence
 
@@ -237,18 +238,18 @@ def grid_convergence(lat: float, lon: float, crs: str | None = None) -> float:
 @dataclasses.dataclass(frozen=True)
 class MapGrid:
     """
-    A place in a map grid.
+    Coordinates of a place in a map grid.
 
     Attributes
     ----------
     name : str
         EPSG code of the grid.
     easting, northing : float
-        m.
+        Coordinates in the grid, m.
     convergence : float
-        From true north to grid north, rad, east positive.
+        Angle from true north to grid north, rad, east positive.
     scale : float
-        Distance in the map over distance on the ellipsoid.
+        Distance on the map divided by distance on the ellipsoid.
     """
 
     name: str
@@ -260,16 +261,17 @@ class MapGrid:
 
 def map_grid(lat: float, lon: float, crs: str | None = None) -> MapGrid:
     """
-    Return a place in a map grid; arguments and errors as `grid_convergence`.
+    Return the coordinates of a place in a map grid; arguments and errors as for `grid_convergence`.
 
-    A grid on another datum takes the place as it is: the shift between datums, up to some hundred metres, is left out.
+    For a grid on another datum the latitude and longitude are used unchanged. This ignores the shift between the
+    datums, up to some hundred metres.
     """
     return _map_grid(lat, lon, crs if crs is not None else utm_zone(lat, lon))
 
 
 def utm_zone(lat: float, lon: float) -> str:
     """
-    EPSG code of the UTM zone, with the wider zones of south-western Norway and Svalbard; lat, lon rad.
+    Return the EPSG code of the UTM zone, with the wider zones of south-western Norway and Svalbard; lat, lon in rad.
 
     Source: NGA.SIG.0012, The Universal Grids and the Transverse Mercator and Polar Stereographic Map Projections, 2014,
     section 7 (zone 32V, and 31X, 33X, 35X, 37X).
@@ -284,7 +286,7 @@ def utm_zone(lat: float, lon: float) -> str:
     return f"EPSG:{32600 + zone if lat >= 0.0 else 32700 + zone}"
 
 
-# How far from its area a grid may still be used, deg: wells beside a zone keep the grid of their field.
+# How far outside its area a grid may still be used, deg: wells next to a zone keep the grid of their oil field.
 _BESIDE_DEG = 6.0
 _SOURCES = {"wmm2025": "WMM2025 (pygeomag)", "igrf": "IGRF14 (ppigrf)"}
 
@@ -294,10 +296,10 @@ def _local(lat: float, lon: float, height: float) -> tuple[float, float]:
 
 
 def _wmm(lat: float, lon: float, height: float, year: float) -> Array:
-    # Imported here: a process that brings its own reference field need not load the models.
+    # Imported here so that a process with its own reference field does not load the models.
     from pygeomag import GeoMag
 
-    # The package takes tables from -1 km up; the field below is the series continued, which it does without asking.
+    # The package documents heights from -1 km upwards; below that it evaluates the same series without a warning.
     result = GeoMag(coefficients_file="wmm/WMM_2025.COF").calculate(
         math.degrees(lat), math.degrees(lon), height / 1e3, year
     )
@@ -309,14 +311,14 @@ def _igrf(lat: float, lon: float, height: float, year: float) -> Array:
 
     whole = int(year)
     days = (datetime.date(whole + 1, 1, 1) - datetime.date(whole, 1, 1)).days
-    # The package compares with dates that know no time zone.
+    # The package compares with dates without a time zone.
     date = datetime.datetime(whole, 1, 1) + datetime.timedelta((year - whole) * days)  # noqa: DTZ001
     east, north, up = ppigrf.igrf(math.degrees(lon), math.degrees(lat), height / 1e3, date)
     return np.array([np.ravel(north)[0], np.ravel(east)[0], -np.ravel(up)[0]]) * 1e-9
 
 
 def _check_area(known: Any, crs: str, lat_deg: float, lon_deg: float) -> None:
-    """Refuse a place far outside the area that a grid is made for."""
+    """Raise ValueError for a place far outside the area that a grid is made for."""
     area = known.area_of_use
     if area is None:
         return
@@ -339,7 +341,7 @@ def _map_grid(lat: float, lon: float, crs: str) -> MapGrid:
     except pyproj.exceptions.ProjError as error:
         raise ValueError(f"crs {crs!r} is not known") from error
     if not known.is_projected:
-        raise ValueError(f"crs {crs!r} is no map grid: it has no easting and northing")
+        raise ValueError(f"crs {crs!r} is not a map grid: it has no easting and northing")
     _check_area(known, crs, math.degrees(lat), math.degrees(lon))
     try:
         grid = pyproj.Proj(known)

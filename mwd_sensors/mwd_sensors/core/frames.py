@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Frames, angles and rotations: the one place where signs flip.
+Frames, angles and rotations. Signs change between conventions in this file only.
 
-Frames and their letters (a vector wears its frame, a matrix its two):
+Frames and their letters (the name of a vector ends in the letter of its frame, that of a matrix in two letters):
 
-- ``t`` tool: x down-hole along the axis, z along the scribe line (bend), y completes the right hand.
+- ``t`` tool: x down-hole along the axis, z along the scribe line (bend), y completes the right-handed frame.
 - ``n`` local level: north, east, down.
 - ``e`` local level for ROS (REP-103): east, north, up.
 
@@ -29,12 +29,12 @@ MAT_EN: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def wrap_pi(angle: ArrayLike) -> Array:
-    """Angle(s), rad, brought to [-pi, pi)."""
+    """Wrap angles, rad, to [-pi, pi)."""
     return np.asarray((np.asarray(angle, dtype=float) + np.pi) % TAU - np.pi)
 
 
 def wrap_tau(angle: ArrayLike) -> Array:
-    """Angle(s), rad, brought to [0, 2 pi)."""
+    """Wrap angles, rad, to [0, 2 pi)."""
     turned = np.asarray(np.asarray(angle, dtype=float) % TAU)
     # A tiny negative angle rounds up to the modulus itself.
     return np.where(turned >= TAU, 0.0, turned)
@@ -42,7 +42,7 @@ def wrap_tau(angle: ArrayLike) -> Array:
 
 def inclination(f_t: ArrayLike) -> Array:
     """
-    Angle of the hole axis from the vertical, from gravity alone.
+    Return the angle between the hole axis and the vertical from the specific force alone.
 
     f_t, shape (..., 3): specific force in tool axes, m/s^2 (up at rest). Returns shape (...), rad in [0, pi].
     """
@@ -53,10 +53,10 @@ def inclination(f_t: ArrayLike) -> Array:
 
 def gravity_toolface(f_t: ArrayLike) -> Array:
     """
-    Angle from the high side to the scribe line, clockwise looking down-hole.
+    Return the angle from the high side to the scribe line, clockwise looking down-hole.
 
     f_t, shape (..., 3): specific force in tool axes, m/s^2 (up at rest). Returns shape (...), rad in [0, 2 pi).
-    Undefined in a vertical hole, where the cross-axis force is noise: use `magnetic_toolface` there.
+    It has no meaning in a vertical hole, where the cross-axis force is noise: use `magnetic_toolface` there.
     """
     f_t = np.asarray(f_t, dtype=float)
     return wrap_tau(np.arctan2(f_t[..., 1], f_t[..., 2]))
@@ -64,17 +64,17 @@ def gravity_toolface(f_t: ArrayLike) -> Array:
 
 def mat_nt(inclination: ArrayLike, azimuth: ArrayLike, toolface: ArrayLike) -> Array:
     """
-    Rotation from tool to north-east-down axes.
+    Return the rotation from tool axes to north-east-down.
 
     Parameters
     ----------
     inclination, azimuth, toolface : array_like, broadcast to shape (...)
-        From the vertical, from north, of the scribe line from the high side; rad.
+        Inclination from the vertical, azimuth from north, toolface from the high side to the scribe line; rad.
 
     Returns
     -------
     ndarray, shape (..., 3, 3)
-        The transpose of S0 eq (2) with theta = inclination - 90 deg and phi = toolface - 180 deg.
+        The rotation: the transpose of S0 eq (2) with theta = inclination - 90 deg and phi = toolface - 180 deg.
     """
     inc, azi, tf = np.broadcast_arrays(
         np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float), np.asarray(toolface, dtype=float)
@@ -90,9 +90,10 @@ def mat_nt(inclination: ArrayLike, azimuth: ArrayLike, toolface: ArrayLike) -> A
 
 def hole_angles(mat_nt: ArrayLike) -> tuple[Array, Array, Array]:
     """
-    Inclination, azimuth and gravity toolface of a tool-to-NED rotation; the inverse of `mat_nt`.
+    Return inclination, azimuth and gravity toolface of a tool-to-NED rotation; the inverse of `mat_nt`.
 
-    mat_nt, shape (..., 3, 3). Returns three arrays of shape (...), rad in [0, pi], [0, 2 pi), [0, 2 pi). In an exactly
+    mat_nt has shape (..., 3, 3). Returns three arrays of shape (...), rad in [0, pi], [0, 2 pi), [0, 2 pi). In an
+    exactly
     vertical hole azimuth is 0 and toolface is the angle from north, so that the rotation is still reproduced.
     """
     mat = np.asarray(mat_nt, dtype=float)
@@ -100,7 +101,7 @@ def hole_angles(mat_nt: ArrayLike) -> tuple[Array, Array, Array]:
     inc = np.arctan2(across, mat[..., 2, 0])
     vertical = across < 1e-15
     azi = np.where(vertical, 0.0, np.arctan2(mat[..., 1, 0], mat[..., 0, 0]))
-    # At azimuth 0 the right side is east; the high side is north looking down, south looking up.
+    # At azimuth 0 the right side is east. The high side is north in a hole going down and south in a hole going up.
     tf_vertical = np.arctan2(mat[..., 1, 2], np.copysign(1.0, mat[..., 2, 0]) * mat[..., 0, 2])
     tf = np.where(vertical, tf_vertical, np.arctan2(-mat[..., 2, 1], -mat[..., 2, 2]))
     return np.asarray(inc), wrap_tau(azi), wrap_tau(tf)
@@ -108,7 +109,7 @@ def hole_angles(mat_nt: ArrayLike) -> tuple[Array, Array, Array]:
 
 def magnetic_toolface(mat_nt: ArrayLike) -> Array:
     """
-    Angle from north to the scribe line, both seen in the horizontal plane, clockwise from above.
+    Return the angle from north to the scribe line, both projected on the horizontal plane, clockwise from above.
 
     mat_nt, shape (..., 3, 3). Returns shape (...), rad in [0, 2 pi). Meant for near-vertical holes.
     """
@@ -117,14 +118,14 @@ def magnetic_toolface(mat_nt: ArrayLike) -> Array:
 
 
 def quat_from_rotvec(rotvec: ArrayLike) -> Array:
-    """Quaternion (x, y, z, w), shape (..., 4), of a rotation vector, shape (..., 3), rad; exact at zero."""
+    """Return the quaternion (x, y, z, w), shape (..., 4), of a rotation vector, rad, shape (..., 3); exact at zero."""
     rotvec = np.asarray(rotvec, dtype=float)
     half = 0.5 * np.linalg.norm(rotvec, axis=-1, keepdims=True)
     return np.concatenate([0.5 * np.sinc(half / np.pi) * rotvec, np.cos(half)], axis=-1)
 
 
 def quat_multiply(p: ArrayLike, q: ArrayLike) -> Array:
-    """Hamilton product of quaternions (x, y, z, w), shape (..., 4): first q, then p."""
+    """Return the Hamilton product of quaternions (x, y, z, w), shape (..., 4), which applies q first, then p."""
     p, q = np.asarray(p, dtype=float), np.asarray(q, dtype=float)
     pv, pw, qv, qw = p[..., :3], p[..., 3:], q[..., :3], q[..., 3:]
     vector = pw * qv + qw * pv + np.cross(pv, qv)
@@ -132,7 +133,7 @@ def quat_multiply(p: ArrayLike, q: ArrayLike) -> Array:
 
 
 def mat_from_quat(q: ArrayLike) -> Array:
-    """Rotation matrix, shape (..., 3, 3), of a unit quaternion (x, y, z, w), shape (..., 4)."""
+    """Return the rotation matrix, shape (..., 3, 3), of a unit quaternion (x, y, z, w), shape (..., 4)."""
     q = np.asarray(q, dtype=float)
     x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     rows = [
@@ -147,7 +148,7 @@ def quat_from_mat(mat: ArrayLike) -> Array:
     """
     Convert a rotation matrix, shape (..., 3, 3), to the unit quaternion (x, y, z, w), shape (..., 4), w >= 0.
 
-    The largest of the four components is taken from the trace first (Shepperd), so that no angle loses digits.
+    The largest of the four components is computed first (Shepperd's method), so that no angle loses digits.
     """
     mat = np.ascontiguousarray(mat, dtype=float)
     q = np.empty((*mat.shape[:-2], 4))
@@ -179,5 +180,5 @@ def _quaternions(mats: Array, out: Array) -> None:
 
 
 def orientation_et(mat_nt: ArrayLike) -> Array:
-    """Quaternion (x, y, z, w) from tool to east-north-up (REP-103), of a tool-to-NED matrix, shape (..., 3, 3)."""
+    """Return the tool-to-east-north-up quaternion (x, y, z, w; REP-103) of a tool-to-NED matrix, shape (..., 3, 3)."""
     return quat_from_mat(MAT_EN @ np.asarray(mat_nt, dtype=float))

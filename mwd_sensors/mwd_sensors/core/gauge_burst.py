@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Bursts of a gauge or line, mwd_msgs/PressureBurst, VoltageBurst and SerialBurst, as bytes and back, without loops.
+Encode and decode the bursts PressureBurst, VoltageBurst, SerialBurst and StrokeBurst of mwd_msgs without loops.
 
-Encoding: CDR, little endian, as ROS 2 writes it (see `wire`).
+The encoding is little-endian CDR as ROS 2 writes it (see `wire`).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from mwd_sensors.core.wire import WireError
 
 PRESSURE, VOLTAGE, SERIAL = (f"mwd_msgs/msg/{name}Burst" for name in ("Pressure", "Voltage", "Serial"))
 STROKES = "mwd_msgs/msg/StrokeBurst"
-# By the name of the link that is carried: topic and type.
+# Telemetry link -> topic and type of its samples.
 TOPICS = {
     "mud_pulse": ("rig/standpipe", PRESSURE),
     "em": ("rig/earth_voltage", VOLTAGE),
     "serial": ("rig/serial", SERIAL),
 }
-MOST = 100_000  # samples of one burst, as the message bounds them
+MOST = 100_000  # most samples in one burst, the bound in the message definition
 _HEAD = wire.Layout(PRESSURE, (("period", "float64", 1), ("count", "uint32", 1)))
 _STROKE_HEAD = wire.Layout(STROKES, (("count", "uint32", 1),))
 _PADDING = bytes(4)
@@ -34,21 +34,21 @@ _PADDING = bytes(4)
 
 def encode(stamp_ns: int, period_s: float, values: NDArray[Any], frame_id: str = wire.RIG_FRAME) -> bytes:
     """
-    One burst.
+    Encode samples of a gauge, or bytes of a serial line, as one burst.
 
     Parameters
     ----------
     stamp_ns : int
-        Of the first sample.
+        Stamp of the first sample.
     period_s : float
-        From one sample to the next, s.
+        Time from one sample to the next, s.
     values : ndarray, shape (n,)
-        Pa or V; of type uint8: bytes of a line.
+        Samples in Pa or V; with type uint8, bytes of a serial line.
 
     Raises
     ------
     ValueError
-        No samples or more than `MOST`, one that is not finite, or a period that is not positive.
+        There are no samples or more than `MOST`, a sample is not finite, or the period is not positive.
     """
     octets = values.dtype == np.uint8
     values = np.ascontiguousarray(values, dtype=np.uint8 if octets else "<f8")
@@ -67,12 +67,12 @@ def encode(stamp_ns: int, period_s: float, values: NDArray[Any], frame_id: str =
 
 def decode(message: bytes, kind: str = PRESSURE) -> tuple[int, float, Array]:
     """
-    Stamp of the first sample, ns, period, s, and samples, shape (n,), of a burst; bytes of a line as whole numbers.
+    Return stamp of the first sample, ns, period, s, and samples, shape (n,); bytes of a serial line become numbers.
 
     Raises
     ------
     WireError
-        Bytes that are not a burst.
+        The bytes are not a burst of this kind.
     """
     size = _HEAD.size(wire.frame_id(message))
     if len(message) < size:
@@ -88,14 +88,14 @@ def decode(message: bytes, kind: str = PRESSURE) -> tuple[int, float, Array]:
 
 def encode_strokes(until_ns: int, strokes: Sequence[tuple[int, int]], frame_id: str = wire.RIG_FRAME) -> bytes:
     """
-    Strokes of the pumps as mwd_msgs/StrokeBurst.
+    Encode pump strokes as mwd_msgs/StrokeBurst.
 
     Parameters
     ----------
     until_ns : int
-        Stamp up to which all strokes are in this message or an earlier one.
+        All strokes up to this stamp are in this message or in an earlier one.
     strokes : sequence of (int, int)
-        Pump, from 1, and stamp of each, ns; in order of time.
+        Number of the pump, from 1, and stamp, ns, of each stroke, in order of time.
     """
     counted = _STROKE_HEAD.empty(1)
     counted["stamp_ns"], counted["count"] = until_ns, len(strokes)

@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Covariances that come with samples: what they declare absent or clipped, and what cannot be believed.
+Interpret the covariances in sensor messages: absent vectors, clipped axes, values that are not credible.
 
-sensor_msgs (Imu.msg, MagneticField.msg): all zeros mean that the covariance is unknown, -1 in the first element that
-the quantity is not provided, whatever numbers stand in its place. The noise of the tool's settings is used, and a
-stated one where it is larger (`NoiseWatch`); a stated covariance that is smaller or no covariance at all never makes an
-estimate more certain.
+In sensor_msgs (Imu.msg, MagneticField.msg) a covariance of zeros means "unknown", and -1 in its first element means
+that the quantity is not provided, whatever its numbers are. The estimator uses the noise from the tool's settings, or
+the stated noise where that is larger (`NoiseWatch`). A smaller stated covariance, or one that is not credible, never
+makes an estimate more certain.
 
-A driver whose unit flags clipping says so by the covariance too, which recordings keep and any driver can write: an
-axis that was beyond its range within the sample has the sigma `CLIPPED`, wider than any range.
+A driver whose unit reports clipping also writes that into the covariance, because recordings keep covariances and any
+driver can write them: an axis that was beyond its range during the sample has the sigma `CLIPPED`, which is larger than
+any range.
 """
 
 from __future__ import annotations
@@ -24,37 +25,38 @@ from numpy.typing import NDArray
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
 
-# The vectors of a message with their covariances, and a sigma that no sensor of the kind has (rad/s, m/s^2, T).
+# Vectors of each message, with a sigma that is too large for any such sensor (rad/s, m/s^2, T).
 VECTORS = {
     wire.IMU.type_name: (("angular_velocity", 50.0), ("linear_acceleration", 1000.0)),
     wire.MAG.type_name: (("magnetic_field", 1e-2),),
 }
-# Sigma of an axis that was clipped, rad/s, m/s^2 and T. Taken as such are half to 1.25 times of it, which a turned unit
-# needs, and which holds no power of ten as the variance, the usual stand-in of drivers that know no covariance.
+# Sigma of a clipped axis, rad/s, m/s^2 and T. Sigmas from 0.5 to 1.25 times this value count as clipped, because a
+# turned unit spreads the variance over its axes. No variance in that range is a power of ten, which drivers that do not
+# know their covariance often write.
 CLIPPED = {"angular_velocity": 20.0, "linear_acceleration": 200.0, "magnetic_field": 2e-3}
 _CLIPPED_LEAST, _CLIPPED_MOST = 0.5, 1.25
 ABSENT, UNBELIEVABLE, TOO_SMALL = "not provided", "no covariance", "a covariance that is not credible"
-# At rest the samples scatter by so much more than stated, before a covariance is not credible: pumps shake a tool at
-# rest by ten times the noise of its sensors, a covariance in a wrong unit is off by a thousand and more.
+# A covariance is not credible if samples at rest scatter by this factor more than it states. Pumps shake a tool at rest
+# by ten times the noise of its sensors; a covariance in a wrong unit is off by a thousand or more.
 _INCREDIBLE = 100.0
-# What stands for a vector that is not provided: nothing measured, and a gyro that says so is a gyro at rest and named
-# as stuck, so that stations by gravity and field remain.
+# Value that replaces a vector that is not provided. A gyro that is not provided reads zero: the health checks then
+# report it as stuck, and stations from gravity and magnetic field still work.
 _STAND_IN = {"angular_velocity": 0.0}
 
 
-# Samples that a rate is told from, the first of a stream, and those that a scatter is.
+# Number of first samples from which the sample period is measured, and number from which a scatter is computed.
 _RATED, _SCATTERED = 16, 64
 
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
     """
-    White noise that the covariances of a vector state.
+    White noise of a vector as its covariances state it.
 
     Attributes
     ----------
     sigma : float
-        1 sigma of a sample on its noisiest axis, rad/s, m/s^2 or T; 0: none stated.
+        1 sigma of a sample on its noisiest axis, rad/s, m/s^2 or T; 0 if no noise is stated.
     period_s : float
         Time between samples, s.
     """
@@ -64,21 +66,25 @@ class Noise:
 
     @property
     def density(self) -> float:
-        """Noise density, in the unit of the vector times sqrt(s): what averages over t leave is density / sqrt(t)."""
+        """
+        Noise density, in the unit of the vector times sqrt(s).
+
+        An average over t seconds has the sigma density / sqrt(t).
+        """
         return self.sigma * math.sqrt(self.period_s)
 
 
 class NoiseWatch:
     """
-    The noise that the covariances of each vector state, from the first samples of its stream.
+    Noise of each vector as stated by the covariances of the first samples of its stream.
 
-    Later covariances are not followed: the estimate would depend on when they came. `rest` compares them with the
-    scatter of samples at rest.
+    Later covariances are ignored; otherwise the estimate would depend on when they arrive. `rest` compares the stated
+    noise with the scatter of samples at rest.
 
     Attributes
     ----------
     noise : dict of Noise
-        By vector, once it is known.
+        Noise by vector, present once the first samples have arrived.
     """
 
     def __init__(self) -> None:
@@ -89,7 +95,7 @@ class NoiseWatch:
         self._sigma: dict[str, float] = {}
 
     def take(self, samples: Samples, type_name: str) -> None:
-        """Take samples of the type in order of time; what stands in `noise` by then stays."""
+        """Accept samples of one message type in order of time; an entry of `noise` does not change once it is there."""
         for vector, widest in VECTORS.get(type_name, ()):
             stated = f"{vector}_covariance"
             if vector in self.noise or stated not in (samples.dtype.names or ()) or not len(samples):
@@ -98,7 +104,7 @@ class NoiseWatch:
             if not stamps:
                 first: NDArray[np.float64] = np.asarray(samples[stated][:1])
                 believed = first[0, 0] != -1.0 and bool(_credible(first, widest)[0])
-                # What is clipped says nothing of the noise.
+                # A clipped axis says nothing about the noise.
                 noise = np.where(clipped(samples[:1], vector)[0], 0.0, first[0, ::4])
                 self._sigma[vector] = float(np.sqrt(noise.max())) if believed else 0.0
             stamps += samples["stamp_ns"][: _RATED - len(stamps)].tolist()
@@ -106,7 +112,7 @@ class NoiseWatch:
                 self.noise[vector] = Noise(self._sigma[vector], max(1e-9 * float(np.median(np.diff(stamps))), 0.0))
 
     def rest(self, samples: Samples, type_name: str, still: bool) -> None:
-        """Take samples of a tool that rests or does not, for the smallest scatter of each vector."""
+        """Add samples; if the tool is at rest (`still`), keep the smallest scatter of each vector."""
         for vector, widest in VECTORS.get(type_name, ()):
             if not still:
                 self._resting.pop(vector, None)
@@ -130,7 +136,7 @@ class NoiseWatch:
 
 
 class Judged(NamedTuple):
-    """Samples without what their covariances declare absent, and by vector why its covariance is not used."""
+    """Samples with absent vectors replaced, and for each vector the reason why its covariance is not used."""
 
     samples: Samples
     notes: dict[str, str]
@@ -138,9 +144,9 @@ class Judged(NamedTuple):
 
 def judge(samples: Samples, type_name: str) -> Judged:
     """
-    Take out vectors that are declared absent, and name covariances that are none.
+    Replace vectors that are declared absent, and report covariances that are not credible.
 
-    samples : dtype of the layout, or a part of it; a vector without its covariance passes as it is.
+    samples has the dtype of the message's layout or part of it; a vector without a covariance field passes unchanged.
     """
     notes: dict[str, str] = {}
     names = samples.dtype.names or ()
@@ -157,7 +163,7 @@ def judge(samples: Samples, type_name: str) -> Judged:
             samples[vector][absent] = _STAND_IN.get(vector, np.nan)
             notes[vector] = ABSENT
         else:
-            # Nearly every driver states the same in all messages.
+            # Nearly every driver states the same covariance in all messages.
             same = bool((covariance == covariance[0]).all())
             credible = _credible_row(covariance[0].tobytes(), widest) if same else _credible(covariance, widest).all()
             if not credible:
@@ -166,7 +172,7 @@ def judge(samples: Samples, type_name: str) -> Judged:
 
 
 def not_provided(samples: Samples, vector: str) -> NDArray[np.bool_]:
-    """Samples whose covariance declares the vector not provided, shape (n,); none where samples have no covariance."""
+    """Return which samples declare the vector not provided, shape (n,); none if samples have no covariance field."""
     name = f"{vector}_covariance"
     if name not in (samples.dtype.names or ()):
         return np.zeros(len(samples), dtype=np.bool_)
@@ -174,36 +180,36 @@ def not_provided(samples: Samples, vector: str) -> NDArray[np.bool_]:
 
 
 def sentence(topic: str, vector: str, note: str) -> str:
-    """Say what is wrong with a vector of a topic, by its note of `judge`, and what is done about it."""
+    """Write a sentence about a vector of a topic: the problem, from a note of `judge`, and what is done about it."""
     if note == ABSENT:
         return f"{topic}: {vector} is declared {note}: it is not used"
     return f"{topic}: {vector} comes with {note}: the noise of the tool's settings is used"
 
 
 def clipped(samples: Samples, vector: str) -> NDArray[np.bool_]:
-    """Axes that the covariance says were beyond their range, shape (n, 3); none where samples have no covariance."""
+    """Return which axes the covariance marks as clipped, shape (n, 3); none if samples have no covariance field."""
     name = f"{vector}_covariance"
     if name not in (samples.dtype.names or ()):
         return np.zeros((len(samples), 3), dtype=np.bool_)
     variances, own = samples[name][:, ::4], CLIPPED[vector] ** 2
-    # Above the lower end, for a covariance of exactly that is somebody's round number.
+    # Strictly above the lower end: a covariance exactly there is a round number that a driver made up.
     found = (variances > _CLIPPED_LEAST**2 * own) & (variances <= _CLIPPED_MOST**2 * own)
     return np.asarray(found, dtype=np.bool_)
 
 
 def mark_clipped(samples: Samples, vector: str, axes: NDArray[np.bool_]) -> None:
-    """Say in the covariance of samples, changed in place, which axes were beyond their range; shape (n, 3)."""
+    """Mark clipped axes, shape (n, 3), in the covariance of samples, in place."""
     samples[f"{vector}_covariance"][:, ::4][axes] = CLIPPED[vector] ** 2
 
 
 @functools.lru_cache(maxsize=64)
 def _credible_row(covariance: bytes, widest: float) -> bool:
-    """Whether one covariance, the bytes of its nine numbers, is credible; remembered, for it comes with every block."""
+    """Return whether one covariance (the bytes of its nine numbers) is credible; cached, because it rarely changes."""
     return bool(_credible(np.frombuffer(covariance, dtype=np.float64)[None], widest)[0])
 
 
 def _credible(covariance: NDArray[np.float64], widest: float) -> NDArray[np.bool_]:
-    """Whether each is finite, symmetric, positive semi-definite and of a size a sensor can have; shape (n,)."""
+    """Return whether each covariance is finite, symmetric, positive semi-definite and not too large; shape (n,)."""
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(covariance).all(axis=1))
     matrices = np.where(finite[:, None], covariance, 0.0).reshape(-1, 3, 3)
     diagonal = np.einsum("nii->ni", matrices)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Files that other people wrote: regular ones within a budget (`budgets`), JSON, and YAML that stays small when unfolded.
+Read files that other people wrote: regular files within a budget (`budgets`), JSON, and YAML within a size limit.
 
-A device or a pipe under the name of a file would be read without end; a few lines of YAML whose aliases name each other
-unfold to more than a memory holds, and deep nesting exhausts the stack of every reader.
+A device or pipe instead of a file could be read without end. A few lines of YAML whose aliases refer to each other can
+expand to more than the memory holds. Deep nesting exhausts the stack of a parser.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from mwd_sensors.core.budgets import MB, Budget, BudgetError
 from mwd_sensors.core.settings import SettingsError
 
 _PIECE = 1_000_000  # bytes
-# The longest plain scalar that YAML may read as a number: Python converts longer ones in quadratic time.
+# Longest plain YAML scalar that may be a number: Python needs quadratic time for the conversion of long ones.
 _LONGEST_NUMBER = 100
 _NUMBER = re.compile(r"[-+0-9._:xXoObBa-fA-F]+")
 _LONGEST_LINE = 20_000  # characters
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Plain types; a date that does not exist stays text, so that the settings name its key."""
+    """YAML loader for plain types. An impossible date stays text, so that the settings check can name its key."""
 
 
 def _timestamp(loader: Any, node: Any) -> Any:
@@ -47,24 +47,24 @@ _Loader.add_constructor("tag:yaml.org,2002:timestamp", _timestamp)
 
 def open_regular(path: Path | str) -> int:
     """
-    Open a regular file for reading; returns its descriptor.
+    Open a regular file for reading and return its descriptor.
 
     Raises
     ------
     OSError
-        It cannot be opened, or is no regular file (a folder, device or pipe); `strerror` says which.
+        The file cannot be opened or is not a regular file (a folder, device or pipe); `strerror` says which.
     """
-    # Opening a pipe would wait for its writer.
+    # Non-blocking, because opening a pipe would wait for its writer.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if stat.S_ISREG(os.fstat(handle).st_mode):
         return handle
     os.close(handle)
-    raise OSError(errno.EINVAL, "is no regular file", str(path))
+    raise OSError(errno.EINVAL, "is not a regular file", str(path))
 
 
 def check_regular(path: Path | str, budget: Budget) -> int:
     """
-    Hold a file that a library will open against its budget; returns its size in bytes.
+    Check the size of a file that a library will open against its budget, and return the size in bytes.
 
     Raises
     ------
@@ -92,11 +92,11 @@ def read_file(path: Path | str, budget: Budget) -> bytes:
     Raises
     ------
     OSError
-        It cannot be opened, is no regular file (a folder, device or pipe), or is larger than the budget; `strerror`
-        says which.
+        The file cannot be opened, is not a regular file (a folder, device or pipe), or is larger than the budget;
+        `strerror` says which.
     """
     with os.fdopen(open_regular(path), "rb") as file:
-        # In pieces: one request for the most that is allowed would take that much memory for a file of a line.
+        # In pieces: one read of the largest allowed size would allocate that much memory even for a short file.
         pieces, size = [], 0
         while size <= budget.size and (piece := file.read(_PIECE)):
             pieces.append(piece)
@@ -108,7 +108,7 @@ def read_file(path: Path | str, budget: Budget) -> bytes:
 
 def read_text(path: Path | str, budget: Budget) -> str:
     """
-    Read the text of a regular file, UTF-8 with or without byte order mark. OSError as `read_file`.
+    Read the text of a regular file, UTF-8 with or without byte order mark. OSError as for `read_file`.
 
     Raises
     ------
@@ -123,12 +123,12 @@ def read_text(path: Path | str, budget: Budget) -> str:
 
 def check_lines(text: str, budget: Budget) -> None:
     """
-    Hold a text whose lines are records against its budget, before a parser counts columns at a cost beyond their sum.
+    Check a text with one record per line against its budget, before a parser spends more time on it.
 
     Raises
     ------
     BudgetError
-        It has more lines than records are allowed, or a line with more fields or characters.
+        The text has more lines than the allowed records, or a line has too many fields or characters.
     """
     budget.check("records", text.count("\n") + 1)
     if budget.columns is None or len(text) <= budget.columns:
@@ -145,12 +145,12 @@ _FIELD = re.compile(r"[^\s,;]+|[,;]")
 
 def read_yaml(path: Path) -> Any:
     """
-    Read a YAML file of plain types. OSError as `read_file`.
+    Read a YAML file of plain types. OSError as for `read_file`.
 
     Raises
     ------
     SettingsError
-        It is not UTF-8, or none that `load_yaml` takes; names the file.
+        The file is not UTF-8 or is refused by `load_yaml`; the message names the file.
     """
     try:
         return load_yaml(read_text(path, budgets.YAML))
@@ -162,17 +162,17 @@ def load_json(
     text: str | bytes, budget: Budget = budgets.JSON, parse_constant: Callable[[str], Any] | None = None
 ) -> Any:
     """
-    Load JSON; parse_constant: as `json.loads`.
+    Load JSON; parse_constant is passed on to `json.loads`.
 
     Raises
     ------
     ValueError
-        It is no JSON, or nested more deeply than the budget allows.
+        The text is not JSON, or it is nested more deeply than the budget allows.
     """
     data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
     budget.check("size", len(data))
     if budget.nesting is not None and _brackets(data) > budget.nesting:
-        # Brackets in texts count only where there are many of all.
+        # Brackets inside strings do not count; the strings are removed only if the fast count is above the limit.
         budget.check("nesting", _brackets(_TEXT.sub(b"", data)))
     try:
         return json.loads(text, parse_constant=parse_constant)
@@ -184,10 +184,10 @@ _TEXT = re.compile(rb'"(?:[^"\\]|\\.)*"', re.DOTALL)
 
 
 def _brackets(data: bytes) -> int:
-    """Return the deepest level of brackets."""
+    """Return the deepest nesting of brackets."""
     level = deepest = 0
     for begin in range(0, len(data), _PIECE):
-        # [ and {, and ] and }, differ in one bit.
+        # The codes of [ and { differ in one bit, as do those of ] and }.
         codes = np.frombuffer(data[begin : begin + _PIECE], dtype=np.uint8) | 0x20
         levels = level + np.cumsum((codes == ord("{")).astype(np.int64) - (codes == ord("}")))
         level, deepest = int(levels[-1]), max(deepest, int(levels.max()))
@@ -201,14 +201,14 @@ def load_yaml(text: str) -> Any:
     Raises
     ------
     yaml.YAMLError
-        It is no YAML, has tags of other types, is nested too deeply, gives a key twice, its aliases and merged tables
-        unfold to more than the budget, or one of its numbers is too long.
+        The text is not YAML, has tags of other types, is nested too deeply, gives a key twice, expands (aliases, merged
+        tables) to more than the budget, or has a number that is too long.
     """
     _check_yaml(text)
     try:
         return yaml.load(text, _Loader)  # noqa: S506  (safe, and in C where built)
     except (ValueError, OverflowError) as error:
-        # Of a number that Python refuses; a tag may ask for one anywhere.
+        # A tag can ask for a number anywhere, and Python refuses some numbers.
         raise yaml.YAMLError("a value is not what its form or tag says") from error
 
 
@@ -246,10 +246,10 @@ class _Keys:
 
 def _check_yaml(text: str) -> None:
     """
-    Count the values of a YAML text as if each alias was written out, before any of them is made.
+    Count the values of a YAML text as if every alias were written out, before any value is created.
 
-    Events come without recursion and in the order of the text: an alias of a table that is merged (``<<``) is written
-    out while the table is composed, where no check of the result could come in time.
+    The parser's events arrive without recursion and in the order of the text. Checking the result would be too late: an
+    alias of a merged table (``<<``) is expanded while the table is built.
     """
     budget = budgets.YAML
     sizes: dict[str, int] = {}
@@ -268,7 +268,7 @@ def _check_yaml(text: str) -> None:
             total += sizes[event.anchor]
         elif isinstance(event, yaml.CollectionStartEvent):
             open_.append((event.anchor, total))
-            # An anchor that is given again means its first table no more.
+            # An anchor that is defined again no longer refers to its first table.
             sizes.pop(event.anchor, None)
             total += 1
         elif isinstance(event, yaml.ScalarEvent):

@@ -3,8 +3,8 @@
 Small compiled steps that the Kalman filters of this project share: covariances, scalar updates, rotations.
 
 Matrices are two-dimensional arrays that a step changes in place; sizes come from the arrays. Covariances are stored
-whole and stay symmetric to the last bit. A rotation vector is axis times angle, rad. Loops are explicit, because numba
-computes small matrix products faster that way than with ``@``.
+in full (both triangles) and stay exactly symmetric. A rotation vector is axis times angle, rad. Loops are explicit,
+because numba computes small matrix products faster that way than with ``@``.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ _C1, _C2, _C3, _C4 = 1.0 / 24.0, 1.0 / 30.0, 1.0 / 56.0, 1.0 / 90.0
 @compiled
 def propagate_covariance(P: Array, phi: Array, work: Array) -> None:
     """
-    P <- Phi P Phi', where Phi is the unit matrix but for its first rows.
+    Propagate a covariance, P <- Phi P Phi', where Phi is the identity matrix except for its first rows.
 
     Parameters
     ----------
     P : ndarray, shape (n, n)
-        Covariance; symmetric, and exactly so afterwards. Process noise is added by the caller.
+        Covariance, symmetric; it is exactly symmetric afterwards. The caller adds the process noise.
     phi : ndarray, shape (m, n)
-        First m rows of Phi, m <= n; zeros in it cost nothing.
+        First m rows of Phi, m <= n; zero elements are skipped.
     work : ndarray, shape (m, n)
-        Scratch.
+        Scratch space.
     """
     moving, states = phi.shape
     for i in range(moving):
@@ -59,9 +59,9 @@ def propagate_covariance(P: Array, phi: Array, work: Array) -> None:
 @compiled
 def project_covariance(P: Array, h: Array, ph: Array) -> float:
     """
-    Variance h P h' that the states leave in a scalar measurement h . x; ph, shape (n,), is filled with P h'.
+    Return the variance h P h' of a scalar measurement h . x due to the states, and fill ph, shape (n,), with P h'.
 
-    P, shape (n, n): covariance. h, shape (n,): row of the measurement; zeros in it cost nothing.
+    P, shape (n, n), is the covariance. h, shape (n,), is the row of the measurement; zero elements are skipped.
     """
     states = len(h)
     for i in range(states):
@@ -80,20 +80,20 @@ def project_covariance(P: Array, h: Array, ph: Array) -> float:
 @compiled
 def scalar_update(P: Array, x: Array, ph: Array, variance: float, innovation: float) -> None:
     """
-    Kalman update by one scalar measurement, in place: gain ph / variance.
+    Update states and covariance with one scalar measurement, in place; the gain is ph / variance.
 
     Parameters
     ----------
     P : ndarray, shape (n, n)
         Covariance of the states.
     x : ndarray, shape (n,)
-        States, or the error found so far of an error-state filter.
+        States, or the accumulated error of an error-state filter.
     ph : ndarray, shape (n,)
         Covariance of states and measurement, P h' (`project_covariance`).
     variance : float
-        Of the innovation: h P h' and the measurement's noise.
+        Variance of the innovation: h P h' plus the variance of the measurement noise.
     innovation : float
-        Measured less predicted.
+        Measured minus predicted value.
     """
     for i in range(len(x)):
         x[i] += ph[i] / variance * innovation
@@ -104,7 +104,7 @@ def scalar_update(P: Array, x: Array, ph: Array, variance: float, innovation: fl
 
 @compiled
 def reset_state(P: Array, i: int, variance: float) -> None:
-    """Make state i independent of the others, with this variance, in P, shape (n, n)."""
+    """Make state i independent of the others and give it this variance, in P, shape (n, n)."""
     for j in range(P.shape[0]):
         P[i, j] = 0.0
         P[j, i] = 0.0
@@ -113,14 +113,14 @@ def reset_state(P: Array, i: int, variance: float) -> None:
 
 @compiled
 def wrap_angle(angle: float) -> float:
-    """Angle, rad, brought to [-pi, pi): `mwd_sensors.core.frames.wrap_pi` of a scalar in a kernel."""
+    """Wrap an angle, rad, to [-pi, pi): `mwd_sensors.core.frames.wrap_pi` for a scalar in a kernel."""
     wrapped: float = (angle + math.pi) % (2.0 * math.pi) - math.pi
     return wrapped
 
 
 @compiled
 def rotate_left(mat: Array, vx: float, vy: float, vz: float) -> None:
-    """Rotate mat <- exp([v x]) mat, shape (3, 3), by the rotation vector v in the axes that mat leads to."""
+    """Rotate mat <- exp([v x]) mat, shape (3, 3); v is a rotation vector in the axes that mat transforms to."""
     e = _rotation(vx, vy, vz)
     for i in range(3):
         m0, m1, m2 = mat[0, i], mat[1, i], mat[2, i]
@@ -131,7 +131,7 @@ def rotate_left(mat: Array, vx: float, vy: float, vz: float) -> None:
 
 @compiled
 def rotate_right(mat: Array, vx: float, vy: float, vz: float) -> None:
-    """Rotate mat <- mat exp([v x]), shape (3, 3): a tool-to-level matrix through a turn v of the tool in its axes."""
+    """Rotate mat <- mat exp([v x]), shape (3, 3): turn a tool-to-level matrix by the tool's rotation v in tool axes."""
     e = _rotation(vx, vy, vz)
     for i in range(3):
         m0, m1, m2 = mat[i, 0], mat[i, 1], mat[i, 2]
@@ -142,7 +142,7 @@ def rotate_right(mat: Array, vx: float, vy: float, vz: float) -> None:
 
 @compiled
 def _rotation(vx: float, vy: float, vz: float) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """Elements of exp([v x]) by rows (Rodrigues)."""
+    """Return the elements of exp([v x]) row by row (Rodrigues)."""
     angle2 = vx * vx + vy * vy + vz * vz
     angle = math.sqrt(angle2)
     if angle > 1e-4:
@@ -164,10 +164,14 @@ def _rotation(vx: float, vy: float, vz: float) -> tuple[float, float, float, flo
 
 @compiled
 def in_turned_axes(gx: float, gy: float, gz: float, px: float, py: float, pz: float) -> tuple[float, float, float]:
-    """Vector g, fixed in space, seen from axes turned by the rotation vector p: exp(-[p x]) g, exact (Rodrigues)."""
+    """
+    Return a vector g, fixed in space, in axes that were turned by the rotation vector p: exp(-[p x]) g.
+
+    Exact (Rodrigues' formula).
+    """
     angle2 = px * px + py * py + pz * pz
     if angle2 < 0.01:
-        # Series, whose first term left out is below 1e-17: cheaper than sine and cosine, and nothing cancels.
+        # Series; its first omitted term is below 1e-17. Cheaper than sine and cosine, and without cancellation.
         s = 1.0 - angle2 * _S1 * (1.0 - angle2 * _S2 * (1.0 - angle2 * _S3 * (1.0 - angle2 * _S4)))
         c = 0.5 - angle2 * _C1 * (1.0 - angle2 * _C2 * (1.0 - angle2 * _C3 * (1.0 - angle2 * _C4)))
     else:
@@ -189,9 +193,10 @@ def coning_rotation(
     ax: float, ay: float, az: float, bx: float, by: float, bz: float, share: float
 ) -> tuple[float, float, float]:
     """
-    Rotation vector of a sample, rad, from its angle b = rate dt and the one before, a: b + share/12 a x b (S3 eq 5).
+    Return the rotation vector of a sample, rad, with coning correction: b + share/12 a x b (S3 eq 5).
 
-    share: 1 for mean rates, 0 where the sensor integrates its rates strapdown.
+    b is the angle of this sample (rate times dt) and a that of the sample before. share is 1 for mean rates and 0 if
+    the sensor already integrates its rates (strapdown).
     """
     c = share / 12.0
     return bx + c * (ay * bz - az * by), by + c * (az * bx - ax * bz), bz + c * (ax * by - ay * bx)
@@ -200,16 +205,17 @@ def coning_rotation(
 @compiled
 def level_matrix(down: Array, forward: Array, shortest: float, mat: Array) -> None:
     """
-    Matrix to the level frame whose third axis is `down` and whose first is the horizontal part of `forward` (TRIAD).
+    Fill mat with the rotation to a level frame: third axis `down`, first axis the horizontal part of `forward` (TRIAD).
 
     Parameters
     ----------
     down, forward : ndarray, shape (3,)
-        In the axes that the matrix takes to level; of any length.
+        Vectors of any length, in the axes that the matrix transforms from.
     shortest : float
-        A horizontal part shorter than this has no direction: any horizontal axis is then taken.
+        If the horizontal part of `forward` is shorter than this, its direction is noise and any horizontal axis is
+        used.
     mat : ndarray, shape (3, 3)
-        Filled; its rows are the level axes.
+        Output; its rows are the level axes.
     """
     dx, dy, dz = down[0], down[1], down[2]
     length = math.sqrt(dx * dx + dy * dy + dz * dz)

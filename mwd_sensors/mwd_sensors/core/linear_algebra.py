@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Linear algebra of a process of the graph in one thread."""
+"""Limit the linear algebra of a process to one thread."""
 
 import os
 
 
 def use_one_thread() -> None:
     """
-    Let OpenBLAS use one thread unless OPENBLAS_NUM_THREADS says otherwise; called before numpy is first imported.
+    Let OpenBLAS use one thread unless OPENBLAS_NUM_THREADS is set; call this before numpy is first imported.
 
-    Matrices have some tens of rows: the threads of OpenBLAS wait for each other longer than they work.
+    Matrices here have some tens of rows: with several threads OpenBLAS spends more time waiting than computing.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The well path between survey stations: circular arcs by the minimum curvature method.
+Well path between survey stations: circular arcs by the minimum curvature method.
 
-Two stations and the measured depth between them fix one arc in space whose ends have the surveyed directions. All
-angles are rad, all lengths m, positions are north, east, down (`n`) from the point where the path starts.
+Two stations and the measured depth between them define one arc in space that has the surveyed directions at its ends.
+All angles are in rad, all lengths in m. Positions are north, east, down (`n`) from the start of the path.
 
 Sources: S. J. Sawaryn and J. L. Thorogood, "A Compendium of Directional Calculations Based on the Minimum Curvature
 Method", SPE Drilling & Completion 20 (2005): arc, interpolation and ratio factor. The dogleg is written here as a sum
@@ -21,14 +21,14 @@ from numpy.typing import ArrayLike
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
-# A direction whose sine of inclination is smaller is vertical, down or up, and has no azimuth.
+# A direction whose sine of inclination is below this is vertical (down or up) and has no azimuth.
 VERTICAL = 1e-9
-# Closer to 180 deg than this (rad) the plane of the arc, and so the path, is not determined by the two directions.
+# If a dogleg is closer to 180 deg than this, rad, the two directions do not determine the plane of the arc.
 REVERSAL = 1e-6
 
 
 def tangent(inclination: ArrayLike, azimuth: ArrayLike) -> Array:
-    """Compute the unit vector down-hole, NED, shape (..., 3), of inclination and azimuth, rad, broadcast to (...)."""
+    """Return the down-hole unit vector, NED, shape (..., 3), of inclination and azimuth, rad, broadcast to (...)."""
     inc, azi = np.broadcast_arrays(np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float))
     s_i = np.sin(inc)
     return np.stack([s_i * np.cos(azi), s_i * np.sin(azi), np.cos(inc)], axis=-1)
@@ -36,7 +36,7 @@ def tangent(inclination: ArrayLike, azimuth: ArrayLike) -> Array:
 
 def directions(inclination: ArrayLike, azimuth: ArrayLike, known_from: float = VERTICAL) -> npt.NDArray[np.complex128]:
     """
-    Return the azimuth that each station of a hole really has, with how much of it is known.
+    Return the azimuth of the hole at each station, and how well it is known.
 
     A vertical station has no azimuth: the number that a list prints there carries no meaning. Such a station takes the
     azimuth of the hole next to it, first that of the hole below, then that of the hole above, because the arcs to them
@@ -53,7 +53,7 @@ def directions(inclination: ArrayLike, azimuth: ArrayLike, known_from: float = V
     Returns
     -------
     ndarray of complex, shape (n,)
-        Its argument is the azimuth, its magnitude from 0 to 1 says how much of it is known; 0 where no station of the
+        The argument is the azimuth. The magnitude, from 0 to 1, says how well it is known; it is 0 if no station of the
         hole has an azimuth.
     """
     inc, azi = np.asarray(inclination, dtype=float), np.asarray(azimuth, dtype=float)
@@ -70,7 +70,7 @@ def directions(inclination: ArrayLike, azimuth: ArrayLike, known_from: float = V
 
 def dogleg(inclination_1: ArrayLike, azimuth_1: ArrayLike, inclination_2: ArrayLike, azimuth_2: ArrayLike) -> Array:
     """
-    Angle between two directions.
+    Return the angle between two directions.
 
     All arguments rad, broadcast to shape (...). Returns shape (...), rad in [0, pi], with full relative precision for
     the smallest angles and near 180 deg (the arccos of the textbooks loses half the digits at both ends).
@@ -86,14 +86,14 @@ def dogleg(inclination_1: ArrayLike, azimuth_1: ArrayLike, inclination_2: ArrayL
 
 def path(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, start: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
     """
-    Positions of the stations.
+    Return the positions of the stations.
 
     Parameters
     ----------
     md : array_like, shape (n,)
         Measured depth, m, strictly increasing.
     inclination, azimuth : array_like, shape (n,)
-        From the vertical and from the north of the axes, rad.
+        Inclination from the vertical and azimuth from the north of the axes, rad.
     start : array_like, shape (3,)
         Position of the first station (the tie-on), m.
 
@@ -105,7 +105,7 @@ def path(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, start: Array
     Raises
     ------
     ValueError
-        Lengths differ, a value is not finite, depth does not increase, or two neighbours point opposite ways.
+        Lengths differ, a value is not finite, depth does not increase, or two neighbours point in opposite directions.
     """
     depth, inc, azi = checked_stations(md, inclination, azimuth)
     origin = np.asarray(start, dtype=float)
@@ -124,29 +124,29 @@ def interpolate(
     md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, positions: ArrayLike, at: ArrayLike
 ) -> tuple[Array, Array, Array]:
     """
-    Attitude and position on the arcs between the stations.
+    Return attitude and position on the arcs between the stations.
 
     Parameters
     ----------
     md, inclination, azimuth : array_like, shape (n,)
         The stations, as for `path`.
     positions : array_like, shape (n, 3)
-        What `path` returned for them, m.
+        Positions returned by `path` for these stations, m.
     at : array_like, shape (...)
         Measured depths, m, anywhere from the first station to the last.
 
     Returns
     -------
     inclination, azimuth : ndarray, shape (...)
-        rad; at a station exactly as given there, with azimuth brought to [0, 2 pi). Where the hole is vertical, the
-        azimuth is that of the hole next to it (`directions`).
+        Angles, rad; at a station exactly the given values, with azimuth wrapped to [0, 2 pi). Where the hole is
+        vertical, the azimuth is that of the hole next to it (`directions`).
     position : ndarray, shape (..., 3)
         North, east, down, m.
 
     Raises
     ------
     ValueError
-        As `path`, or a depth outside the stations.
+        The errors of `path`, or a depth outside the stations.
     """
     depth, inc, azi = checked_stations(md, inclination, azimuth)
     points = np.asarray(positions, dtype=float)
@@ -173,7 +173,7 @@ def interpolate(
     inc_at = np.arctan2(across, heading[..., 2])
     azi_at = np.where(across < 1e-15, azi[k], np.arctan2(heading[..., 1], heading[..., 0]))
     position_at = points[k] + offset
-    # A station gives itself back to the last bit, whatever the rounding of the arc.
+    # At a station return the given values exactly, without the rounding of the arc.
     for station in (k, k + 1):
         there = wanted == depth[station]
         inc_at, azi_at = np.where(there, inc[station], inc_at), np.where(there, azi[station], azi_at)
@@ -183,13 +183,13 @@ def interpolate(
 
 def _on_arc(upper_t: Array, lower_t: Array, angle: Array, share: Array) -> tuple[Array, Array]:
     """
-    Tangent, and way from the upper station over the length of the arc, at a share of the way; shape (..., 3) each.
+    Return tangent and offset from the upper station, divided by the arc's length, at a share of the arc; (..., 3) each.
 
-    upper_t, lower_t, shape (..., 3): tangents at the stations. angle, shape (...): dogleg between them, rad.
+    upper_t, lower_t, shape (..., 3), are the tangents at the stations; angle, shape (...), is the dogleg, rad.
     """
     part = share * angle
     sinc_full = np.sinc(angle / np.pi)
-    # The arc in the plane of the two tangents: coefficients of the upper and lower one, all regular at zero dogleg.
+    # Arc in the plane of the two tangents: coefficients of the upper and lower tangent, regular at zero dogleg.
     lower = share * np.sinc(part / np.pi) / sinc_full
     upper = np.cos(part) - lower * np.cos(angle)
     reach_lower = 0.5 * (share * np.sinc(part / (2.0 * np.pi))) ** 2 / sinc_full
@@ -200,25 +200,30 @@ def _on_arc(upper_t: Array, lower_t: Array, angle: Array, share: Array) -> tuple
 
 def dogleg_severity(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: float = 30.0) -> Array:
     """
-    Change of direction on the interval that ends at each station, rad per `per` metres, shape (n,); first 0.
+    Return the dogleg of the interval that ends at each station, rad per `per` metres, shape (n,); the first is 0.
 
-    Arguments and errors as `path`, except that a reversal has a dogleg too.
+    Arguments and errors as for `path`, except that a reversal is allowed.
     """
     depth, inc, azi = checked_stations(md, inclination, azimuth)
     return _rate(depth, dogleg(inc[:-1], azi[:-1], inc[1:], azi[1:]), per)
 
 
 def build_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: float = 30.0) -> Array:
-    """Change of inclination on the interval that ends at each station, rad per `per` metres, shape (n,); first 0."""
+    """
+    Return the change of inclination of the interval that ends at each station, rad per `per` metres, shape (n,).
+
+    The first is 0.
+    """
     depth, inc, _ = checked_stations(md, inclination, azimuth)
     return _rate(depth, np.diff(inc), per)
 
 
 def turn_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: float = 30.0) -> Array:
     """
-    Change of azimuth on the interval that ends at each station, rad per `per` metres, shape (n,); first 0.
+    Return the change of azimuth of the interval that ends at each station, rad per `per` metres, shape (n,).
 
-    The short way round. An interval that starts or ends vertical, where azimuth has no meaning, has turn 0.
+    The first is 0. The azimuth turns the short way round. An interval that starts or ends vertical has turn 0, because
+    its azimuth has no meaning there.
     """
     depth, inc, azi = checked_stations(md, inclination, azimuth)
     vertical = np.sin(inc) < VERTICAL
@@ -228,10 +233,10 @@ def turn_rate(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike, per: fl
 
 def vertical_section(positions: ArrayLike, azimuth: float, origin: ArrayLike = (0.0, 0.0)) -> Array:
     """
-    Horizontal distance along one azimuth.
+    Return the horizontal distance along one azimuth.
 
-    positions, shape (..., 2 or 3): north, east(, down), m. azimuth: of the section, rad. origin, shape (2,): north and
-    east where it is zero, m. Returns shape (...), m.
+    positions, shape (..., 2 or 3): north, east(, down), m. azimuth: direction of the section, rad. origin, shape (2,):
+    north and east of the zero of the section, m. Returns shape (...), m.
     """
     points, zero = np.asarray(positions, dtype=float), np.asarray(origin, dtype=float)
     north, east = points[..., 0] - zero[0], points[..., 1] - zero[1]
@@ -240,7 +245,7 @@ def vertical_section(positions: ArrayLike, azimuth: float, origin: ArrayLike = (
 
 def closure(positions: ArrayLike) -> float:
     """
-    Azimuth from the first position to the last, rad in [0, 2 pi): the usual one for the vertical section.
+    Return the azimuth from the first position to the last, rad in [0, 2 pi), the usual azimuth of the vertical section.
 
     positions, shape (n, 2 or 3), n >= 1: north, east(, down), m.
     """
@@ -253,8 +258,8 @@ def checked_stations(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) 
     """
     Check the three columns and return them as float arrays of shape (n,), n >= 1.
 
-    The azimuth of a vertical station is replaced by that of the hole next to it (`directions`): no result of this
-    module depends on the number that a list prints there.
+    The azimuth of a vertical station is replaced by that of the hole next to it (`directions`), so that no result
+    depends on the meaningless number that a list has there.
 
     Raises
     ------

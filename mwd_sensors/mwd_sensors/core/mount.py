@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How the sensor units sit in the tool: rotations from the axes of each unit to those of the tool.
+Orientation of the sensor units in the tool: rotations from the axes of each unit to those of the tool.
 
-A mount is written as a preset (which axis of the unit points where), as a matrix, as a quaternion, or as `tf`, for the
-static transforms of a recording or of the graph. One resolution of it serves the live estimator and recordings alike.
+A mount is written as a preset (which axis of the unit points where), as a matrix, as a quaternion, or as `tf`, which
+uses the static transforms of a recording or of the graph. The live estimator and recordings resolve it in the same way.
 """
 
 from __future__ import annotations
@@ -21,14 +21,18 @@ from mwd_sensors.core.settings import setting
 
 AS_IMU, TF = "as imu", "tf"
 ALONG = math.cos(math.radians(8.0))
-"""Least cosine of an axis that is one of the unit's: axes of an uncalibrated gyro err by some degrees."""
-# Entries of a matrix that differ from a rotation's by less are rounding of who wrote them.
+"""Least cosine for a direction that counts as an axis of the unit; an uncalibrated gyro errs by some degrees."""
+# Largest deviation from a rotation that is accepted as rounding of the given numbers.
 _ROUNDING = 2e-3
 _HALF_ABOUT_Z = np.diag([-1.0, -1.0, 1.0])
 
 
 def _presets() -> dict[str, Array]:
-    """Rows: tool axes x, y, z in axes of the unit. Down: in cyclic order; up: turned half round about the tool's z."""
+    """
+    Return the preset rotations; rows are the tool axes x, y, z in axes of the unit.
+
+    "-down" presets are cyclic permutations of the axes. "-up" presets are these, turned half round about the tool's z.
+    """
     found = {}
     for k, axis in enumerate("xyz"):
         down = np.eye(3)[[k, (k + 1) % 3, (k + 2) % 3]]
@@ -37,18 +41,20 @@ def _presets() -> dict[str, Array]:
 
 
 PRESETS = _presets()
-"""Name to rotation from unit to tool axes, shape (3, 3): `z-down` says that the unit's z points down-hole."""
+"""Name -> rotation from unit to tool axes, shape (3, 3); `z-down` means that the unit's z points down-hole."""
 _FORMS = f"one of {', '.join(PRESETS)}; nine numbers (rows of the matrix from unit to tool axes); x,y,z,w; or {TF}"
 
 
 def rotation(text: str) -> Array:
     """
-    Rotation from unit to tool axes, shape (3, 3), of a preset, nine numbers (row by row) or a quaternion x,y,z,w.
+    Return the rotation from unit to tool axes, shape (3, 3), that a text describes.
+
+    The text is a preset, nine numbers (row by row) or a quaternion x,y,z,w.
 
     Raises
     ------
     ValueError
-        Another text, or numbers that are no rotation; the message says what is allowed.
+        The text is something else or its numbers are not a rotation; the message says what is allowed.
     """
     if text in PRESETS:
         return PRESETS[text].copy()
@@ -57,52 +63,52 @@ def rotation(text: str) -> Array:
     except ValueError:
         figures = np.empty(0)
     if len(figures) not in (4, 9):
-        raise ValueError(f"{text!r} is no mount; write {_FORMS}")
+        raise ValueError(f"{text!r} is not a mount; write {_FORMS}")
     if len(figures) == 4:
         length = float(np.linalg.norm(figures))
         if not abs(length - 1.0) < _ROUNDING:
-            raise ValueError(f"{text!r} is no rotation: a quaternion has the length 1, this one {length:.4g}")
+            raise ValueError(f"{text!r} is not a rotation: a quaternion has length 1, this one has {length:.4g}")
         return frames.mat_from_quat(figures / length)
     given = figures.reshape(3, 3)
     if not np.abs(given @ given.T - np.eye(3)).max() < _ROUNDING or np.linalg.det(given) < 0.0:
-        raise ValueError(f"{text!r} is no rotation: rows of length 1, at right angles and right-handed are needed")
+        raise ValueError(f"{text!r} is not a rotation: rows must have length 1, be orthogonal and right-handed")
     u, _, v = np.linalg.svd(given)
     nearest: Array = u @ v
-    # A permutation of axes stays one to the bit.
+    # A permutation of axes is returned exactly.
     return np.round(nearest) if np.abs(nearest - np.round(nearest)).max() < 1e-12 else nearest
 
 
 @dataclasses.dataclass(frozen=True)
 class MountSettings:
-    """How the units sit in the tool, in the words of its users."""
+    """Orientation of the sensor units in the tool, as users write it."""
 
     imu: str = setting(
         "x-down",
-        "Axes of the conventional unit: which one points down-hole (x-down, x-up, y-down, y-up, z-down, z-up), nine "
-        "numbers (rows of the matrix from unit to tool axes), a quaternion x,y,z,w from unit to tool, or tf (static "
-        f"transforms to the frame {wire.SONDE_FRAME}). Set it where the unit's x is not the tool's; the health of the "
-        "sensors names a wrong one.",
+        "Axes of the conventional unit in the tool: the axis that points down-hole (x-down, x-up, y-down, y-up, "
+        "z-down, z-up), nine numbers (rows of the matrix from unit to tool axes), a quaternion x,y,z,w from unit to "
+        f"tool, or tf (static transforms to the frame {wire.SONDE_FRAME}). Set it if the unit's x axis is not the "
+        "tool's; the sensor health reports a wrong one.",
     )
     mag: str = setting(
         AS_IMU,
-        "As mount.imu, of the magnetometer; as imu: in the axes of the conventional unit, or turned into them by the "
-        "static transforms where its messages name another frame.",
+        "Axes of the magnetometer in the tool, written like mount.imu; as imu means the axes of the conventional unit, "
+        "or a static transform to them if its messages name another frame.",
         expert=True,
     )
     precision: str = setting(
         AS_IMU,
-        "As mount.mag, of the high-precision unit.",
+        "Axes of the high-precision unit in the tool, written like mount.mag.",
         expert=True,
     )
     accelerometer: str = setting(
         "up",
-        "What the conventional unit's accelerometer reads at rest: up (specific force, as REP-145 has it) or down "
-        "(gravity). Set it to down where the health of the sensors finds all its signs reversed.",
+        "Sign of the conventional unit's accelerometer at rest: up (specific force, as in REP-145) or down (gravity). "
+        "Set it to down if the sensor health reports that all its signs are reversed.",
         choices=("up", "down"),
     )
 
     def __post_init__(self) -> None:
-        """Refuse what is no mount."""
+        """Raise ValueError for a text that is not a mount."""
         for name in ("imu", "mag", "precision"):
             value = getattr(self, name)
             if value == TF or (value == AS_IMU and name != "imu"):
@@ -114,20 +120,20 @@ class MountSettings:
 
 
 class Transforms:
-    """Static transforms between frames; only their rotations matter here."""
+    """Static transforms between frames, of which only the rotations are used."""
 
     def __init__(self) -> None:
         self._to_parent: dict[str, tuple[str, Array]] = {}
 
     def add(self, parent: str, child: str, quaternion: tuple[float, float, float, float]) -> None:
-        """Take a transform of tf: the quaternion (x, y, z, w) turns vectors of the child into the parent's axes."""
+        """Add a transform of tf; the quaternion (x, y, z, w) turns vectors from the child's axes into the parent's."""
         q = np.asarray(quaternion, dtype=float)
         length = float(np.linalg.norm(q))
         if child.strip("/") != parent.strip("/") and np.isfinite(length) and length > 0.5:
             self._to_parent[child.strip("/")] = (parent.strip("/"), frames.mat_from_quat(q / length))
 
     def between(self, source: str, target: str) -> Array | None:
-        """Rotation, shape (3, 3), of vectors from one frame into another; None where no chain joins them."""
+        """Return the rotation, shape (3, 3), from one frame to another; None if no transforms connect them."""
         from_source, from_target = self._chain(source.strip("/")), self._chain(target.strip("/"))
         for frame, mat in from_source.items():
             if frame in from_target:
@@ -135,13 +141,13 @@ class Transforms:
         return None
 
     def full_name(self, frame: str) -> str:
-        """A frame as the transforms name it: with the prefix of the well where only that one is known."""
+        """Return the name of a frame in the transforms, with the prefix of a well if only that name exists."""
         known = {name for child, (parent, _) in self._to_parent.items() for name in (child, parent)}
         prefixed = [name for name in known if name.endswith(f"/{frame}")]
         return prefixed[0] if frame not in known and len(prefixed) == 1 else frame
 
     def _chain(self, frame: str) -> dict[str, Array]:
-        """Rotations from a frame into each of its ancestors, itself first."""
+        """Return the rotations from a frame to each of its ancestors, starting with the frame itself."""
         mat, found = np.eye(3), {}
         while frame not in found:
             found[frame] = mat
@@ -155,17 +161,18 @@ class Transforms:
 @dataclasses.dataclass(frozen=True)
 class Mount:
     """
-    Rotations in force from the axes of each unit to those of the tool.
+    Rotations from the axes of each unit to those of the tool, as resolved from settings and transforms.
 
     Attributes
     ----------
     imu, mag, precision : ndarray, shape (3, 3)
     reversed_accelerometer : bool
-        The accelerometer of the conventional unit reads gravity instead of specific force.
+        True if the accelerometer of the conventional unit reads gravity instead of specific force.
     unusable : dict of str to str
         Units (imu, mag, precision) whose rotation is not known, each with a sentence that says what to do.
     assumed : dict of str to str
-        Units that are taken to share the axes of the conventional one though their frame is another, likewise.
+        Units (imu, mag, precision) assumed to share the axes of the conventional unit although their messages name
+        another frame, each with a sentence that says what to do.
     """
 
     imu: Array
@@ -181,7 +188,7 @@ class Mount:
         return not np.array_equal(self.imu, np.eye(3))
 
     def imu_in_tool(self, samples: Samples) -> Samples:
-        """Samples of the conventional unit, dtype of `wire.IMU` or part of it, in tool axes."""
+        """Return samples of the conventional unit, dtype of `wire.IMU` or part of it, in tool axes."""
         out = _turned(samples, self.imu, ("angular_velocity", "linear_acceleration"))
         if self.reversed_accelerometer:
             out = out.copy() if out is samples else out
@@ -189,11 +196,11 @@ class Mount:
         return out
 
     def mag_in_tool(self, samples: Samples) -> Samples:
-        """Samples of the magnetometer, dtype of `wire.MAG` or part of it, in tool axes."""
+        """Return samples of the magnetometer, dtype of `wire.MAG` or part of it, in tool axes."""
         return _turned(samples, self.mag, ("magnetic_field",))
 
     def precision_in_tool(self, samples: Samples) -> Samples:
-        """Samples of the high-precision unit, as `imu_in_tool`."""
+        """Return samples of the high-precision unit in tool axes, like `imu_in_tool`."""
         return _turned(samples, self.precision, ("angular_velocity", "linear_acceleration"))
 
 
@@ -201,20 +208,20 @@ def resolve(
     given: MountSettings, names: Mapping[str, str] | None = None, transforms: Transforms | None = None
 ) -> Mount:
     """
-    Find the rotations that settings, frame names and static transforms make together.
+    Return the rotations that follow from settings, frame names and static transforms.
 
     Parameters
     ----------
     given : MountSettings
     names : mapping of str to str, optional
-        Frames that the messages of imu, mag and precision name; missing or empty: not known.
+        Frame that the messages of imu, mag and precision name; missing or empty if not known.
     transforms : Transforms, optional
 
     Returns
     -------
     Mount
-        Units whose rotation is not known keep that of the conventional unit and are named: in `unusable`, or, the
-        precision unit, whose rates are compared with those of the conventional one, in `assumed`.
+        A unit whose rotation is not known gets that of the conventional unit. It is listed in `unusable`; the precision
+        unit is listed in `assumed`, because its rates can be compared with those of the conventional unit.
     """
     names, transforms = names or {}, transforms or Transforms()
     unusable: dict[str, str] = {}
@@ -251,9 +258,9 @@ def resolve(
 
 
 def _snapped(mat: Array) -> Array:
-    """A quarter turn that went through a quaternion stays one to the bit."""
+    """Round a matrix that is an exchange of axes up to rounding errors to the exact one."""
     whole = np.round(mat)
-    # Adding zero makes 0 of -0.
+    # Adding zero turns -0 into 0.
     return whole + 0.0 if np.abs(mat - whole).max() < 1e-9 else mat
 
 
@@ -272,7 +279,11 @@ def _turned(samples: Samples, mat: Array, fields: tuple[str, ...]) -> Samples:
 
 
 def turned(mat: Array, vectors: Array) -> Array:
-    """Vectors, shape (n, 3), turned by a matrix; an exchange of axes is exact and keeps what is not finite in place."""
+    """
+    Return vectors, shape (n, 3), turned by a matrix.
+
+    If the matrix only exchanges axes, the result is exact, and NaN or infinity stays in its own axis.
+    """
     order = np.abs(mat).argmax(axis=1)
     signs = mat[np.arange(3), order]
     if np.array_equal(np.abs(mat), np.eye(3)[order]):
@@ -281,7 +292,7 @@ def turned(mat: Array, vectors: Array) -> Array:
 
 
 def words(mat: Array) -> str:
-    """Name of a rotation for people: its preset, or the nine numbers."""
+    """Return the name of a rotation for users: its preset, or the nine numbers."""
     for name, preset in PRESETS.items():
         if np.array_equal(mat, preset):
             return name
@@ -290,11 +301,12 @@ def words(mat: Array) -> str:
 
 def by_turning(turn: Array) -> Array:
     """
-    Rotation from unit to tool axes, shape (3, 3), of a unit that sees the string turn so.
+    Return the rotation from unit to tool axes, shape (3, 3), of a unit on a rotating string.
 
-    turn, shape (3,): turn of the unit, of any length; it points down-hole, as of `axis_down`. A preset where it lies
-    along an axis of the unit; else the preset of the nearest axis and the smallest rotation from there, for turning
-    does not show where the scribe line is.
+    turn, shape (3,), is the rotation of the string in axes of the unit, of any length; it points down-hole (see
+    `axis_down`). If it lies along an axis of the unit, the result is the preset. Otherwise the result is the preset of
+    the nearest axis followed by the smallest rotation from there, because rotation does not show where the scribe line
+    is.
     """
     axis = np.asarray(turn, dtype=float) / np.linalg.norm(turn)
     k = int(np.abs(axis).argmax())
@@ -302,7 +314,7 @@ def by_turning(turn: Array) -> Array:
     if abs(axis[k]) > ALONG:
         return preset.copy()
     x, y, z = preset @ axis
-    # Rodrigues' rotation of (x, y, z) into (1, 0, 0), about their cross product.
+    # Rodrigues' rotation that takes (x, y, z) to (1, 0, 0), about their cross product.
     cross = np.array([[0.0, y, z], [-y, 0.0, 0.0], [-z, 0.0, 0.0]])
     found: Array = (np.eye(3) + cross + cross @ cross / (1.0 + x)) @ preset
     return found
@@ -310,10 +322,11 @@ def by_turning(turn: Array) -> Array:
 
 def axis_down(turn: Array, path: float) -> str:
     """
-    Name the axis of the unit that a turning string shows to point down-hole.
+    Return the preset of the unit's axis that points down-hole according to a rotating string ("z-down").
 
-    turn, shape (3,): sum of the unit's turns, rad; path: sum of their lengths, rad. A drill string turns to the right
-    (clockwise seen down-hole), so that the turn points down-hole. Empty where the turn has no one axis.
+    turn, shape (3,), is the sum of the unit's rotations, rad; path is the sum of their lengths, rad. A drill string
+    turns to the right (clockwise seen down-hole), so the rotation vector points down-hole. Returns an empty text if the
+    rotation is not about one axis of the unit.
     """
     length = float(np.linalg.norm(turn))
     k = int(np.abs(turn).argmax())

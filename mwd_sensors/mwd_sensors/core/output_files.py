@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that others read, possibly while they are written: the old one or the new one is there at every moment."""
+"""Write files that others may read at any moment: a reader finds the old file or the new one, never a part."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 def write_whole(path: Path, data: bytes | str, *, lasting: bool = True) -> None:
     """
-    Write or replace a file by one rename.
+    Write or replace a file with a single rename.
 
     Parameters
     ----------
@@ -18,13 +18,13 @@ def write_whole(path: Path, data: bytes | str, *, lasting: bool = True) -> None:
     data : bytes or str
         Text is written as UTF-8.
     lasting : bool
-        Return only when the disk has it, so that a power cut leaves the old or the new file. False for what is
-        written again within seconds.
+        Return only when the disk has stored the file, so that a power cut leaves the old or the new file. Use False for
+        files that are written again within seconds.
 
     Raises
     ------
     OSError
-        There is no such folder, or the disk refuses; the file that was there is untouched.
+        The folder does not exist or the disk refuses; the existing file is unchanged.
     """
     draft = path.with_name(f".{path.name}.writing")
     try:
@@ -44,12 +44,12 @@ def write_whole(path: Path, data: bytes | str, *, lasting: bool = True) -> None:
 
 def sync_folder(folder: Path) -> None:
     """
-    Make the disk hold the names in a folder.
+    Make the disk store the names in a folder.
 
     Raises
     ------
     OSError
-        It refuses.
+        The system refuses.
     """
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

@@ -2,15 +2,14 @@
 """
 Record types of compiled kernels, declared as annotated classes.
 
-The state of a kernel is one element of a structured array. Its class names every field once, with type and shape; the
-type checker sees the class, numba and numpy see the dtype made from it, and both spell a field `s.name`:
+The state of a kernel is one element of a structured array. Its class names every field once, with type and shape. The
+type checker reads the class, numba and numpy use the dtype made from it, and in both a field is written `s.name`:
 
     class Ring(...):                           RING = dtype_of(Ring)
         head: int                              state = np.zeros(1, RING)
         down: Annotated[Array, 512, 3]         step(params, state[0], ...)
 
-A record passed to a kernel is passed by reference. Copying, saving, comparing and resetting a state are those of the
-one-element array.
+A record is passed to a kernel by reference. To copy, save, compare or reset a state, do so with the one-element array.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ _SCALARS = {float: np.float64, int: np.int64, bool: np.bool_}
 
 def dtype_of(description: type) -> np.dtype[Any]:
     """
-    Aligned record dtype with the fields of an annotated class, in their order.
+    Return the aligned record dtype with the fields of an annotated class, in their order.
 
     Parameters
     ----------
@@ -36,7 +35,7 @@ def dtype_of(description: type) -> np.dtype[Any]:
     Returns
     -------
     numpy.dtype
-        Of `numpy.record`, so that `record.name` works outside of kernels too.
+        The dtype, of `numpy.record`, so that `record.name` works outside kernels too.
     """
     fields: list[tuple[str, Any]] = []
     for name, hint in typing.get_type_hints(description, include_extras=True).items():
@@ -54,7 +53,7 @@ def dtype_of(description: type) -> np.dtype[Any]:
 
 
 def _aligned(fields: list[tuple[str, np.dtype[Any]]]) -> np.dtype[Any]:
-    """Record dtype with every field on a multiple of its alignment; numpy takes that of a nested record for 1."""
+    """Return a record dtype with every field aligned; numpy itself would align a nested record to 1 byte."""
     offsets, end = [], 0
     for _, dtype in fields:
         step = _alignment(dtype)
@@ -71,7 +70,7 @@ def _aligned(fields: list[tuple[str, np.dtype[Any]]]) -> np.dtype[Any]:
 
 
 def _alignment(dtype: np.dtype[Any]) -> int:
-    """Alignment of the largest scalar in a dtype, bytes."""
+    """Return the alignment of the largest scalar in a dtype, bytes."""
     if dtype.subdtype is not None:
         return _alignment(dtype.subdtype[0])
     if dtype.fields is not None:

@@ -2,8 +2,8 @@
 """
 Settings: frozen dataclasses whose fields carry default, unit, bounds and meaning.
 
-One table serves node parameters, configuration files and scenarios: the same check, the same words. A wrong key is
-an error that names the nearest right one; a wrong value is an error that names value, unit and bound.
+The same declaration serves node parameters, configuration files and scenarios, with the same checks and messages. A
+wrong key is an error that suggests the nearest valid keys. A wrong value is an error that states value, unit and bound.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-_MOST_NAMES = 12  # in a sentence
-# Type of each field of a class: annotations are text, and to evaluate them takes longer than to check the values.
+_MOST_NAMES = 12  # most names that a message lists
+# Types of the fields of a class; cached, because evaluating the annotations takes longer than checking the values.
 _types: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
 _SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
 class SettingsError(ValueError):
-    """A setting that does not exist or whose value is not allowed; the message names it and what is allowed."""
+    """A setting does not exist or its value is not allowed; the message names it and says what is allowed."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Rule:
-    """What one field allows: unit in words, inclusive bounds, choices, whether it may change, who needs to read it."""
+    """Rule for one field: meaning, unit, inclusive bounds, choices, and whether it is fixed or for experts."""
 
     doc: str
     unit: str = ""
@@ -44,7 +44,7 @@ class Rule:
     expert: bool = False
 
     def text(self) -> str:
-        """One line for people: meaning, unit and bounds."""
+        """Return meaning, unit and bounds on one line."""
         parts = [self.doc]
         if self.unit:
             parts.append(f"[{self.unit}]")
@@ -72,17 +72,17 @@ def setting(
     Parameters
     ----------
     default : any, optional
-        Value when none is given; else the field must be given. A list, dict or set is copied for each instance.
+        Default value; without it the field must be given. A list, dict or set is copied for each instance.
     doc, unit : str
-        Meaning in one sentence; unit as people write it ("m/s^2", "deg").
+        Meaning in one sentence, and unit as people write it ("m/s^2", "deg").
     low, high : float, optional
-        Inclusive bounds, also of every element of a list.
+        Inclusive bounds; for a list they apply to every element.
     choices : tuple of str
-        The only words allowed.
+        Allowed words.
     fixed : bool
-        True where a running node cannot take the change (read-only parameter).
+        True if a running node cannot change the value (read-only parameter).
     expert : bool
-        True where a user of the defaults never needs to read it; such parameters stand last in the reference.
+        True if a user of the defaults never needs to read about the field; the reference lists these fields last.
     """
     metadata = {"rule": Rule(doc, unit, low, high, choices, fixed, expert)}
     if isinstance(default, (list, dict, set)):
@@ -95,7 +95,7 @@ def setting(
 
 
 def rule_of(field: dataclasses.Field[Any]) -> Rule:
-    """Rule of a dataclass field; fields declared without `setting` allow any value of their type."""
+    """Return the rule of a dataclass field; a field declared without `setting` allows any value of its type."""
     rule = field.metadata.get("rule")
     return rule if isinstance(rule, Rule) else Rule("")
 
@@ -107,7 +107,8 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
     Raises
     ------
     SettingsError
-        An unknown key (with its near misses), a missing one, a wrong type, a value out of bounds or not finite.
+        A key is unknown (the message suggests near ones) or missing, or a value has a wrong type, is out of bounds or
+        is not finite.
     """
     if not isinstance(given, Mapping):
         raise SettingsError(f"{path or cls.__name__}: expected a table of settings, got {given!r}")
@@ -132,12 +133,12 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
 
 
 def to_mapping(settings: Any) -> dict[str, Any]:
-    """Plain nested dict of a settings object, ready for YAML."""
+    """Return the settings as a nested dict of plain values, ready for YAML."""
     return {f.name: _plain(getattr(settings, f.name)) for f in dataclasses.fields(settings) if f.init}
 
 
 def flat(settings: Any, prefix: str = "") -> dict[str, tuple[Any, Rule]]:
-    """Dotted name -> (value, rule) of every leaf, in order of declaration: the parameters of a node."""
+    """Return dotted name -> (value, rule) of every field, in order of declaration: the parameters of a node."""
     leaves: dict[str, tuple[Any, Rule]] = {}
     for field in dataclasses.fields(settings):
         name, value = prefix + field.name, getattr(settings, field.name)
@@ -149,24 +150,24 @@ def flat(settings: Any, prefix: str = "") -> dict[str, tuple[Any, Rule]]:
 
 
 def values(settings: Any) -> dict[str, Any]:
-    """Dotted name -> value of every leaf, in order of declaration."""
+    """Return dotted name -> value of every field, in order of declaration."""
     return {name: value for name, (value, _) in flat(settings).items()}
 
 
 def changed(settings: T, changes: Mapping[str, Any]) -> T:
     """
-    Copy the settings with the given dotted names changed, all or nothing.
+    Return a copy of the settings with the given dotted names changed, all or none.
 
     Raises
     ------
     SettingsError
-        As `from_mapping`; the original is untouched.
+        The errors of `from_mapping`; the original is unchanged.
     """
     nested = to_mapping(settings)
     known = flat(settings)
     later = {name: value for name, value in changes.items() if name not in known}
     if later and len(later) < len(changes):
-        # A choice may bring settings of its own: those are known once it is made.
+        # A choice may bring its own settings, whose names exist only after the choice is made.
         first = changed(settings, {name: value for name, value in changes.items() if name in known})
         return changed(first, later)
     for name, value in changes.items():
@@ -181,17 +182,17 @@ def changed(settings: T, changes: Mapping[str, Any]) -> T:
 
 
 def unknown_key(key: str, known: Mapping[str, Any] | typing.Iterable[str], path: str) -> str:
-    """Return a sentence for a key that does not exist: its near misses or, failing those, what there is."""
+    """Return a sentence about a key that does not exist: similar names, otherwise the names that exist."""
     names, where = list(known), f"{path}.{key}" if path else key
     near = difflib.get_close_matches(key, names, n=3, cutoff=0.5)
-    # A setting that moved to another block keeps its own name more often than not.
+    # A setting that moved to another block usually keeps the last part of its name.
     near += [name for name in names if "." in key and name.endswith(key[key.rindex(".") :]) and name not in near][:3]
     hint = f"did you mean {' or '.join(near)}?" if near else _all_of(names)
     return f"{where}: no such setting; {hint}"
 
 
 def _all_of(names: Sequence[str]) -> str:
-    """Few names whole; of many the blocks that they begin with."""
+    """List all names if they are few, otherwise the blocks that they begin with."""
     if len(names) <= _MOST_NAMES:
         return f"known: {', '.join(names)}"
     blocks = dict.fromkeys(name.partition(".")[0] for name in names)
@@ -199,7 +200,7 @@ def _all_of(names: Sequence[str]) -> str:
 
 
 def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
-    """Value brought to its declared type, or a SettingsError with the reason."""
+    """Return the value converted to its declared type; raise SettingsError with the reason if that is not possible."""
     origin = typing.get_origin(kind)
     if origin in (typing.Union, types.UnionType):
         return _checked_union(value, kind, rule, where)
@@ -219,7 +220,7 @@ def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
 
 def _checked_union(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     options = typing.get_args(kind)
-    # A parameter of ROS has no other way to say "not given" than nan.
+    # NaN is the only way for a ROS parameter to say "not given".
     if type(None) in options and (value is None or (isinstance(value, float) and math.isnan(value))):
         return None
     errors = []
@@ -247,7 +248,7 @@ def _checked_sequence(value: Any, kind: Any, rule: Rule, where: str) -> Any:
 
 
 def _checked_word(value: Any, kind: type[enum.Enum], rule: Rule, where: str) -> enum.Enum:
-    """Member of an enumeration by its value."""
+    """Return the member of an enumeration that has this value."""
     try:
         return kind(value)
     except ValueError:
@@ -274,7 +275,7 @@ def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if kind is str and isinstance(value, bool):
-        # YAML reads these words as truth values; where one is a choice, the word was meant.
+        # YAML reads yes, no, on and off as booleans; if one of these words is a choice, the word was meant.
         words = ("true", "yes", "on") if value else ("false", "no", "off")
         value = next((word for word in words if word in (rule.choices or ())), value)
     if type(value) is not kind:
@@ -319,5 +320,5 @@ def _bound(value: float | None) -> str:
 
 
 def _figure(value: float) -> str:
-    """Write a number as people do: whole ones with all their digits."""
+    """Write a number for people: whole numbers with all their digits."""
     return f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e15 else f"{value:g}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A settings dataclass as a table for people: name, type, default, unit, range and meaning of every parameter."""
+"""Show a settings dataclass as a table: name, type, default, unit, range and meaning of every parameter."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _HEAD = "| name | type | default | unit | range | description |\n|---|---|---|--
 
 
 def parameter_tables(settings: Any) -> str:
-    """Markdown: the parameters that a user reads, then those for experts; without a heading where there are none."""
+    """Return Markdown tables: the parameters for all users, then those for experts under a heading of their own."""
     leaves = flat(settings)
     plain = [(name, *leaf) for name, leaf in leaves.items() if not leaf[1].expert]
     expert = [(name, *leaf) for name, leaf in leaves.items() if leaf[1].expert]

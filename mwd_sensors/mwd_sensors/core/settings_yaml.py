@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A settings dataclass as the commented parameter file of its node: every default, with meaning, unit and bounds."""
+"""Write a settings dataclass as the commented parameter file of its node, with meaning, unit, bounds and default."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _WIDTH = 118
 
 def parameter_file(node: str, settings: Any) -> str:
     """
-    YAML of a node's parameters, ready for ``--params-file``; one comment for each.
+    Return the YAML of a node's parameters for ``--params-file``, with a comment for each parameter.
 
-    node: name without namespace; the file holds for any namespace.
+    node is the name without namespace; the file is valid in any namespace.
     """
     lines = [
-        f"# Parameters of the {node} node with their defaults. Copy what you change into a file of your own and lay it",
-        "# on top with --params-file: an unknown name or a value out of bounds is refused with a sentence. Parameters",
-        "# marked expert need no attention with the defaults.",
+        f"# Parameters of the {node} node with their defaults. Copy the lines that you change into your own file and",
+        "# pass it with --params-file. An unknown name or a value out of bounds is refused with a message. Parameters",
+        "# marked Expert rarely need a change.",
         "/**:",
         f"  {node}:",
         "    ros__parameters:",
-        "      # Configure and activate at start; false: wait for the lifecycle services.",
+        "      # true: configure and activate at start. false: wait for the lifecycle services.",
         "      autostart: true",
-        "      # Before every frame in headers and transforms; auto: the namespace and a slash; empty: nothing.",
+        "      # Prefix of frame names in headers and transforms. auto: the namespace and a slash. Empty: no prefix.",
         "      frame_prefix: auto",
     ]
     return "\n".join(lines + _lines(settings, 6)) + "\n"
@@ -47,19 +47,19 @@ def _lines(settings: Any, indent: int) -> list[str]:
         value, space = getattr(settings, field.name), " " * indent
         block = dataclasses.is_dataclass(value) and not isinstance(value, type)
         if block and not dataclasses.fields(value):
-            # A name without a value is no parameter.
+            # YAML cannot write a parameter block without entries.
             continue
         comment = textwrap.wrap(_comment(field), _WIDTH - indent - 2)
         lines += [f"{space}# {line}" for line in comment]
         if block:
             lines += [f"{space}{field.name}:", *_lines(value, indent + 2)]
         else:
-            # A parameter file has no empty list; one empty text stands for it.
+            # A parameter file cannot hold an empty list; a list with one empty text stands for it.
             plain = (list(value) or [""]) if isinstance(value, (list, tuple)) else value
-            # Nor has it an empty value: a number that is not given is nan.
+            # Nor can it hold an empty value: NaN stands for a number that is not given.
             plain = math.nan if plain is None else plain
             text = yaml.safe_dump(plain, default_flow_style=True, width=10**6, allow_unicode=True)
-            # A bare scalar ends with a document mark.
+            # The YAML library ends a bare scalar with a document mark.
             scalar = text.removesuffix("...\n").strip()
             lines.append(f"{space}{field.name}: {scalar}")
     return lines

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units of sensor readings: the factors to SI, and what readings look like that are not in SI."""
+"""Units of sensor readings: factors to SI, and a check for readings that are not in SI."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ FACTORS: dict[str, dict[str, float]] = {
     "rate": {"rad/s": 1.0, "deg/s": math.pi / 180.0},
     "field": {"T": 1.0, "mT": 1e-3, "uT": 1e-6, "nT": 1e-9, "G": 1e-4, "mG": 1e-7},
 }
-# Quantity -> (unit, lowest, highest median magnitude that only this unit explains). Vibration can raise the specific
-# force several times above gravity but never halve its median; external interference can treble the field.
+# Quantity -> (unit, lowest, highest median magnitude that means this unit). Vibration can raise the specific force to
+# several times gravity but never halve its median; external interference can treble the magnetic field.
 _RANGES = {
     "acceleration": (("g", 0.3, 5.0), ("mg", 400.0, 5e3), ("m/s2", 5.0, 400.0)),
     "rate": (("deg/s", 60.0, 1e4), ("rad/s", 0.0, 60.0)),
@@ -30,12 +30,12 @@ _WORDS = {"acceleration": "specific force", "rate": "angular rate", "field": "ma
 
 def factor(quantity: str, unit: str) -> float:
     """
-    Find the factor from readings to SI.
+    Return the factor that converts readings to SI.
 
     Raises
     ------
     ValueError
-        No such quantity or unit; the message lists the units there are.
+        The quantity or unit does not exist; the message lists the units that do.
     """
     if quantity not in FACTORS:
         raise ValueError(f"quantity: {quantity!r} is not one of {', '.join(FACTORS)}")
@@ -46,11 +46,11 @@ def factor(quantity: str, unit: str) -> float:
 
 def doubt(quantity: str, readings: ArrayLike) -> tuple[str, str] | None:
     """
-    Describe what is wrong with readings that should be in SI.
+    Describe the problem of readings that are declared as SI but are not.
 
-    readings, shape (n, 3): declared as m/s^2, rad/s or T; rows that are not finite are left out.
-    Returns None where their median magnitude is plausible or nothing finite is there, else (sentence, unit): the
-    unit that would make it plausible, empty where none would.
+    readings, shape (n, 3), are declared as m/s^2, rad/s or T; rows that are not finite are ignored. Returns None if
+    their median magnitude is plausible or no row is finite. Otherwise returns (sentence, unit): the unit that would
+    make the magnitude plausible, or an empty text if none would.
     """
     values = np.asarray(readings, dtype=float)
     values = values[np.isfinite(values).all(axis=1)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times as people write them in files."""
+"""Read and convert UTC times as people write them in files."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _LEAP_SECOND = re.compile(r":59:60(?!\d)")
 
 def moment(text: str) -> dt.datetime:
     """
-    Time written by ISO 8601, whatever the time zone of this machine; without an offset it is UTC.
+    Parse a time written as ISO 8601, independent of the machine's time zone; without an offset it is UTC.
 
     The leap second 23:59:60 is the second after 23:59:59, as in POSIX time (IEEE Std 1003.1, section 4.19).
 
     Raises
     ------
     ValueError
-        It is none, or one beyond the calendar.
+        The text is not a time, or the time is outside the calendar.
     """
     plain, leaps = _LEAP_SECOND.subn(":59:59", text.strip())
     found = dt.datetime.fromisoformat(plain)
@@ -31,5 +31,5 @@ def moment(text: str) -> dt.datetime:
 
 
 def stamp_ns(at: dt.datetime) -> int:
-    """Whole microseconds of a time as ns since 1970."""
+    """Return a time, in whole microseconds, as ns since 1970."""
     return (at - _EPOCH) // _MICROSECOND * 1000

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The fixed-layout messages of the graph as numpy arrays: bytes on the wire to samples and back.
+Convert messages of fixed layout between bytes and numpy arrays of samples.
 
 A message whose only variable part is the frame name of its header has a fixed layout once that name is known. Such
-messages are packed and unpacked here without any middleware, one or a million at a time, by the live nodes, the
-simulator, the recorder and replay alike; the same bytes give the same numbers everywhere.
+messages are packed and unpacked here without any middleware, one or a million at a time. Live nodes, simulator,
+recorder and replay all use this code, so that the same bytes give the same numbers everywhere.
 
-Encoding: CDR, little endian, as ROS 2 writes it (OMG DDS-RTPS 2.5, section 10; XCDR1 alignment).
+The encoding is little-endian CDR as ROS 2 writes it (OMG DDS-RTPS 2.5, section 10; XCDR1 alignment).
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ Rows = NDArray[np.uint8]
 NANOSECONDS = 1_000_000_000
 LITTLE_ENDIAN_CDR = b"\x00\x01\x00\x00"
 _HEAD = int.from_bytes(LITTLE_ENDIAN_CDR, "little")
-_FRAME_AT = 16  # encapsulation 4, stamp 8, length of the frame name 4
+_FRAME_AT = 16  # offset of the frame name: encapsulation 4, stamp 8, length of the frame name 4
 _KINDS = {"float64": "<f8", "uint32": "<u4", "uint8": "u1", "bool": "?"}
 
 
 class WireError(ValueError):
-    """Bytes that are not a message of the layout they were read with."""
+    """The bytes are not a message of the expected layout."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Layout:
     """
-    Layout of one message type: a std_msgs/Header, then fields of fixed size.
+    Layout of one message type: a std_msgs/Header followed by fields of fixed size.
 
     Attributes
     ----------
     type_name : str
-        As ROS writes it, for example ``sensor_msgs/msg/Imu``.
+        Name of the type in ROS, for example ``sensor_msgs/msg/Imu``.
     fields : tuple of (name, kind, count)
-        In wire order; kind is a ROS primitive, count the length of a fixed array or 1.
+        Fields in wire order; kind is a ROS primitive, count the length of a fixed array or 1.
     """
 
     type_name: str
@@ -51,17 +51,17 @@ class Layout:
 
     @functools.cached_property
     def dtype(self) -> np.dtype[np.void]:
-        """Samples: ``stamp_ns`` (int64, ns since the epoch) and the message's own fields."""
+        """Dtype of samples: ``stamp_ns`` (int64, ns since 1970) and the fields of the message."""
         return self.dtype_of(None)
 
     def dtype_of(self, fields: tuple[str, ...] | None) -> np.dtype[np.void]:
         """
-        Decode samples of ``stamp_ns`` and of some of the fields only, in wire order; None: all.
+        Return the dtype of samples with ``stamp_ns`` and some of the fields, in wire order; None selects all fields.
 
         Raises
         ------
         ValueError
-            A field the message does not have.
+            The message does not have one of the fields.
         """
         known = [name for name, _, _ in self.fields]
         for name in fields or ():
@@ -77,27 +77,27 @@ class Layout:
         )
 
     def row_dtype(self, frame_bytes: int) -> np.dtype[np.void]:
-        """One message on the wire, for a frame name of that many bytes (without its closing NUL)."""
+        """Return the dtype of one message on the wire, for a frame name of this many bytes (without its final NUL)."""
         return _row_dtype(self, frame_bytes)
 
     def size(self, frame_id: str) -> int:
-        """Bytes of one message with that frame name."""
+        """Return the size in bytes of one message with this frame name."""
         return self.row_dtype(len(frame_id.encode())).itemsize
 
     def empty(self, count: int) -> Samples:
-        """Create samples of this layout, all zero."""
+        """Return samples of this layout, filled with zeros."""
         return np.zeros(count, dtype=self.dtype)
 
     def encode(self, samples: Samples, frame_id: str) -> Rows:
         """
         Serialise samples.
 
-        Returns shape (n, size), uint8: each row is one message; ``rows[k].tobytes()`` can be published as it is.
+        Returns shape (n, size), uint8: each row is one message, and ``rows[k].tobytes()`` can be published unchanged.
 
         Raises
         ------
         ValueError
-            The samples are not of this layout's dtype.
+            The samples do not have this layout's dtype.
         """
         if samples.dtype != self.dtype:
             raise ValueError(f"samples: expected the dtype of {self.type_name}, got {samples.dtype}")
@@ -122,12 +122,12 @@ class Layout:
         rows : ndarray of uint8, shape (n, size), or bytes
             Messages, or the bytes of a single one.
         fields : tuple of str, optional
-            What to take besides the stamp, as in `dtype_of`; a message's covariances are most of its bytes.
+            Fields to read in addition to the stamp, as in `dtype_of`; the covariances are most of a message's bytes.
 
         Raises
         ------
         WireError
-            Another byte order, a length that does not fit this layout, or frame names of different lengths.
+            The byte order is another, the length does not fit this layout, or the frame names differ in length.
         """
         if isinstance(rows, (bytes, bytearray, memoryview)):
             rows = np.frombuffer(rows, dtype=np.uint8)[None, :]
@@ -152,7 +152,7 @@ class Layout:
         samples["stamp_ns"] = head["sec"].astype(np.int64) * NANOSECONDS + head["nanosec"]
         first = dtype.fields[self.fields[0][0]][1]  # type: ignore[index]
         if fields is None and dtype.itemsize - first == samples.dtype.itemsize - 8:
-            # No gaps on the wire: all fields of a message are one run of bytes.
+            # No gaps on the wire: the fields of a message are one contiguous run of bytes.
             samples.view(np.uint8).reshape(len(samples), -1)[:, 8:] = rows[:, first : dtype.itemsize]
             return samples
         records = rows[:, : dtype.itemsize].view(dtype)[:, 0]
@@ -185,7 +185,7 @@ def _row_dtype(layout: Layout, frame_bytes: int) -> np.dtype[np.void]:
 
 def frame_id(message: bytes) -> str:
     """
-    Frame name in the header of a serialised message.
+    Return the frame name in the header of a serialised message.
 
     Raises
     ------
@@ -289,7 +289,7 @@ RIG_STATE = Layout(
         ("in_slips", "bool", 1),
     ),
 )
-# Bit of `valid` that vouches for a field of RIG_STATE, by the field's name.
+# Field of RIG_STATE -> bit of `valid` that says that the field has a value.
 RIG_VALID = {name: 1 << k for k, name in enumerate(name for name, *_ in RIG_STATE.fields if name != "valid")}
 TRUTH = Layout(
     "mwd_msgs/msg/Truth",
@@ -323,7 +323,7 @@ LAYOUTS = {
     layout.type_name: layout
     for layout in (IMU, MAG, TEMPERATURE, GRAVITY, ATTITUDE, INTERFERENCE, DYNAMICS, RIG_STATE, TRUTH, TOOL_FLOW)
 }
-# Topics of the sonde and the rig, relative to the well's namespace, and the frames they are stamped with.
+# Topics of the sonde and the rig, relative to the well's namespace, with their layouts.
 SONDE_TOPICS = {
     "imu/data_raw": IMU,
     "imu/mag": MAG,
@@ -332,16 +332,16 @@ SONDE_TOPICS = {
     "truth": TRUTH,
     "rig/state": RIG_STATE,
 }
-# Frames; in headers and transforms a node puts its prefix before them (`GraphNode.frame`).
+# Frame names; a node puts its prefix in front of them in headers and transforms (`GraphNode.frame`).
 SONDE_FRAME = "sonde_link"  # x down the hole, z the scribe line
 BIT_FRAME = "bit"  # axes of the sonde, at the bit
-RIG_FRAME = "rig_floor"  # axes of local_enu, where depths are measured from
-WELLHEAD_FRAME = "wellhead"  # north, east, down from where the well path begins
+RIG_FRAME = "rig_floor"  # axes of local_enu; origin of the measured depth
+WELLHEAD_FRAME = "wellhead"  # north, east, down from the start of the well path
 LOCAL_FRAME = "local_enu"  # east, north, up
 
 
 def decode_messages(layout: Layout, messages: Sequence[bytes]) -> tuple[Samples, list[WireError]]:
-    """Decode serialised messages of one layout: their samples in order, and one error for each unreadable message."""
+    """Decode serialised messages of one layout; return their samples in order and one error per unreadable message."""
     if not messages:
         return layout.empty(0), []
     size = len(messages[0])

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drivers of real sensors: what their serial lines carry, their clocks, and an emulator that plays recordings."""
+"""Drivers of real sensors: serial protocols, clock synchronisation, and an emulator that plays recordings."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A probe without hardware: samples of a recording or a scenario on a pseudo terminal, as the serial line carries them.
+Emulate a probe without hardware: send samples of a recording or a scenario on a pseudo terminal.
 
-It obeys the commands of `probe_protocol`: start and stop of the samples, its time, its name.
+The emulator obeys the commands of `probe_protocol`: start and stop the samples, report its time, report its name.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from mwd_sensors.drivers import mtdata2, probe_protocol
 from mwd_sensors.drivers.readings import LAYOUTS, Answer, Reading, readings_of
 
 NAME = "mwd emulator 1"
-# At equal stamps the IMU comes last: the other samples that the estimator needs are then there.
+# At equal stamps the IMU comes last, so that the other samples that the estimator needs have already arrived.
 _ORDER = ("imu/temperature", "gyro/data_raw", "imu/mag", "imu/data_raw")
 XSENS_FIELD_T = 50e-6
-"""Field that the emulated MTi reads as 1, T: the driver's `xsens_field_ut` is 50."""
+"""Field that the emulated MTi reports as 1, T; the driver's `xsens_field_ut` must be 50."""
 PROTOCOLS = ("binary", "ascii", "xsens")
-# Longest wait for commands between two samples, and for who reads the line, s.
+# Longest wait for commands between two samples, and for the host to read the line, s.
 _WAIT_S = 0.02
-# At the end the line stays until the host has read nothing new for the first, at most for the second, s: taken away, it
-# would take what the host has not read with it.
+# At the end the emulator keeps the line open until the host has read nothing for the first time, at most for the second
+# time, s: closing the line would discard what the host has not read.
 _QUIET_S, _LONGEST_DRAIN_S = 0.2, 10.0
 
 
@@ -42,18 +42,18 @@ class Emulator:
     Parameters
     ----------
     protocol : str
-        binary, ascii or xsens; xsens sends no precision unit, and knows no command but start and stop.
+        binary, ascii or xsens. With xsens there is no precision unit and the only commands are start and stop.
     link : Path, optional
-        A name for the line beside its own (/dev/pts/...).
+        Further name for the line, in addition to /dev/pts/....
     wait_for_start : bool
-        Send nothing until the command start has come.
+        Send nothing until the command start arrives.
 
     Attributes
     ----------
     device : str
-        Name of the host's end, for the driver.
+        Name of the host's end of the line, for the driver.
     sent : int
-        Samples sent.
+        Number of samples sent.
     """
 
     def __init__(self, protocol: str, link: Path | None = None, wait_for_start: bool = False) -> None:
@@ -70,20 +70,22 @@ class Emulator:
             link.symlink_to(self.device)
         self._commands = probe_protocol.Splitter(protocol == "ascii")
         self._sending = not wait_for_start
-        # Of an MTi: what it heard, and what it read since its last packet.
+        # For an MTi: the bytes of commands received, and the readings since its last packet.
         self._heard, self._beside = b"", dict[str, Reading]()
         self._answers: collections.deque[Answer] = collections.deque()
         self._counter = 0
         self._before_ns = 0
-        # The unit's time: that of a sample, when it was due, and seconds of the samples in one of the wall clock.
+        # The unit's time: stamp of a sample, steady time at which it was due, and unit seconds per second of the wall
+        # clock.
         self._unit_ns, self._began, self._rate = 0, 0.0, 0.0
         self.sent = 0
 
     def play(self, blocks: Iterable[Mapping[str, Samples]], rate: float = 1.0) -> None:
         """
-        Send all samples of blocks, each a table of topics, in the order of their stamps.
+        Send all samples of the blocks, each a mapping of topic to samples, in the order of their stamps.
 
-        rate: seconds of the samples in one of the wall clock; 0: as fast as the line takes them.
+        rate is the number of sample seconds per second of the wall clock; 0 sends as fast as the line accepts the
+        bytes.
         """
         for reading in _in_order(blocks):
             if not self._began:
@@ -104,11 +106,11 @@ class Emulator:
         self._drain()
 
     def _time_ns(self) -> int:
-        """Time of the unit: it runs, whether a sample is due or not; as fast as the line takes them, the last one's."""
+        """Return the unit's time, which continues between samples; at rate 0 it is the stamp of the last sample."""
         return self._unit_ns + int((time.monotonic() - self._began) * self._rate * 1e9)
 
     def close(self) -> None:
-        """Take the line away."""
+        """Close the line and remove its link."""
         os.close(self._master)
         os.close(self._slave)
         if self._link is not None:
@@ -134,7 +136,7 @@ class Emulator:
         return mtdata2.packet(reading, interval, reading.stamp_ns // 100_000, self._counter, beside, XSENS_FIELD_T)
 
     def _send(self, data: bytes) -> None:
-        """Write all of it; commands are read meanwhile, so that two full queues cannot wait for each other."""
+        """Write all bytes and read commands meanwhile, so that two full queues cannot block each other."""
         while data:
             self._listen(0.0)
             _, ready, _ = select.select([], [self._master], [], _WAIT_S)
@@ -142,7 +144,7 @@ class Emulator:
                 data = data[os.write(self._master, data) :]
 
     def _drain(self) -> None:
-        """Answer commands until the host has read everything, and for a moment after; not for ever: it may not read."""
+        """Answer commands until the host has read everything and a moment longer, within a time limit."""
         began = busy = time.monotonic()
         while (now := time.monotonic()) < min(busy + _QUIET_S, began + _LONGEST_DRAIN_S):
             self._obey(_WAIT_S)
@@ -150,24 +152,24 @@ class Emulator:
                 busy = now
 
     def _unread(self) -> int:
-        """Bytes on the line that the host has not read."""
+        """Return the number of bytes on the line that the host has not read."""
         (count,) = struct.unpack("i", fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)))
         return int(count)
 
     def _obey(self, wait_s: float) -> None:
-        """Obey the commands that come within a time, and answer them."""
+        """Obey the commands that arrive within a time, and answer them."""
         self._listen(wait_s)
         self._answer()
 
     def _answer(self) -> None:
-        """Send the answers that wait: between frames, never inside one."""
+        """Send the waiting answers, between frames and never inside one."""
         while self._answers:
             self._counter += 1
             told = self._answers.popleft()
             self._send(probe_protocol.answer(told, self._counter, self._protocol == "ascii"))
 
     def _listen(self, wait_s: float) -> None:
-        """Take the commands that have come; their answers wait."""
+        """Read the commands that have arrived and queue their answers."""
         ready, _, _ = select.select([self._master], [], [], wait_s)
         if not ready:
             return
@@ -187,16 +189,16 @@ class Emulator:
             self._answers.append(told)
 
     def _hear(self, data: bytes) -> None:
-        """Obey the last command to measure or to be configured; one may come in parts."""
+        """Obey the last command to measure or to configure; a command may arrive in parts."""
         self._heard = (self._heard + data)[-64:]
         start = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_MEASUREMENT))
         stop = self._heard.rfind(mtdata2.message(mtdata2.GO_TO_CONFIG))
-        if start != stop:  # both -1: neither came
+        if start != stop:  # both are -1 if neither command arrived
             self._sending = start > stop
 
 
 def _in_order(blocks: Iterable[Mapping[str, Samples]]) -> Iterator[Reading]:
-    """Readings of each block in the order of stamps; blocks follow each other in time."""
+    """Yield the readings of each block in the order of stamps; the blocks follow each other in time."""
     for block in blocks:
         rows = [
             (one.stamp_ns, order, one)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Xsens MTi over a serial line: MTData2 packets with strapdown-integrated increments, field, temperature and status.
+Decode and encode the serial protocol of an Xsens MTi: MTData2 packets with increments, field, temperature and status.
 
-A message is 0xFA, bus (0xFF), kind, length, data, and a byte that makes the sum behind 0xFA zero. The data of MTData2
-(kind 0x36) are items of identifier (2 bytes, big endian), length and content; the low bits of the identifier say the
-format of the numbers. Increments (DeltaQ, DeltaV) are those of one interval of the unit; they become its mean rate and
-force, as the estimator takes them (`tool.samples` integrated), without being differentiated.
+A message is 0xFA, bus (0xFF), kind, length, data, and a checksum byte that makes the sum of all bytes after 0xFA zero.
+The data of MTData2 (kind 0x36) are items: identifier (2 bytes, big endian), length, content. The low bits of the
+identifier give the number format. Increments (DeltaQ, DeltaV) are integrated over one interval of the unit. The driver
+divides them by the interval to get mean rate and mean force, which the estimator expects (`tool.samples` integrated).
 
 Source: Xsens, MT Low-Level Communication Protocol Documentation, sections "Message structure" and "MTData2".
 """
@@ -25,45 +25,46 @@ PREAMBLE, BUS, MTDATA2 = 0xFA, 0xFF, 0x36
 GO_TO_MEASUREMENT, GO_TO_CONFIG = 0x10, 0x30
 COUNT, FINE_TIME, TEMPERATURE = 0x1020, 0x1060, 0x0810
 ACCELERATION, DELTA_V, RATE_OF_TURN, DELTA_Q, FIELD, STATUS = 0x4020, 0x4010, 0x8020, 0x8030, 0xC020, 0xE020
-_TICK_NS, _WRAP = 100_000, 2**32  # of the fine time, which counts tenths of a millisecond
+_TICK_NS, _WRAP = 100_000, 2**32  # unit of the fine time (0.1 ms), and where it wraps
 _EXTENDED = 0xFF
-# Bit of the status word, and of ours.
+# Bit number in the unit's status word -> our status bit.
 _CLIPS = dict(zip(range(8, 17), (*CLIPPED_ACCEL, *CLIPPED_GYRO, *CLIPPED_MAG), strict=True))
-# How many numbers the items have that are read here; all others are left alone.
+# Numbers in each item that is read; all other items are ignored.
 _WIDTHS = {COUNT: 1, FINE_TIME: 1, STATUS: 1, TEMPERATURE: 1}
 _WIDTHS |= {ACCELERATION: 3, DELTA_V: 3, RATE_OF_TURN: 3, DELTA_Q: 4, FIELD: 3}
-_KIND = 0xFFF0  # an identifier without the format of its numbers
+_KIND = 0xFFF0  # mask of an identifier without the number format
 _LONGEST = 2 * 2048
-_WHOLE_BYTES = 8  # of the longest whole number
+_WHOLE_BYTES = 8  # size of the longest integer
 _FASTEST_S, _SLOWEST_S = 1e-4, 1.0
 
 
 def message(kind: int, data: bytes = b"") -> bytes:
-    """Make a message of a kind."""
+    """Return a message of this kind."""
     size = bytes([len(data)]) if len(data) < _EXTENDED else bytes([_EXTENDED]) + len(data).to_bytes(2, "big")
     body = bytes([BUS, kind]) + size + data
     return bytes([PREAMBLE]) + body + bytes([-sum(body) & 0xFF])
 
 
 def item(identifier: int, content: bytes) -> bytes:
-    """Make an item of MTData2."""
+    """Return an item of MTData2."""
     return struct.pack(">HB", identifier, len(content)) + content
 
 
 class MtReader:
     """
-    Reads an MTi: bytes in, samples out.
+    Decodes the bytes of an MTi into samples.
 
     Parameters
     ----------
     field_t : float
-        Field that the unit reads as 1, T: that of the place of its calibration. 0: not known, its field is left out.
+        Field that the unit reports as 1, T: the field at the place of its calibration. If it is 0 (not known),
+        magnetometer items are ignored.
 
     Attributes
     ----------
     counters : Counters
     without_interval : int
-        Packets with increments whose interval is not known, left out.
+        Number of packets ignored because the interval of their increments is not known.
     """
 
     def __init__(self, field_t: float = 0.0) -> None:
@@ -76,13 +77,13 @@ class MtReader:
         self._count = -1
 
     def take(self, data: bytes) -> list[Reading]:
-        """Take bytes; the samples of the packets that are whole."""
+        """Accept bytes and return the samples of the complete packets."""
         self._held += data
         found: list[Reading] = []
         while True:
             at = self._held.find(bytes([PREAMBLE, BUS]))
             if at < 0:
-                # The first byte of a message may be the last that came.
+                # The last byte may be the first byte of a message.
                 self._held = self._held[-1:] if self._held[-1:] == bytes([PREAMBLE]) else b""
                 return found
             self._held = self._held[at:]
@@ -100,7 +101,7 @@ class MtReader:
                 found += self._packet(whole[6:-1] if whole[3] == _EXTENDED else whole[4:-1])
 
     def _size(self) -> int | None:
-        """Bytes of the message that begins; None while its length has not come."""
+        """Return the size in bytes of the first message, or None if its length has not arrived yet."""
         if len(self._held) < 4:
             return None
         if self._held[3] != _EXTENDED:
@@ -142,7 +143,7 @@ class MtReader:
         return found
 
     def _advance(self, ticks: int, count: int | None) -> float:
-        """Set the time to that of a packet; the interval of its increments, s, nan where it is not known."""
+        """Advance the time to that of a packet and return the interval of its increments, s; NaN if it is not known."""
         packets = 1
         if count is not None and self._count >= 0:
             packets = (count - self._count) % 65536
@@ -159,10 +160,10 @@ class MtReader:
 
 
 def _numbers(identifier: int, content: bytes) -> tuple[float, ...]:
-    """Numbers of an item: whole ones of times and status, else by the low bits of the identifier."""
+    """Return the numbers of an item: integers for times and status, otherwise by the low bits of the identifier."""
     kind = identifier & _KIND
     if kind in (COUNT, FINE_TIME, STATUS):
-        # A damaged length makes a number beyond every float.
+        # A damaged length could give an integer that is larger than any float.
         return (float(int.from_bytes(content, "big")),) if len(content) <= _WHOLE_BYTES else ()
     form = identifier & 0x3
     code = (">f", ">i", ">Ih", ">d")[form]
@@ -171,13 +172,13 @@ def _numbers(identifier: int, content: bytes) -> tuple[float, ...]:
     if form == 1:
         return tuple(value / 2**20 for (value,) in rows)
     if form == 2:
-        # 32 bits behind the point come before the 16 in front of it.
+        # Fixed point: the 32 fractional bits come before the 16 integer bits.
         return tuple(whole + part / 2**32 for part, whole in rows)
     return tuple(value for (value,) in rows)
 
 
 def _motion(items: dict[int, tuple[float, ...]], interval: float) -> tuple[float, ...] | None:
-    """Rate and force of a packet: of its increments, else as it says; None where one of them is missing."""
+    """Return rate and force of a packet, from increments if present, else from rates; None if one is missing."""
     if DELTA_Q in items and DELTA_V in items:
         if math.isnan(interval):
             return None
@@ -199,7 +200,7 @@ def _status(word: int) -> int:
 
 
 def _word(status: int) -> int:
-    """Status word of our bits: the inverse of `_status`."""
+    """Return the unit's status word for our status bits; the inverse of `_status`."""
     return sum((1 << bit for bit, ours in _CLIPS.items() if status & ours), 0 if status & FAULT else 1)
 
 
@@ -212,20 +213,20 @@ def packet(
     field_t: float = 1.0,
 ) -> bytes:
     """
-    Make the packet of a sample of the IMU, as an MTi sends it: increments, and what was read since the packet before.
+    Encode an IMU sample as an MTi packet with increments and with what was measured since the previous packet.
 
     Parameters
     ----------
     reading : Reading
-        Of imu/data_raw.
+        Reading of imu/data_raw.
     interval : float
-        Since the packet before, s.
+        Time since the previous packet, s.
     ticks, count : int
-        Of the fine time, and packets.
+        Fine time in ticks, and packet counter.
     beside : mapping of str to Reading, optional
-        Readings of imu/mag and imu/temperature.
+        Readings of imu/mag and imu/temperature since the previous packet.
     field_t : float
-        Field that the unit reads as 1, T.
+        Field that the unit reports as 1, T.
     """
     rate, force = np.array(reading.values[:3]), np.array(reading.values[3:])
     x, y, z, w = frames.quat_from_rotvec(rate * interval).tolist()

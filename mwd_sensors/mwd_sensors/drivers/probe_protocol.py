@@ -3,9 +3,9 @@
 Serial protocol of the probe: samples, time, commands and answers, as binary frames or as lines of text.
 
 A binary frame is COBS of: kind (1 byte), counter (1), content, CRC-16; a zero byte ends it. Numbers are little endian:
-stamps int64, ns, values float64, SI, status uint16. A line of text is `$KIND,counter,...*CRC`, with the CRC-16 of what
-stands between `$` and `*` in hex and each value in as many digits as it takes to give the same number. Both carry every
-sample to the bit.
+stamps int64, ns; values float64, SI; status uint16. A line of text is `$KIND,counter,...*CRC`. Its CRC-16, in hex,
+covers the text between `$` and `*`; each value has enough digits to read back the same number. Both forms carry every
+sample without loss.
 
 Source of COBS: S. Cheshire, M. Baker, Consistent overhead byte stuffing, IEEE/ACM Trans. Networking 7 (1999) 159.
 """
@@ -19,25 +19,25 @@ from mwd_sensors.telemetry.checksum import CRC_BYTES, crc16, holds, signed
 from mwd_sensors.telemetry.serial_frames import cobs, uncobs
 
 END = b"\0"
-# Kind of a frame, its name in a line, and how many values a sample has.
+# Kind of a frame -> its name in a line of text, its topic, and the number of values in a sample.
 _SAMPLES = {1: ("IMU", "imu/data_raw", 6), 2: ("MAG", "imu/mag", 3), 3: ("GYRO", "gyro/data_raw", 6)}
 _SAMPLES |= {4: ("TEMP", "imu/temperature", 1)}
 _TIME, _INFO = 16, 17
 COMMANDS = {"start": 32, "stop": 33, "time": 34, "info": 35}
-"""Commands to a probe: samples on and off, its time, its name."""
+"""Commands to a probe: start and stop samples, ask for its time, ask for its name; with the kind of their frames."""
 _BY_NAME = {name: (topic, count) for name, topic, count in _SAMPLES.values()}
 _BY_TOPIC = {topic: (kind, name) for kind, (name, topic, _) in _SAMPLES.items()}
-# A longer run without an end is no frame: what is left of it is dropped.
+# A longer run of bytes without an end is not a frame and is dropped.
 _LONGEST = 512
 
 
 def frame(kind: int, counter: int, content: bytes) -> bytes:
-    """Make a binary frame, its end included."""
+    """Return a binary frame including its end byte."""
     return cobs(signed(bytes([kind, counter & 0xFF]) + content)) + END
 
 
 def line(name: str, counter: int, *words: object) -> bytes:
-    """Make a line of text, its end included; floats are written so that they read back to the bit."""
+    """Return a line of text including its end; floats are written so that they read back exactly."""
     text = ",".join([name, str(counter & 0xFF), *(repr(w) if isinstance(w, float) else str(w) for w in words)])
     return b"$%s*%04X\r\n" % (text.encode("ascii"), crc16(text.encode("ascii")))
 
@@ -52,14 +52,14 @@ def sample(reading: Reading, counter: int, text: bool) -> bytes:
 
 
 def command(name: str, counter: int, text: bool, now_ns: int = 0) -> bytes:
-    """Encode a command of `COMMANDS`; now_ns: time of the host, which `time` carries."""
+    """Encode a command of `COMMANDS`; now_ns is the host's time, which the command `time` carries."""
     if text:
         return line(name.upper(), counter, now_ns)
     return frame(COMMANDS[name], counter, struct.pack("<q", now_ns))
 
 
 def answer(given: Answer, counter: int, text: bool) -> bytes:
-    """Encode what a probe answers."""
+    """Encode an answer of a probe."""
     if given.kind == "time":
         content = struct.pack("<qq", given.sent_ns, given.unit_ns)
         return line("CLOCK", counter, given.sent_ns, given.unit_ns) if text else frame(_TIME, counter, content)
@@ -69,9 +69,9 @@ def answer(given: Answer, counter: int, text: bool) -> bytes:
 
 class Splitter:
     """
-    Cuts what a line carries into frames or lines whose check holds, whatever the blocks it comes in.
+    Splits the bytes of a line into frames or text lines with a valid check, however the bytes are cut into blocks.
 
-    text : lines of text instead of binary frames.
+    text selects lines of text instead of binary frames.
     """
 
     def __init__(self, text: bool) -> None:
@@ -79,11 +79,11 @@ class Splitter:
         self.counters = Counters()
         self._held = b""
         self._counter = -1
-        # What comes before the first end may be the rest of a frame: no fault of the line.
+        # Bytes before the first end may be the rest of a frame and are not counted as broken.
         self._begun = False
 
     def take(self, data: bytes) -> list[tuple[int | str, bytes]]:
-        """Take bytes; kind (number or name) and content of each whole frame or line."""
+        """Accept bytes and return kind (number or name) and content of each complete frame or line."""
         *whole, self._held = (self._held + data).split(b"\n" if self.text else END)
         if len(self._held) > _LONGEST:
             self._held = b""
@@ -124,9 +124,9 @@ def _of_line(data: bytes) -> tuple[str, int, bytes] | None:
 
 class ProbeReader:
     """
-    Reads a probe: bytes in, samples and answers out.
+    Decodes the bytes of a probe into samples and answers.
 
-    text : lines of text instead of binary frames.
+    text selects lines of text instead of binary frames.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class ProbeReader:
         self.counters = self._splitter.counters
 
     def take(self, data: bytes) -> list[Reading | Answer]:
-        """Take bytes; the samples and answers that are whole, in order. A frame that holds no such is broken."""
+        """Accept bytes and return complete samples and answers in order; invalid frames are counted as broken."""
         found: list[Reading | Answer] = []
         for kind, content in self._splitter.take(data):
             try:
@@ -152,7 +152,7 @@ class ProbeReader:
 
 
 def _parsed(kind: int | str, content: bytes) -> Reading | Answer | None:
-    """What a frame or line says; None for a kind that is not known here, as of a later version."""
+    """Return the sample or answer in a frame or line, or None if its kind is not known (a later version)."""
     if isinstance(kind, str):
         words = content.decode("ascii").split(",")
         if kind in _BY_NAME:
@@ -176,7 +176,7 @@ def _parsed(kind: int | str, content: bytes) -> Reading | Answer | None:
 
 
 def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:
-    """A whole number that the binary frame could hold as well. ValueError: it is none."""
+    """Return an integer that fits into the binary frame as well; raise ValueError otherwise."""
     number = int(word)
     if not low <= number < end:
         raise ValueError(f"{word}: not within {low} and {end - 1}")
@@ -184,7 +184,7 @@ def _whole(word: str, low: int = -(1 << 63), end: int = 1 << 63) -> int:
 
 
 def requested(kind: int | str, content: bytes) -> tuple[str, int] | None:
-    """Name of a command and the host's time in it, ns, as a probe reads them; None for what is no command."""
+    """Return the name of a command and the host's time in it, ns, as a probe reads them; None if not a command."""
     names = {number: name for name, number in COMMANDS.items()}
     if isinstance(kind, str):
         return (kind.lower(), int(content)) if kind.lower() in COMMANDS and content.isdigit() else None

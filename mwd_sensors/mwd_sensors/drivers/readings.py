@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a driver takes from a serial line: samples of the graph's layouts, which axes were clipped, and events."""
+"""Readings and answers that a driver receives from a serial line, and their conversion to samples of the graph."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 from mwd_sensors.core import burst, input_covariance, wire
 from mwd_sensors.core.arrays import Samples
 
-# Bits of `status`: the reading of this axis was at the end of its range within the interval of the sample.
+# Bits of `status`: this axis reached the end of its range during the interval of the sample.
 CLIPPED_ACCEL, CLIPPED_GYRO, CLIPPED_MAG = (1, 2, 4), (8, 16, 32), (64, 128, 256)
-FAULT = 512  # the unit says of itself that it is not well
+FAULT = 512  # the unit reports that it is faulty
 CLIP_WORDS = {
     bit: f"{sensor} {axis}"
     for sensor, bits in (("accelerometer", CLIPPED_ACCEL), ("gyro", CLIPPED_GYRO), ("magnetometer", CLIPPED_MAG))
@@ -24,14 +24,14 @@ LAYOUTS = {
     "gyro/data_raw": wire.IMU,
     "imu/temperature": wire.TEMPERATURE,
 }
-"""Topics that a probe sends samples of, and their layouts."""
+"""Topics of a probe's samples and their layouts."""
 FIELDS = {
     "imu/data_raw": ("angular_velocity", "linear_acceleration"),
     "imu/mag": ("magnetic_field",),
     "gyro/data_raw": ("angular_velocity", "linear_acceleration"),
     "imu/temperature": ("temperature",),
 }
-"""Fields of these that are measured; SI."""
+"""Measured fields of each topic, SI."""
 _CLIP_BITS = {
     "angular_velocity": np.array(CLIPPED_GYRO),
     "linear_acceleration": np.array(CLIPPED_ACCEL),
@@ -42,18 +42,18 @@ _CLIP_BITS = {
 @dataclasses.dataclass(frozen=True)
 class Reading:
     """
-    One sample.
+    One sample of a sensor unit.
 
     Attributes
     ----------
     topic : str
-        Of `LAYOUTS`.
+        Topic, a key of `LAYOUTS`.
     stamp_ns : int
-        By the clock of the unit, ns.
+        Time by the clock of the unit, ns.
     values : tuple of float
-        Of `FIELDS`, in order, SI.
+        Values of the fields in `FIELDS`, in order, SI.
     status : int
-        Bits of `CLIPPED` and `FAULT`.
+        Bits of `CLIPPED_ACCEL`, `CLIPPED_GYRO`, `CLIPPED_MAG` and `FAULT`.
     """
 
     topic: str
@@ -65,16 +65,16 @@ class Reading:
 @dataclasses.dataclass(frozen=True)
 class Answer:
     """
-    What a unit says to a command.
+    Answer of a unit to a command.
 
     Attributes
     ----------
     kind : str
         time or info.
     text : str
-        Of info: name, serial number and version of the unit.
+        For info: name, serial number and version of the unit.
     sent_ns, unit_ns : int
-        Of time: the time in the command, and that of the unit when it read the command, ns.
+        For time: the host's time in the command, and the unit's time when it read the command, ns.
     """
 
     kind: str
@@ -86,12 +86,12 @@ class Answer:
 @dataclasses.dataclass
 class Counters:
     """
-    What a line carried.
+    Counts of the frames on a line.
 
     Attributes
     ----------
     frames, broken, lost : int
-        Whole frames, those whose check or form does not hold, and those that a gap in the counter shows missing.
+        Complete frames, frames with an invalid check or content, and frames missing according to the counter.
     """
 
     frames: int = 0
@@ -101,10 +101,10 @@ class Counters:
 
 def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Samples:
     """
-    Samples of the readings of one topic; offset_ns is added to the unit's time.
+    Convert readings of one topic to samples; offset_ns is added to the unit's time.
 
-    What a unit does not measure is not reported, as REP-145 has it. Axes that the unit flags as clipped have the
-    covariance that says so (`input_covariance.CLIPPED`); of the others it is not known.
+    Quantities that a unit does not measure are marked as not provided (REP-145). Axes that the unit reports as clipped
+    get the covariance `input_covariance.CLIPPED`; the covariance of the others stays zero (unknown).
     """
     out = burst.bare(len(readings)) if LAYOUTS[topic] is wire.IMU else LAYOUTS[topic].empty(len(readings))
     out["stamp_ns"] = np.array([one.stamp_ns for one in readings], dtype=np.int64) + offset_ns
@@ -120,7 +120,7 @@ def samples_of(topic: str, readings: list[Reading], offset_ns: int = 0) -> Sampl
 
 
 def readings_of(topic: str, samples: Samples) -> list[Reading]:
-    """Readings of samples with their clip flags: the inverse of `samples_of`."""
+    """Convert samples with their clip flags to readings; the inverse of `samples_of`."""
     rows = np.column_stack([np.asarray(samples[field], dtype=float) for field in FIELDS[topic]]).tolist()
     status = np.zeros(len(samples), dtype=int)
     for field in FIELDS[topic]:

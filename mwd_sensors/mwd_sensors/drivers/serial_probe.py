@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A probe on a serial line: opens it, opens it again when it is lost, reads samples and keeps the unit's clock.
+Connection to a probe on a serial line: open and reopen the line, read samples and track the unit's clock.
 
-The line is read without waiting, so that a node's timer or a plain loop can do it.
+Reading does not block, so that a node's timer or a plain loop can do it.
 """
 
 from __future__ import annotations
@@ -21,34 +21,42 @@ from mwd_sensors.drivers.readings import CLIP_WORDS, FAULT, Answer, Reading
 from mwd_sensors.drivers.unit_clock import UnitClock
 
 _RETRY_S = 1.0
-_EXCHANGE_S, _FIRST_S = 1.0, 0.1  # between two requests of the unit's time, and before it is known
-_END_OF_TIME_NS = 2**31 * 10**9  # of the messages' stamps
+_EXCHANGE_S, _FIRST_S = 1.0, 0.1  # time between two requests of the unit's time, and the same before it is known
+_END_OF_TIME_NS = 2**31 * 10**9  # end of the range of message stamps
 
 
 @dataclasses.dataclass(frozen=True)
 class LineSettings:
-    """The serial line of a probe."""
+    """Serial line of a probe."""
 
-    port: str = setting("/dev/ttyUSB0", "Device of the serial line; of `mwd emulate`, the name it prints.", fixed=True)
+    port: str = setting(
+        "/dev/ttyUSB0", "Device of the serial line; with `mwd emulate`, the name that it prints.", fixed=True
+    )
     baud: int = setting(
-        921600, "Speed; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=1200, high=12_000_000, fixed=True
+        921600,
+        "Speed of the line; 8 data bits, no parity, 1 stop bit.",
+        unit="bit/s",
+        low=1200,
+        high=12_000_000,
+        fixed=True,
     )
     protocol: str = setting(
         "binary",
-        "What the line carries: binary (COBS frames with CRC-16), ascii (lines with CRC-16), xsens (MTData2).",
+        "Protocol of the line: binary (COBS frames with CRC-16), ascii (text lines with CRC-16) or xsens (MTData2).",
         choices=("binary", "ascii", "xsens"),
         fixed=True,
     )
     clock: str = setting(
         "host",
-        "Stamps: host (the unit's time brought to that of this machine) or unit (as the unit says, such as of a "
-        "recording that is played).",
+        "Stamps of the samples: host (the unit's time converted to that of this machine) or unit (unchanged, for "
+        "example when a recording is played).",
         choices=("host", "unit"),
         fixed=True,
     )
     xsens_field_ut: float = setting(
         0.0,
-        "Field that an MTi reads as 1: that of its place of calibration. 0: not known, its magnetometer is not used.",
+        "Magnetic field that an MTi reports as 1: the field at the place of its calibration. 0 means not known; its "
+        "magnetometer is then not used.",
         unit="uT",
         low=0.0,
         high=100.0,
@@ -56,7 +64,7 @@ class LineSettings:
     )
     wait_for_listener_s: float = setting(
         0.0,
-        "Longest wait for subscribers before the line is opened; 0: open it at once.",
+        "Longest wait for subscribers before the line is opened; 0 opens it at once.",
         unit="s",
         low=0.0,
         high=600.0,
@@ -66,21 +74,21 @@ class LineSettings:
 
 class SerialProbe:
     """
-    One probe.
+    Connection to one probe.
 
     Attributes
     ----------
     connected : bool
     failure : str
-        Why the line cannot be opened or was lost; empty while it is open.
+        Reason why the line cannot be opened or was lost; empty while it is open.
     connections : int
-        Times that it was opened.
+        Number of times that the line was opened.
     info : str
-        What the unit says of itself.
+        Name, serial number and version that the unit reports.
     clips : dict of str to int
-        Samples in which each axis was clipped.
+        Number of samples in which each axis was clipped.
     faults : int
-        Samples whose status says that the unit is not well.
+        Number of samples in which the unit reports a fault.
     received : int
     """
 
@@ -89,7 +97,7 @@ class SerialProbe:
         self._line: serial.Serial | None = None
         self._next_try = self._next_exchange = 0.0
         self._counter = 0
-        # Whether samples are wanted, and how many there were when that was last looked at.
+        # Whether samples are wanted, and the number received when the last exchange was made.
         self._wanted, self._received_before = True, 0
         self.failure, self.info = "", ""
         self.connections = self.faults = self.received = 0
@@ -104,21 +112,21 @@ class SerialProbe:
 
     @property
     def connected(self) -> bool:
-        """Whether the line is open."""
+        """Return whether the line is open."""
         return self._line is not None
 
     @property
     def reader(self) -> MtReader | ProbeReader:
-        """What reads the line, with its counters; another one after each opening."""
+        """Return the decoder of the line, which holds its counters; each opening makes a new one."""
         return self._reader
 
     @property
     def offset_ns(self) -> int:
-        """What is added to the unit's stamps, ns."""
+        """Return the offset that is added to the unit's stamps, ns."""
         return self.clock.offset_ns if self._settings.clock == "host" else 0
 
     def poll(self, now_ns: int) -> list[Reading]:
-        """Samples that have come since the last call; now_ns: time of the host, ns. Opens the line where need be."""
+        """Return the samples since the last call and reopen a lost line; now_ns is the host's time, ns."""
         moment = time.monotonic()
         if self._line is None:
             if moment >= self._next_try:
@@ -146,11 +154,11 @@ class SerialProbe:
         if found and self._settings.protocol == "xsens":
             self.clock.observe(found[-1].stamp_ns, now_ns)
         self.received += len(found)
-        # Without the offset a sample has no time of the host.
+        # Without a known offset a sample cannot be stamped with the host's time.
         return [] if self._settings.clock == "host" and self.clock.jumps < 0 else found
 
     def stream(self, on: bool) -> bool:
-        """Let the unit send samples, or not; whether the command could be sent."""
+        """Tell the unit to send samples or to stop; return whether the command could be sent."""
         self._wanted = on
         if self._line is None:
             return False
@@ -169,7 +177,7 @@ class SerialProbe:
     def _open(self) -> None:
         settings = self._settings
         try:
-            # A probe without power takes nothing: a write must not wait for it.
+            # No write timeout: a probe without power reads nothing, and a write must not wait for it.
             self._line = serial.Serial(settings.port, settings.baud, timeout=0, write_timeout=0, exclusive=True)
         except (OSError, ValueError) as error:
             self.failure = f"{settings.port}: {getattr(error, 'strerror', None) or error}"
@@ -190,7 +198,7 @@ class SerialProbe:
         self.failure = f"{self._settings.port} was lost: {error.strerror or error}"
 
     def _exchange(self, now_ns: int) -> None:
-        """Ask for the unit's time, and again for samples: a unit that was without power has forgotten the command."""
+        """Ask for the unit's time; if no samples arrived, repeat the start command, lost when power was off."""
         silent, self._received_before = self.received == self._received_before, self.received
         if silent and self._wanted:
             self._ask_for_samples()
@@ -198,7 +206,7 @@ class SerialProbe:
             self._command("time", now_ns)
 
     def _ask_for_samples(self) -> bool:
-        """Say whether samples are wanted; whether it could be sent."""
+        """Send the command to start or stop samples; return whether it could be sent."""
         if self._settings.protocol == "xsens":
             return self._write(mtdata2.message(mtdata2.GO_TO_MEASUREMENT if self._wanted else mtdata2.GO_TO_CONFIG))
         return self._command("start" if self._wanted else "stop", 0)
@@ -208,7 +216,7 @@ class SerialProbe:
         return self._write(probe_protocol.command(name, self._counter, self._settings.protocol == "ascii", now_ns))
 
     def _write(self, data: bytes) -> bool:
-        """Send where the line takes bytes: on a full one pyserial would try for ever."""
+        """Send bytes only if the line accepts them: on a full line pyserial would try without end."""
         if self._line is None or not select.select([], [self._line], [], 0.0)[1]:
             return False
         return int(self._line.write(data)) == len(data)

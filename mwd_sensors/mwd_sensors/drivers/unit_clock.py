@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The clock of a unit against that of the host: what is added to the unit's stamps.
+Clock of a unit compared with the host's clock: the offset to add to the unit's stamps.
 
-Each observation bounds the offset from above by the time its message was on the way. The smallest of the last ones is
-the best; the offset in force follows it slowly, so that stamps neither jump nor go back.
+Each observation gives an offset that is too large by the time its message was on the way. The smallest recent offset is
+therefore the best. The offset in force follows it slowly, so that stamps neither jump nor go back.
 """
 
 from __future__ import annotations
 
 import collections
 
-_KEPT = 600  # observations; the host's clock and the unit's drift apart meanwhile by what the offset can follow
-_SLEW = 5e-4  # most change of the offset, as a share of the time that passes
-# A change beyond this is a clock that was set, where so many observations agree on it to within this, over so long a
-# time: messages that waited in a host that was held up come all at once, or each by another time late.
+_KEPT = 600  # observations kept; the drift of the two clocks within that time must be small enough to follow
+_SLEW = 5e-4  # largest change of the offset per elapsed time
+# A change above _STEP_NS means that a clock was set, but only if this many observations agree on it within _ALIKE_NS
+# over at least _LASTING_NS. Otherwise messages were delayed in a busy host: they arrive all at once or with varying
+# delay.
 _STEP_NS, _AGREEING, _ALIKE_NS, _LASTING_NS = 200_000_000, 3, 50_000_000, 2_500_000_000
 
 
@@ -24,27 +25,28 @@ class UnitClock:
     Attributes
     ----------
     offset_ns : int
-        In force; 0 before it is known.
+        Offset in force, ns; 0 before it is known.
     jumps : int
-        Times that the offset changed at once; -1 before it is known.
+        Number of times that the offset changed at once; -1 before it is known.
     """
 
     def __init__(self) -> None:
         self.offset_ns = 0
         self.jumps = -1
         self._seen: collections.deque[int] = collections.deque(maxlen=_KEPT)
-        # Host's time and offset of observations that are off the offset in force, as long as they agree.
+        # Host time and offset of recent observations that differ from the offset in force but agree with each other.
         self._off: list[tuple[int, int]] = []
         self._last_ns = self._unit_ns = 0
 
     def observe(self, unit_ns: int, host_ns: int, on_the_way_ns: int = 0) -> None:
         """
-        Take that the unit's clock showed `unit_ns` when the host's showed `host_ns`, on_the_way_ns before.
+        Record that the unit's clock showed `unit_ns` at the host time `host_ns` minus on_the_way_ns.
 
-        The offset is known once several observations agree on it: a unit that has just been switched on may tell
-        another time first, and stamps that jump later cost the estimator all it has found. A unit that starts again is
-        followed at once, a clock that was set once several observations agree on it.
-        on_the_way_ns: known delay, such as half of the time of an exchange, ns.
+        The offset is known once several observations agree on it: a unit that was just switched on may report a wrong
+        time at first, and stamps that jump later would make the estimator lose its state. If the unit restarts, the
+        offset follows at once. If a clock was set, it follows when several observations agree.
+
+        on_the_way_ns is a known delay, such as half of the time of an exchange, ns.
         """
         offset = host_ns - on_the_way_ns - unit_ns
         known, restarted = self.jumps >= 0, unit_ns < self._unit_ns - _STEP_NS
@@ -67,15 +69,15 @@ class UnitClock:
         self._last_ns = host_ns
 
     def _doubt(self, host_ns: int, offset: int) -> None:
-        """Take an observation that is off; jump where enough of them agree."""
+        """Record an observation that differs from the offset in force; jump if enough of them agree."""
         self._agree(host_ns, offset)
         if len(self._off) >= _AGREEING and abs(host_ns - self._off[0][0]) >= _LASTING_NS:
             self._jump(min(one for _, one in self._off))
-        # Not for ever: a message comes each few milliseconds.
+        # Limit the list, because a message arrives every few milliseconds.
         self._off = [self._off[0], *self._off[1:][-_AGREEING:]] if self._off else []
 
     def _agree(self, host_ns: int, offset: int) -> None:
-        """Take an observation, and forget earlier ones that differ from it."""
+        """Record an observation and forget earlier ones that differ from it."""
         self._off = [one for one in self._off if abs(one[1] - offset) <= _ALIKE_NS]
         self._off.append((host_ns, offset))
 

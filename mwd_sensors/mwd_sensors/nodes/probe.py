@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A real probe as a node: reads its serial line and publishes the sensor topics that the simulated sonde publishes."""
+"""Node of a real probe: read its serial line and publish the same sensor topics as the simulated sonde."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _TYPES = {
     "imu/temperature": Temperature,
     "gyro/data_raw": Imu,
     "imu/mag": MagneticField,
-    # Last: what the estimator pairs with it has then been published.
+    # The IMU is last, so that the samples that the estimator combines with it have already been published.
     "imu/data_raw": Imu,
 }
 
 
 class ProbeNode(GraphNode[LineSettings]):
-    """Publishes the samples of a probe; the line is opened while the node is active, and again when it is lost."""
+    """Publishes the samples of a probe; opens the line when the node becomes active, and again when it is lost."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("probe", LineSettings(), **node_options)
@@ -42,13 +42,13 @@ class ProbeNode(GraphNode[LineSettings]):
         self._bad_before = 0, 0
 
     def configure(self) -> None:
-        """Open the topics."""
+        """Create publishers, service and timer."""
         self._topics = {topic: self.add_publisher(kind, topic, qos.STREAM) for topic, kind in _TYPES.items()}
         self.add_service(SetBool, "stream", self._stream)
         self.add_timer(_PERIOD, self._on_timer)
 
     def activate(self) -> None:
-        """Begin with a line that is not open yet."""
+        """Create the connection; the timer opens the line."""
         self._probe = SerialProbe(self.settings)
         self._received_before = self._faults_before = 0
         self._clips_before, self._bad_before = {}, (0, 0)
@@ -83,11 +83,11 @@ class ProbeNode(GraphNode[LineSettings]):
         sent = self._probe is not None and self._probe.stream(request.data)
         response.success = sent
         words = "samples on" if request.data else "samples off"
-        response.message = f"sent to the probe: {words}" if sent else "the line is not open or takes nothing"
+        response.message = f"sent to the probe: {words}" if sent else "the line is not open or does not accept commands"
         return response
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """The line and what it carries, the clock, and clipped axes."""
+        """Return the state of the line, the clock and the unit (clipped axes, faults)."""
         probe = self._probe
         if probe is None:
             return ()
@@ -123,17 +123,17 @@ class ProbeNode(GraphNode[LineSettings]):
         if self.settings.clock == "unit":
             return Diagnostic("clock", OK, "stamps are those of the unit")
         if probe.clock.jumps < 0:
-            return Diagnostic("clock", WARN, "not known yet: samples wait for it", "does the unit answer to time?")
+            return Diagnostic("clock", WARN, "not known yet: samples wait for it", "check that the unit answers `time`")
         values = (("offset", f"{probe.clock.offset_ns * 1e-9:.6f}"), ("jumps", str(probe.clock.jumps)))
         return Diagnostic("clock", OK, "synchronised", values=values)
 
     def _status_diagnostic(self, probe: SerialProbe) -> Diagnostic:
         clipped = [(f"clipped {axis}", str(count)) for axis, count in probe.clips.items()]
         values = (*clipped, ("faults", str(probe.faults)))
-        # Of the last second: an alarm goes when the unit has recovered.
+        # Count only faults of the last second, so that the alarm ends when the unit has recovered.
         new, self._faults_before = probe.faults - self._faults_before, probe.faults
         if new:
-            return Diagnostic("status", ERROR, "the unit says that it is not well", "change the probe", values)
+            return Diagnostic("status", ERROR, "the unit reports a fault", "replace the probe", values)
         clipping = [axis for axis, count in probe.clips.items() if count > self._clips_before.get(axis, 0)]
         self._clips_before = dict(probe.clips)
         if clipping:

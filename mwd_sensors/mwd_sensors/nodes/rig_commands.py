@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated rig's side of control: takes rig/command under the newest lease, once each, and answers."""
+"""Simulated rig: carry out each rig/command of the newest lease once, and acknowledge it."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ _WORDS = {steering.HOLD: "holding", steering.ROTATE: "rotating", steering.ORIENT
 
 class RigCommands:
     """
-    Obeys what the control authority sends.
+    Carries out the commands of the control authority on the simulated rig.
 
     Parameters
     ----------
     node : GraphNode
-        Of the simulated tool and rig.
+        Node of the simulated tool and rig.
     sonde : callable
-        Returns the simulation; None before the scenario has started.
+        Returns the simulation, or None before the scenario has started.
     rate : float
-        Seconds of the scenario per second; a command is valid for seconds of whoever sends it.
+        Seconds of the scenario per second of wall time; the validity of a command is in wall time of the sender.
     """
 
     def __init__(self, node: GraphNode[Any], sonde: Callable[[], Sonde | None], rate: float = 1.0) -> None:
@@ -44,7 +44,7 @@ class RigCommands:
         node.add_subscription(ControlState, "control/state", self.on_control, qos.STATE)
 
     def obey(self, message: RigCommand) -> None:
-        """Carry out a command, or say why not."""
+        """Carry out a command, or refuse it with the reason."""
         pumps = message.mode == steering.PUMP
         repeated = message.lease == self._lease and self._numbers.get(pumps) == message.sequence
         try:
@@ -70,7 +70,7 @@ class RigCommands:
         self._answers.publish(answer)
 
     def on_control(self, message: ControlState) -> None:
-        """Take the limit of the torque that the lease in force has; without a lease the top drive's own holds."""
+        """Apply the torque limit of the lease in force; without a lease only the top drive's own limit applies."""
         sonde = self._sonde()
         if sonde is not None and sonde.string is not None:
             sonde.string.limit_torque(message.torque_limit if message.lease else 0.0)
@@ -80,9 +80,9 @@ class RigCommands:
         if sonde is None:
             raise ValueError("the scenario has not started")
         if message.lease < 1 or message.sequence < 1:
-            raise ValueError("lease: a rig obeys the control authority alone; ask it by request_control")
+            raise ValueError("lease: the rig obeys only the control authority; request a lease with request_control")
         if message.lease < self._lease:
-            raise ValueError(f"lease: {message.lease} is over; {self._lease} is in force")
+            raise ValueError(f"lease: {message.lease} has ended; {self._lease} is in force")
         valid_for = message.valid_for * self._rate
         command = steering.Command(
             message.mode,
@@ -93,18 +93,18 @@ class RigCommands:
             message.returns,
         )
         if repeated and message.mode == steering.ORIENT and sonde.string is not None:
-            # A turn is made once; only its time restarts.
+            # A repeated turn command is not carried out again; it only extends the validity of the first.
             sonde.string.prolong(valid_for)
             return
         sonde.command(command)
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """What the rig does on command, where any was received."""
+        """Return the state of the commanded rig, if any command was received."""
         if not self._obeyed + self._refused:
             return ()
         values = (("taken", str(self._obeyed)), ("refused", str(self._refused)))
         if self._refusal:
-            remedy = "correct the command; the previous one stays in force until its time is over"
+            remedy = "correct the command; the previous one stays in force until its validity ends"
             return (Diagnostic("rig command", WARN, self._refusal, remedy, values),)
         sonde = self._sonde()
         string = sonde.string if sonde is not None else None

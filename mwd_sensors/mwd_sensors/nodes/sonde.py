@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated sonde as a node: publishes the sensor topics of a scenario, in wall time or faster."""
+"""Node of the simulated sonde: publish the sensor topics of a scenario, in wall time or faster."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from mwd_sensors.simulator.faults import Fault
 from mwd_sensors.simulator.scenario import read
 from mwd_sensors.simulator.sonde import Sonde
 
-_BLOCK_S = 0.1  # of the scenario, simulated at a time
+_BLOCK_S = 0.1  # s of the scenario that are simulated at a time
 _TIMER_PERIOD = 0.005  # s
-_CALL_S = 0.05  # longest time of one timer callback, beyond one block of the simulation
-_MOST_BEHIND_S = 1.0  # of wall time that the simulation may lag before it drops behind
-# Most messages of one timer callback: more at once, after a delay, overrun the middleware's queues on a busy machine.
+_CALL_S = 0.05  # s; longest time of one timer callback, not counting the last simulated block
+_MOST_BEHIND_S = 1.0  # s of wall time that the simulation may lag before it gives up catching up
+# Most messages of one timer callback: after a delay, more at once would overrun the middleware's queues.
 _MAX_PER_CALLBACK = 100
 _TYPES = {
     "imu/data_raw": Imu,
@@ -45,7 +45,7 @@ _TYPES = {
     "truth": Truth,
     "rig/state": RigState,
 }
-# At equal stamps the AHRS comes last: the other samples the estimator needs have then been published.
+# At equal stamps the AHRS comes last, so that the other samples that the estimator needs are already published.
 _ORDER = ("rig/state", "imu/temperature", "gyro/data_raw", "imu/mag", "truth", "imu/data_raw")
 
 _THINNED = ("imu/mag", "truth")
@@ -56,19 +56,23 @@ _BURST_TOPIC = {single: name for name, single in burst.TOPICS.items()}
 class SondeSettings:
     """Parameters of the sonde node."""
 
-    scenario: str = setting("default", "Scenario: a name from bags/scenarios or the path of a YAML file", fixed=True)
-    seed: int = setting(-1, "Seed of all random numbers; -1: that of the scenario", low=-1, high=2**31 - 1, fixed=True)
+    scenario: str = setting(
+        "default", "Scenario to run: a name from bags/scenarios or the path of a YAML file", fixed=True
+    )
+    seed: int = setting(
+        -1, "Seed of all random numbers; -1 uses the scenario's own", low=-1, high=2**31 - 1, fixed=True
+    )
     rate: float = setting(
         1.0,
-        "Seconds of the scenario per second of wall time; 0: as fast as possible. Subscribers lose samples at a rate "
-        "they cannot follow",
+        "Seconds of the scenario per second of wall time; 0 runs as fast as possible. Subscribers lose samples if they "
+        "cannot follow the rate",
         low=0.0,
         high=1000.0,
         fixed=True,
     )
     wait_for_listener_s: float = setting(
         0.0,
-        "Longest wait for subscribers before the scenario starts; 0: start at once",
+        "Longest wait for subscribers before the scenario starts; 0 starts at once",
         unit="s",
         low=0.0,
         high=600.0,
@@ -76,22 +80,22 @@ class SondeSettings:
     )
     wait_for_node: str = setting(
         "",
-        "Node that must subscribe before the scenario starts, however long that takes: one that compiles its filters "
-        "first misses the scenario otherwise. Empty: wait_for_listener_s alone counts",
+        "Name of a node that must subscribe before the scenario starts, without a time limit. Use it for a node that "
+        "first compiles its filters and would miss the start. Empty: only wait_for_listener_s applies",
         fixed=True,
     )
     exit_at_end: bool = setting(False, "End the process when the scenario is over", fixed=True)
     burst: int = setting(
         0,
-        "Samples in one message of imu/burst and gyro/burst, which then replace imu/data_raw and gyro/data_raw; 0: one "
-        "message per sample. For units beyond 1 kHz; larger bursts cost less computing time and arrive later",
+        "Samples in one message of imu/burst and gyro/burst, which then replace imu/data_raw and gyro/data_raw; 0 "
+        "sends one message per sample. For units beyond 1 kHz. Larger bursts cost less computing time and arrive later",
         low=0,
         high=burst.MOST,
         fixed=True,
     )
     thin: int = setting(
         1,
-        "Publish every n-th sample of magnetometer and truth; above 1 for units beyond 1 kHz",
+        "Publish only every n-th sample of magnetometer and truth; above 1 for units beyond 1 kHz",
         low=1,
         high=1000,
         fixed=True,
@@ -99,13 +103,14 @@ class SondeSettings:
     fault_injection: bool = setting(False, "Allow the service inject_fault")
     truth_file: str = setting(
         "",
-        "CSV file of the truth, once a second of the scenario, where the surface hears the link alone; empty: none",
+        "CSV file for the truth, one row per second of the scenario, for runs where the surface receives only the "
+        "telemetry link. Empty writes no file",
         fixed=True,
     )
 
 
 class SondeNode(GraphNode[SondeSettings]):
-    """Publishes the topics of `wire.SONDE_TOPICS`; stamps start at the wall time of activation."""
+    """Publishes the topics of `wire.SONDE_TOPICS`; the stamps start at the wall time of activation."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sonde", SondeSettings(), **node_options)
@@ -116,12 +121,12 @@ class SondeNode(GraphNode[SondeSettings]):
         self._finished = False
 
     def configure(self) -> None:
-        """Read the scenario and open the topics."""
+        """Read the scenario and create the topics."""
         changes = {} if self.settings.seed < 0 else {"seed": self.settings.seed}
         file = scenario_files.find(self.settings.scenario)
         with contents_hidden(file, "`mwd simulate`"):
             self._scenario = read(file, changes)
-        # Compiles the simulator, so that the run does not start late.
+        # Compile the simulator now, so that the run does not start late.
         next(Sonde(self._scenario).blocks(_BLOCK_S))
         self._topic_publishers = {
             topic: self.add_publisher(_TYPES[topic], topic, qos.EVENT if topic == "rig/state" else qos.STREAM)
@@ -140,12 +145,12 @@ class SondeNode(GraphNode[SondeSettings]):
         self.add_timer(_TIMER_PERIOD, self._on_timer)
 
     def cleanup(self) -> None:
-        """Close the file of the truth."""
+        """Close the truth file."""
         if self._truth_file is not None:
             self._truth_file.close()
 
     def activate(self) -> None:
-        """Start the scenario at its beginning, once subscribers have been found."""
+        """Start the scenario from its beginning, once subscribers have been found."""
         self._sonde = None
         self._finished = False
         self._finished_at = 0.0
@@ -182,7 +187,7 @@ class SondeNode(GraphNode[SondeSettings]):
             if self._awaits_node() or not self._discovery.complete(self._topic_publishers.values(), time.monotonic()):
                 return
             if self.get_clock().now().nanoseconds == 0:
-                # Simulated time without a clock: no sample is stamped with 1970.
+                # Simulated time without a clock message yet: wait, so that no sample is stamped with 1970.
                 return
             sonde = self._start()
         if self._finished:
@@ -194,7 +199,7 @@ class SondeNode(GraphNode[SondeSettings]):
         elapsed = time.monotonic() - self._started_at
         until = elapsed * rate if rate > 0.0 else self._simulated_until + _BLOCK_S
         if rate > 0.0 and until - self._simulated_until > _MOST_BEHIND_S * max(rate, 1.0):
-            # A backlog would never be caught up: the run drops behind the clock instead.
+            # The backlog would never be caught up; shift the start instead, so that the run stays behind the clock.
             dropped = until - self._simulated_until
             self._dropped_s += dropped / rate
             self._started_at += dropped / rate
@@ -205,7 +210,7 @@ class SondeNode(GraphNode[SondeSettings]):
                 ),
                 throttle_duration_sec=10.0,
             )
-        # For a bounded time, so that requests are answered however slow the simulation is.
+        # For a limited time, so that requests are answered even if the simulation is slow.
         enough = time.monotonic() + _CALL_S
         while not self._all_simulated and self._simulated_until <= until:
             self._simulate_block(sonde)
@@ -250,7 +255,7 @@ class SondeNode(GraphNode[SondeSettings]):
         self._quill.publish(message)
 
     def _thinned(self, topic: str, samples: Samples) -> Samples:
-        """Every n-th sample of the whole run, wherever its blocks end."""
+        """Return every n-th sample counted over the whole run, independent of the block boundaries."""
         if topic not in _THINNED:
             return samples
         first = -self._sample_counts[topic] % self.settings.thin
@@ -258,7 +263,7 @@ class SondeNode(GraphNode[SondeSettings]):
         return samples[first :: self.settings.thin]
 
     def _messages(self, sonde: Sonde, order: int, topic: str, samples: Samples) -> list[tuple[float, int, str, bytes]]:
-        """Messages of one topic, each with the time it is due, s after the start, and its place among the topics."""
+        """Return (due time in s after the start, rank of the topic, topic, message) for the messages of one topic."""
         frame = self.frame(wire.RIG_FRAME if topic == "rig/state" else wire.SONDE_FRAME)
         dues = (samples["stamp_ns"] - sonde.epoch_ns) * 1e-9
         if not self.settings.burst or topic not in _BURST_TOPIC:
@@ -292,7 +297,7 @@ class SondeNode(GraphNode[SondeSettings]):
         return response
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """Progress of the scenario and published messages; rig commands, where any were received."""
+        """Return progress, published messages, and the state of rig commands and telemetry link if there are any."""
         link = self._telemetry.diagnostics() if self._telemetry is not None else []
         return (self._progress_diagnostic(), *self._rig_commands.diagnostics(), *link)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The simulated links in the graph: `tool/transmission` in; `tool/flow` and what is heard at the surface out.
+Topics of the simulated telemetry links.
 
-That is `rig/standpipe` and `rig/strokes` of a link through mud, `rig/earth_voltage` of one through the earth,
-`rig/serial` of a wired tool.
+The node subscribes to `tool/transmission`. It publishes `tool/flow` and the signals at the surface: `rig/standpipe` and
+`rig/strokes` for a link through mud, `rig/earth_voltage` for one through the earth, `rig/serial` for a wired tool.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from mwd_sensors.simulator.sonde import Sonde
 from mwd_sensors.simulator.telemetry_link import Telemetry
 
 _TYPES = {gauge_burst.PRESSURE: PressureBurst, gauge_burst.VOLTAGE: VoltageBurst, gauge_burst.SERIAL: SerialBurst}
-# The channel follows the run so far behind, s of wall time and s of the run: by then the tool has said what it sends.
+# Lag of the channel behind the run, in s of wall time and s of the run: by then the tool's signals have arrived.
 _WALL_S, _RUN_S = 2.0, 1.0
 
 
 class TelemetryTopics:
     """
-    Topics of the links of a simulated sonde.
+    Publishes and subscribes the topics of the links of a simulated sonde.
 
     Parameters
     ----------
     node : GraphNode
     telemetry : Telemetry
     rate : float
-        Seconds of the run in a second of wall time.
+        Seconds of the run per second of wall time.
 
     Raises
     ------
     ValueError
-        The run has no pace, so nobody can say when the tool has answered.
+        The rate is not positive: without a pace it is not known when the tool's signals are complete.
     """
 
     def __init__(self, node: GraphNode[Any], telemetry: Telemetry, rate: float) -> None:
@@ -58,11 +58,11 @@ class TelemetryTopics:
         self._sonde: Sonde | None = None
 
     def start(self, sonde: Sonde) -> None:
-        """Serve a run from its beginning."""
+        """Begin to serve a run."""
         self._sonde = sonde
 
     def publish(self, until_s: float) -> None:
-        """Publish what the run has by a time, s: flow up to it, pressure up to the lag before it."""
+        """Publish the flow up to a time of the run, s, and the surface signals up to that time minus the lag."""
         sonde = self._sonde
         if sonde is None or sonde.link is None:
             return
@@ -76,7 +76,7 @@ class TelemetryTopics:
             self._publish_heard(sonde, heard)
 
     def drained(self, since_s: float) -> bool:
-        """Whether all of a run that ended so long ago was published; does it once the tool has had time to answer."""
+        """Publish the rest of a run that ended since_s seconds ago; return True when everything was published."""
         sonde = self._sonde
         if since_s > _WALL_S and sonde is not None and sonde.link is not None:
             for heard in sonde.link.advance(sonde.duration):
@@ -119,7 +119,7 @@ class TelemetryTopics:
             )
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Signals that came too late for the channel."""
+        """Return whether signals came too late for the channel."""
         link = self._sonde.link if self._sonde is not None else None
         if link is None:
             return []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The truth of a run as a small file: for scoring where the surface subscribes to nothing of the tool but its link."""
+"""Write the truth of a run to a small file, for scoring when the surface receives only the tool's telemetry link."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ HEADER = ("stamp_ns", "inclination_rad", "azimuth_true_rad", "gravity_toolface_r
 
 class TruthFile:
     """
-    CSV with a row for each second of the run.
+    CSV file with one row for each second of the run.
 
     Parameters
     ----------
     path : Path
-        Where to write; a file there is replaced.
+        File to write; an existing file is replaced.
 
     Raises
     ------
     OSError
-        It cannot be written.
+        The file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -34,7 +34,7 @@ class TruthFile:
         self._second = -1
 
     def take(self, samples: Samples) -> None:
-        """Write the first of the samples of `wire.TRUTH` in each second."""
+        """Write the first sample of `wire.TRUTH` in each second."""
         for k, second in enumerate((samples["stamp_ns"] // NANOSECONDS).tolist()):
             if second != self._second:
                 self._second = second
@@ -43,5 +43,5 @@ class TruthFile:
                 self._table.writerow((int(row["stamp_ns"]), *(f"{float(row[name]):.9g}" for name in names)))
 
     def close(self) -> None:
-        """Finish the file."""
+        """Close the file."""
         self._file.close()

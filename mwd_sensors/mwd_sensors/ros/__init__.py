@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node of the graph is built from: lifecycle, parameters, QoS, message buffers."""
+"""Building blocks of every node: lifecycle, parameters, QoS profiles, message buffers."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Service responses and action results that are sent after the callback has returned, while the executor goes on."""
+"""Service responses and action results that are sent after the callback has returned; the executor does not wait."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class DeferredResponse:
         self._sender: Callable[[Any], None] | None = None
 
     def send_through(self, sender: Callable[[Any], None]) -> None:
-        """Set the function that sends the response; called once, when the service callback has returned."""
+        """Set the function that sends the response; it is called once, after the service callback has returned."""
         self._sender = sender
 
     def send(self, response: Any) -> None:
@@ -31,9 +31,9 @@ class DeferredResponse:
 
 def allow_deferred_responses(service: Service) -> None:
     """
-    Let the callback of a service return a `DeferredResponse` in place of a response.
+    Let the callback of a service return a `DeferredResponse` instead of a response.
 
-    The executor hands whatever the callback returned to `send_response`, together with the header of the request.
+    The executor passes the callback's return value to `send_response`, together with the header of the request.
     """
     send_now = service.send_response
 
@@ -48,7 +48,7 @@ def allow_deferred_responses(service: Service) -> None:
 
 class DeferredGoal:
     """
-    An accepted goal of an action: publish feedback while it runs, finish it once.
+    Accepted goal of an action: publish feedback while it runs, and finish it once.
 
     Attributes
     ----------
@@ -62,20 +62,20 @@ class DeferredGoal:
 
     @property
     def done(self) -> bool:
-        """Whether the goal was finished."""
+        """Return whether the goal was finished."""
         return not self._handle.is_active
 
     def publish_feedback(self, feedback: Any) -> None:
-        """Publish feedback; without effect on a finished goal."""
+        """Publish feedback; has no effect on a finished goal."""
         if self._handle.is_active:
             self._handle.publish_feedback(feedback)
 
     def finish(self, result: Any) -> None:
         """
-        Send the result; without effect on a finished goal.
+        Send the result; has no effect on a finished goal.
 
-        The goal has succeeded where the field `success` is set, else it was cancelled where that was requested, else
-        it is aborted.
+        The goal succeeds if the field `success` of the result is true. Otherwise it is cancelled if a client requested
+        that, and aborted if not.
         """
         if not self._handle.is_active:
             return
@@ -90,17 +90,17 @@ class DeferredGoal:
 
 class DeferredActionServer(ActionServer):
     """
-    An action server whose goals end when `DeferredGoal.finish` is called, not when a callback returns.
+    Action server whose goals end when `DeferredGoal.finish` is called, not when a callback returns.
 
-    The stock server awaits a coroutine for the whole time of a goal, which the events executor does not support. Here
-    the executor sees only calls that return at once: a goal starts, and later its result is sent.
+    The server of rclpy awaits a coroutine for the whole duration of a goal, which the events executor does not support.
+    Here the executor only makes calls that return at once: one starts the goal and a later one sends its result.
 
     Parameters
     ----------
     start_goal : callable
-        Called with each accepted `DeferredGoal`; returns at once.
+        Called with each accepted `DeferredGoal`; must return at once.
     cancel_goal : callable
-        Called with a goal whose cancellation was requested; finishes it.
+        Called with a goal whose cancellation was requested; must finish the goal.
     """
 
     def __init__(
@@ -130,6 +130,6 @@ class DeferredActionServer(ActionServer):
         goal = self._goals.get(bytes(goal_handle.goal_id.uuid))
         if goal is None or goal.done:
             return CancelResponse.REJECT
-        # Only after this callback has returned is the goal in the state `canceling`.
+        # The goal gets the state `canceling` only after this callback has returned.
         self._node.executor.create_task(self._cancel_goal, goal)
         return CancelResponse.ACCEPT

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Diagnostics of a node: one entry per thing that is monitored, published as diagnostic_msgs/DiagnosticArray."""
+"""Diagnostics of a node: one entry for each monitored item, published as diagnostic_msgs/DiagnosticArray."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ class Diagnostic:
     Attributes
     ----------
     name : str
-        What is monitored; published as ``<node>: <name>``.
+        Name of the monitored item; published as ``<node>: <name>``.
     level : bytes
         OK, WARN, ERROR or STALE.
     message : str
-        The state in words.
+        Description of the state for the user.
     remedy : str
-        What the user can do about it; published as the value `remedy`.
+        Advice to the user; published as the value `remedy`.
     values : tuple of (str, str)
-        Figures that belong to the state.
+        Numbers that describe the state, as (name, text).
     """
 
     name: str
@@ -40,7 +40,7 @@ class Diagnostic:
 
 
 class CallbackFailures:
-    """Exceptions of a node's callbacks, messages not sent: an error while they are recent, afterwards counts."""
+    """Counts failed callbacks and unsent messages; reports an error while they are recent, later only the counts."""
 
     RECENT_S = 60.0
 
@@ -49,12 +49,12 @@ class CallbackFailures:
         self._last = 0.0
 
     def count(self, name: str) -> None:
-        """Count an exception of a callback, or a message that was not sent."""
+        """Count one exception of a callback, or one message that was not sent."""
         self._counts[name] = self._counts.get(name, 0) + 1
         self._last = time.monotonic()
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Nothing before the first one."""
+        """Return one entry with the counts, or none if nothing has failed yet."""
         if not self._counts:
             return []
         counts = tuple((name, str(count)) for name, count in self._counts.items())
@@ -66,15 +66,15 @@ class CallbackFailures:
 
 
 def clock_diagnostics(sim_time: bool, now_ns: int) -> list[Diagnostic]:
-    """Warn of a node on simulated time that no clock has reached yet."""
+    """Return a warning if the node uses simulated time and no clock message has arrived yet."""
     if not sim_time or now_ns > 0:
         return []
-    remedy = "start what publishes /clock (`mwd replay`), or set use_sim_time to false"
+    remedy = "start a publisher of /clock (`mwd replay`), or set use_sim_time to false"
     return [Diagnostic("clock", WARN, "waiting for /clock", remedy)]
 
 
 def diagnostic_array(node: Node, diagnostics: Sequence[Diagnostic]) -> DiagnosticArray:
-    """Message with the diagnostics of a node, stamped now; the hardware id is the node's namespace."""
+    """Return the message with the diagnostics of a node, stamped now; the hardware id is the node's namespace."""
     message = DiagnosticArray()
     message.header.stamp = node.get_clock().now().to_msg()
     for diagnostic in diagnostics:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Wait for subscribers before the first message.
+Wait until subscribers are found before the first message is published.
 
-Discovery finds one subscriber after the other; the last one found would miss the first messages.
+Discovery finds the subscribers one after the other; without waiting, the last one would miss the first messages.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-# Time without a new subscriber after which discovery counts as complete, s. A reader drops what arrives before it knows
-# the writer; on a busy machine it may learn of the writer a second or two after the writer learnt of the reader.
+# Discovery counts as complete when no new subscriber appeared for this time, s. A reader drops messages from a writer
+# that it does not know yet. On a busy machine it may find the writer a second or two later than the writer finds the
+# reader.
 _QUIET_S = 3.0
 
 
@@ -33,7 +34,7 @@ class SubscriberDiscovery:
         self._count = 0
 
     def complete(self, publishers: Iterable[Any], now: float) -> bool:
-        """Whether to begin: there are subscribers and none was added lately, or the wait has timed out."""
+        """Return True if there are subscribers and none was added lately, or if the wait has timed out."""
         if now >= self._deadline:
             return True
         count = sum(publisher.get_subscription_count() for publisher in publishers)

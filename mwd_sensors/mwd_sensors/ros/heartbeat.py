@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Heartbeat of a node: that it lives, its state, and how it does, once a second on the topic `heartbeat` of its well.
+Heartbeat of a node: its lifecycle state and health, published once a second on the topic `heartbeat` of its well.
 
-For readers whose middleware enforces no liveliness, and for the supervision of hung callbacks and growing memory.
+It serves readers whose middleware does not report liveliness, and the supervisor, which detects hung callbacks and
+growing memory.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
 class Heartbeat:
-    """Makes the heartbeat of one node; `name` is its full name."""
+    """Creates the heartbeat messages of one node; `name` is its full name."""
 
     def __init__(self, name: str, namespace: str) -> None:
         self._name, self._namespace = name, namespace
@@ -27,7 +28,7 @@ class Heartbeat:
 
     @contextlib.contextmanager
     def timed(self) -> Iterator[None]:
-        """Measure a callback."""
+        """Measure how long a callback takes."""
         began = time.monotonic()
         try:
             yield
@@ -35,7 +36,7 @@ class Heartbeat:
             self._longest_s = max(self._longest_s, time.monotonic() - began)
 
     def message(self, state: str, level: bytes) -> DiagnosticStatus:
-        """Return the next heartbeat: lifecycle state, worst level of the diagnostics, count, callbacks, memory."""
+        """Return the next heartbeat: state, worst diagnostics level, count, longest callback and memory."""
         self._count += 1
         values = {
             "count": str(self._count),

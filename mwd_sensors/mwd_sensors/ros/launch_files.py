@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the launch files of single nodes have in common: one lifecycle node with its arguments and parameter files."""
+"""Launch description shared by the launch files of single nodes."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ _SWITCHES = ("use_sim_time", "autostart")
 
 def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
     """
-    Start one node of one well.
+    Return the launch description of one node of one well.
 
-    Its arguments: namespace, params_file (laid over the package's own), use_sim_time, autostart, respawn. Executable
-    and default parameter file are called as the node.
+    Its launch arguments are namespace, params_file (read after the package's own file), use_sim_time, autostart and
+    respawn. The executable and the default parameter file have the name of the node.
 
     texts : str
-        Descriptions of parameters of the node, text and empty by default, that are arguments too; a parameter file
-        comes before them.
+        Name and description of further launch arguments; each sets a text parameter of the node, empty by default. The
+        user's parameter file overrides them.
     """
     defaults = PathJoinSubstitution([FindPackageShare(package), "config", f"{name}.yaml"])
     switches = {word: ParameterValue(LaunchConfiguration(word), value_type=bool) for word in _SWITCHES}
     given = {word: ParameterValue(LaunchConfiguration(word), value_type=str) for word in texts}
     return LaunchDescription(
         [
-            DeclareLaunchArgument("namespace", default_value="", description="Name of the well; empty: none"),
+            DeclareLaunchArgument("namespace", default_value="", description="Name of the well; empty for none"),
             DeclareLaunchArgument("params_file", default_value=defaults, description="Parameter file of the node"),
             *(DeclareLaunchArgument(word, default_value="", description=about) for word, about in texts.items()),
             DeclareLaunchArgument("use_sim_time", default_value="false", description="Take the time from /clock"),
@@ -47,8 +47,8 @@ def single_node(package: str, name: str, **texts: str) -> LaunchDescription:
                 output="screen",
                 respawn=LaunchConfiguration("respawn"),
                 respawn_delay=_RESPAWN_DELAY,
-                # A node ends itself by then at the latest, and says where it hung. SIGTERM comes after launch's 5 s:
-                # where launch alone gets SIGINT, it is the first signal of the node.
+                # A node ends itself within this time and logs where it hung. launch sends SIGTERM 5 s after SIGINT; if
+                # only launch received SIGINT, SIGTERM is the first signal that the node gets.
                 sigkill_timeout=str(STOP_LIMIT),
             ),
         ]

@@ -51,18 +51,19 @@ T = TypeVar("T")
 _FRAME_PREFIX = re.compile(r"[A-Za-z0-9_/.-]{0,200}")
 _NAMESPACE = "auto"  # value of `frame_prefix`: the namespace and a slash
 _DIAGNOSTICS_PERIOD = 1.0  # s
-# From the last message to the end of a process that ends by itself, s: best-effort subscriptions acknowledge nothing.
+# Time from the last message to the end of a process that ends by itself, s: best-effort readers do not acknowledge.
 _DELIVERY_TIME = 0.5
-# Longest wait for reliable subscriptions, s: Fast DDS has removed a dead participant by then (its lease).
+# Longest wait for reliable subscriptions, s. Fast DDS has removed a dead participant by then (end of its lease).
 _ACKNOWLEDGEMENT_TIME = 20.0
 
 
 class GraphNode(LifecycleNode, Generic[T]):
     """
-    Base of the graph's nodes.
+    Base class of the graph's nodes.
 
-    A subclass creates its topics, services and timers in `configure`; it need not destroy what it made through the
-    ``add_...`` methods. It may override `activate`, `deactivate` and `cleanup`, and reports its state in `diagnostics`.
+    A subclass creates its topics, services and timers in `configure`; those made with the ``add_...`` methods are
+    destroyed automatically. It may override `activate`, `deactivate` and `cleanup`, and reports its state in
+    `diagnostics`.
 
     Parameters
     ----------
@@ -71,14 +72,14 @@ class GraphNode(LifecycleNode, Generic[T]):
     default : dataclass
         Settings of the node with their defaults; every field is declared as a parameter.
     **node_options
-        Of `rclpy.lifecycle.LifecycleNode`.
+        Options of `rclpy.lifecycle.LifecycleNode`.
 
     Attributes
     ----------
     active : bool
-        Whether the node is in the state `active`.
+        True while the node is in the state `active`.
     stop_requested : Future
-        Done when the process shall end.
+        Done when the process should end.
 
     Raises
     ------
@@ -114,7 +115,7 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     @property
     def subscriptions(self) -> Iterator[Subscription]:
-        """Subscriptions the executor waits for: all but the buffered ones."""
+        """Subscriptions that the executor serves: all except the buffered ones."""
         buffered = {buffer.subscription for buffer in self._buffers}
         yield from (subscription for subscription in super().subscriptions if subscription not in buffered)
 
@@ -124,7 +125,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return self._parameter_set.value
 
     def frame(self, name: str) -> str:
-        """Name of a frame in headers and transforms: behind `frame_prefix`, so that each well has its own."""
+        """Return a frame name with `frame_prefix`, for headers and transforms, so that each well has its own frames."""
         prefix: str = self.get_parameter("frame_prefix").value
         if prefix == _NAMESPACE:
             namespace = self.get_namespace().strip("/")
@@ -134,33 +135,33 @@ class GraphNode(LifecycleNode, Generic[T]):
     # Hooks of subclasses.
 
     def configure(self) -> None:
-        """Create topics, services and timers, open files. An error leaves the node unconfigured; the log names it."""
+        """Create topics, services and timers, and open files. An error is logged and leaves the node unconfigured."""
 
     def activate(self) -> None:
-        """Start to work."""
+        """Start the work of the node, such as publishing; callbacks run from now on."""
 
     def deactivate(self) -> None:
-        """Stop to work, keeping everything that `activate` needs to go on."""
+        """Stop working; keep everything that `activate` needs to continue."""
 
     def cleanup(self) -> None:
-        """Release what `configure` acquired other than topics, services and timers."""
+        """Release what `configure` acquired, other than topics, services and timers."""
 
     def changeable_at_runtime(self, name: str) -> bool:  # noqa: ARG002
-        """Whether a running node accepts a change of that parameter; the others are read-only."""
+        """Return whether a running node accepts a change of this parameter; the others are read-only."""
         return True
 
     def check_settings(self, settings: T) -> None:
-        """Raise ValueError for settings that the node could not work with; they are then refused, at start too."""
+        """Raise ValueError for settings that the node cannot work with; they are then refused, also at start."""
 
     def on_settings_changed(self, settings: T) -> None:
-        """React to a checked change of parameters that is in force; called on a configured node."""
+        """React to a change of parameters that was checked and is in force; called only on a configured node."""
 
     def diagnostics(self) -> Sequence[Diagnostic]:
-        """State of the active node, once a second."""
+        """Return the state of the active node; called once a second."""
         return ()
 
     def prepare(self, warm_up: Callable[[], None]) -> None:
-        """Compile the kernels; `mwd run` reads in the log that the node is at it."""
+        """Compile the kernels; `mwd run` waits for these lines in the log."""
         self.get_logger().info("preparing the filters; the first time after a change they are compiled")
         warm_up()
         self.get_logger().info("the filters are ready")
@@ -168,7 +169,7 @@ class GraphNode(LifecycleNode, Generic[T]):
     # Entities.
 
     def add_publisher(self, msg_type: Any, topic: str, qos: QoSProfile) -> Any:
-        """Create a lifecycle publisher that offers the profile reliably; it is silent while the node is inactive."""
+        """Create a reliable lifecycle publisher with this profile; it publishes nothing while the node is inactive."""
         profile = offered(qos)
         events = self._middleware.of_publisher(topic, profile)
         publisher = self.create_publisher(
@@ -190,12 +191,12 @@ class GraphNode(LifecycleNode, Generic[T]):
         self._entities.append((subscription, lambda: self.destroy_subscription(subscription)))
 
     def add_buffered_subscription(self, msg_type: Any, topic: str, qos: QoSProfile) -> MessageBuffer:
-        """Create a subscription without callback: serialised messages wait in the middleware until they are taken."""
+        """Create a subscription without callback; serialised messages wait in the middleware until they are read."""
         events = self._middleware.of_subscription(topic, qos)
         subscription = self.create_subscription(
             msg_type, topic, lambda _message: None, qos, raw=True, event_callbacks=events
         )
-        # Registered before the executor sees the subscription: the executor must never take from it.
+        # Registered before the executor sees the subscription, because the executor must never read from it.
         buffer = MessageBuffer(subscription)
         self._buffers.append(buffer)
 
@@ -208,10 +209,10 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def add_service(self, srv_type: Any, name: str, callback: Callable[[Any, Any], Any]) -> None:
         """
-        Create a service whose response has `success` and `message`; an inactive node answers with the reason.
+        Create a service whose response has `success` and `message`.
 
-        A request that breaks the rules of `request_rules` is answered with the reason too. `callback` returns the
-        response, or a `DeferredResponse` through which the response is sent later.
+        An inactive node, and a request that breaks the rules of `request_rules`, get a response with the reason.
+        `callback` returns the response, or a `DeferredResponse` through which the response is sent later.
         """
 
         def respond(request: Any, response: Any) -> Any:
@@ -256,16 +257,16 @@ class GraphNode(LifecycleNode, Generic[T]):
         return client
 
     def add_timer(self, period: float, callback: Callable[[], None]) -> None:
-        """Create a timer of `period` seconds on the steady clock, which no time source sets; it runs while active."""
+        """Create a timer of `period` seconds on the steady clock (never simulated time), for an active node."""
         protected = partial(self._call, callback.__name__, callback)
         timer = self.create_timer(period, protected, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._entities.append((timer, lambda: self.destroy_timer(timer)))
 
     def _call(self, name: str, callback: Callable[..., Any], *arguments: Any) -> tuple[Any, str]:
         """
-        Call back while the node is active; an exception is logged and counted, and the node goes on.
+        Call a callback if the node is active; an exception is logged and counted, and the node continues.
 
-        Returns the result and an empty string, or None and why there is no result.
+        Returns the result and an empty text, or None and the reason why there is no result.
         """
         if not self.active:
             return None, f"{self.get_name()} is not active; activate it first"
@@ -286,18 +287,18 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     @property
     def finalized(self) -> bool:
-        """Whether the node is shut down for good."""
+        """Return whether the node is shut down for good."""
         return bool(self._state_machine.current_state[1] == "finalized")
 
     def request_stop(self) -> None:
-        """End the process in order once subscribers have what was published last; the caller publishes no more."""
+        """End the process once subscribers have received the last messages; the caller must not publish after this."""
         if self._stop_timer is None:
             self._stop_asked_at = time.monotonic()
             steady = Clock(clock_type=ClockType.STEADY_TIME)
             self._stop_timer = self.create_timer(_DELIVERY_TIME, self._stop_when_acknowledged, clock=steady)
 
     def _stop_when_acknowledged(self) -> None:
-        # A subscription that lacks a message cannot ask a destroyed publisher for it.
+        # A subscription cannot request a missing message from a publisher that no longer exists.
         waiting = [
             publisher.topic_name
             for publisher in self.publishers
@@ -328,7 +329,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Configure completely, or not at all."""
+        """Configure completely, or destroy what was created and fail."""
         try:
             self.configure()
         except Exception as error:  # noqa: BLE001  (the lifecycle would swallow the reason)
@@ -340,7 +341,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Activate the publishers, then the node; messages buffered before are dropped."""
+        """Activate the publishers, then the node; drop messages that were buffered before."""
         result = super().on_activate(state)
         for buffer in self._buffers:
             buffer.take()
@@ -366,7 +367,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Shut down from any state, and end the process: a finalized node does nothing any more."""
+        """Shut down from any state and end the process, because a finalized node does nothing any more."""
         if self.active:
             self.deactivate()
         self._release()
@@ -386,10 +387,10 @@ class GraphNode(LifecycleNode, Generic[T]):
 
     def _destroy_entities(self) -> None:
         """
-        Destroy the entities that `configure` created; free their middleware handles after their last queued event.
+        Destroy the entities that `configure` created, but keep their handles until their last queued event is done.
 
-        The events executor keeps borrowed references in its queue: an event that waits there for an entity that is gone
-        ends the process (rclpy 7.1).
+        The events executor keeps borrowed references in its queue: a queued event of an entity that no longer exists
+        would end the process (rclpy 7.1).
         """
         held = contextlib.ExitStack()
         for entity, destroy in reversed(self._entities):
@@ -403,7 +404,7 @@ class GraphNode(LifecycleNode, Generic[T]):
         if executor is None:
             self._let_go(held)
         else:
-            # The first task runs after the executor was told to drop the entities, the second after all events of them.
+            # The first task runs after the executor has dropped the entities, the second after all their queued events.
             executor.create_task(lambda: executor.create_task(self._let_go, held))
 
     def _let_go(self, held: contextlib.ExitStack) -> None:
@@ -412,7 +413,7 @@ class GraphNode(LifecycleNode, Generic[T]):
             held.close()
 
     def destroy_node(self) -> None:
-        """Destroy the node, which no executor serves any more."""
+        """Destroy the node; no executor may serve it any more."""
         for held in list(self._retired):
             self._let_go(held)
         super().destroy_node()

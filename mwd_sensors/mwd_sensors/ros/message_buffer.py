@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Subscriptions for streams of a kilohertz: messages are taken many at a time.
+Buffers for topics of a kilohertz, from which many messages are read at a time.
 
-A callback per message wakes the process, the executor and Python for each message. A node that works in blocks lets the
-messages wait in the queue of the middleware's reader and takes all of them with one call, in order of arrival.
+A callback per message would wake the process, the executor and Python for each message. A node that works in blocks
+leaves the messages in the queue of the middleware's reader and reads all of them with one call, in order of arrival.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-# Most messages of one call of `take`: a writer faster than the reader must not block the reader's node.
+# Most messages that one call of `take` returns: a writer that is faster than the reader must not block the node.
 _MAX_TAKEN = 10_000
 
 
 class ReceivedMessage(NamedTuple):
-    """A serialised message and the time at which the middleware received it, ns since the epoch."""
+    """A serialised message and the time at which the middleware received it, ns since 1970."""
 
     data: bytes
     received_ns: int
@@ -23,19 +23,19 @@ class ReceivedMessage(NamedTuple):
 
 class MessageBuffer:
     """
-    Takes the messages that wait in the queue of a subscription the executor does not serve.
+    Reads the messages in the queue of a subscription that the executor does not serve.
 
     Parameters
     ----------
     subscription : rclpy.subscription.Subscription
-        Of serialised messages (``raw=True``).
+        Subscription to serialised messages (``raw=True``).
     """
 
     def __init__(self, subscription: Any) -> None:
         self.subscription = subscription
 
     def take(self) -> list[ReceivedMessage]:
-        """All messages that wait, oldest first."""
+        """Remove and return the waiting messages, oldest first."""
         taken: list[ReceivedMessage] = []
         reader, msg_type = self.subscription.handle, self.subscription.msg_type
         with reader:

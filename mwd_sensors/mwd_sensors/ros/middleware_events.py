@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the middleware says of a node's topics: incompatible quality of service, and more than one publisher.
+Middleware problems of a node's topics: incompatible quality of service, and more than one publisher.
 
-The middleware reports both once, and an incompatible pair simply exchanges nothing; here they stay in the diagnostics,
-with names and a remedy, until the cause has gone.
+The middleware reports each problem only once, and an incompatible pair silently exchanges nothing. Here the problems
+stay in the diagnostics, with names and a remedy, until the cause is gone.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 from mwd_sensors.ros.diagnostics import ERROR, Diagnostic
 
-_SEVERAL_S = 3.0  # two publishers for so long are no hand-over
-# A killed process stays in the middleware's graph until its lease is over (Fast DDS: 20 s).
+_SEVERAL_S = 3.0  # two publishers for this long are not a hand-over from one to the next
+# A killed process stays in the middleware's graph until its lease ends (Fast DDS: 20 s).
 _SAME_NAME_S = 25.0
-# Every node of a well publishes these.
+# Topics that every node of a well publishes.
 _SHARED = ("heartbeat",)
 
 
 class MiddlewareEvents:
     """
-    Events of the subscriptions and publishers of one node.
+    Collects the events of one node's subscriptions and publishers.
 
     Parameters
     ----------
     node : rclpy.node.Node
     clock : callable
-        Steady seconds.
+        Returns steady time, s.
     """
 
     def __init__(self, node: Any, clock: Callable[[], float] = time.monotonic) -> None:
@@ -64,7 +64,7 @@ class MiddlewareEvents:
         return PublisherEventCallbacks(incompatible_qos=incompatible)
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Return an error for each topic whose other side does not fit, and for each with more than one publisher."""
+        """Return an error for each topic with an incompatible partner and for each with more than one publisher."""
         found = []
         for (topic, receives), qos in list(self._incompatible.items()):
             others = self._unfit(topic, receives, qos)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings as ROS parameters: described, ranged, and changed all or nothing."""
+"""Settings as ROS parameters: described, with ranges, and changed all together or not at all."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ class SettingsParameters(Generic[T]):
     """
     The settings of a node, kept equal to its ROS parameters.
 
-    Every leaf of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
-    change is checked as a whole by the rules of a configuration file and by `check`, which raises ValueError for
-    settings that the node could not work with; a refused one leaves everything as it was. `live` decides which names
+    Every field of the dataclass is declared under its dotted name with meaning, unit, range and read-only flag. A
+    change is checked as a whole, by the rules of a configuration file and by `check`, which raises ValueError for
+    settings that the node cannot work with. A refused change leaves everything as it was. `live` decides which names
     can change at run time; the others are read-only.
 
     Raises
     ------
     SettingsError
-        A value given at start is not allowed, or a name given at start does not exist (its near misses are named).
+        A value given at start is not allowed, or a name given at start does not exist (similar names are suggested).
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class SettingsParameters(Generic[T]):
         check: Callable[[T], None],
     ) -> None:
         self._given = node._parameter_overrides  # rclpy offers no public way to see what was given at start
-        # A choice may bring settings of its own, so that it is made before the names are declared.
+        # A choice may bring its own settings, so it is made before the names are declared.
         choices = [name for name, (_, rule) in settings.flat(default).items() if rule.choices]
         default = settings.changed(default, {name: self._given[name].value for name in choices if name in self._given})
         self.value = default
@@ -71,9 +71,9 @@ class SettingsParameters(Generic[T]):
 
     def _declare(self, node: Node, name: str, value: Any, rule: Rule) -> Any:
         descriptor = describe(name, value, rule)
-        # Lists of nothing have no type of their own; sequences go on the wire as lists.
+        # An empty list has no element type; ROS carries sequences as lists.
         plain = list(value) if isinstance(value, (list, tuple)) else value
-        # A number that is not given is nan on the wire; a range of ROS would refuse it, ours is checked afterwards.
+        # A number that is not given is NaN on the wire. A ROS range would refuse NaN, so ours is checked afterwards.
         plain = math.nan if plain is None else plain
         try:
             if plain == []:
@@ -83,7 +83,7 @@ class SettingsParameters(Generic[T]):
             return node.declare_parameter(name, plain, descriptor).value
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
             given = self._given[name].value
-            settings.changed(self.value, {name: given})  # raises the more precise error where it can
+            settings.changed(self.value, {name: given})  # raises the more precise error if there is one
             raise SettingsError(f"{name}: {given!r} is not allowed; {rule.text()}") from error
 
     def _collect(self, parameters: Sequence[Parameter]) -> dict[str, Any]:
@@ -104,7 +104,7 @@ class SettingsParameters(Generic[T]):
 
 
 def describe(name: str, value: Any, rule: Rule) -> ParameterDescriptor:
-    """Descriptor with meaning, unit and range; an open end of a range is the largest number there is."""
+    """Return the descriptor with meaning, unit and range; an open end of a range becomes the largest number."""
     descriptor = ParameterDescriptor(name=name, description=rule.text(), read_only=rule.fixed)
     if rule.low is None and rule.high is None:
         return descriptor

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Quality-of-service profiles of the graph, each named once.
+Quality-of-service profiles of the graph.
 
 ====================  ===========  ================  ==========================================
 profile               reliability  durability        used for
@@ -13,14 +13,14 @@ DEADLINE_STREAM       as STREAM, with deadline and liveliness lease
 DEADLINE_STATE        as STATE, with deadline and liveliness lease
 ====================  ===========  ================  ==========================================
 
-They are what a subscription asks for. A publisher offers `offered` of them, always reliable, which serves best-effort
-and reliable subscriptions alike (REP-2003).
+These are the profiles that a subscription requests. A publisher offers `offered(profile)`, which is always reliable and
+therefore serves best-effort and reliable subscriptions alike (REP-2003).
 """
 
 from rclpy.duration import Duration
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSLivelinessPolicy, QoSProfile, QoSReliabilityPolicy
 
-# A lost sample is not sent again: the newest one matters.
+# A lost sample is not sent again, because only the newest one matters.
 STREAM = QoSProfile(
     history=QoSHistoryPolicy.KEEP_LAST,
     depth=200,
@@ -47,9 +47,8 @@ LATCHED = QoSProfile(
     durability=QoSDurabilityPolicy.TRANSIENT_LOCAL,
 )
 
-# For topics that a controller steers by. A subscriber that requests this deadline and lease, or longer ones, is
-# notified by the middleware when messages stop (a hung node) or the publisher dies; others receive the messages as
-# before.
+# For topics that a controller acts on. The middleware notifies a subscriber that requests this deadline and lease, or
+# longer ones, when messages stop (a hung node) or the publisher dies. Other subscribers just receive the messages.
 DEADLINE = Duration(seconds=1)
 LEASE = Duration(seconds=2)
 DEADLINE_STREAM = QoSProfile(
@@ -72,12 +71,12 @@ DEADLINE_STATE = QoSProfile(
 )
 
 
-# Messages that wait where a queue must not lose any: a second of five topics of 1 kHz.
+# Depth of a queue that must not lose messages: one second of five topics at 1 kHz.
 LONG_QUEUE = 5000
 
 
 def offered(profile: QoSProfile) -> QoSProfile:
-    """Copy a profile for a publisher: reliable, so that a subscription of either kind receives its messages."""
+    """Copy a profile for a publisher: reliable, so that best-effort and reliable subscriptions receive its messages."""
     return QoSProfile(
         history=profile.history,
         depth=profile.depth,
@@ -90,7 +89,7 @@ def offered(profile: QoSProfile) -> QoSProfile:
 
 
 def buffered(profile: QoSProfile) -> QoSProfile:
-    """Copy a profile with a long queue, where messages wait until they are taken or many are published at once."""
+    """Copy a profile with a long queue, for messages that are read in batches or published many at once."""
     return QoSProfile(
         history=QoSHistoryPolicy.KEEP_LAST,
         depth=LONG_QUEUE,

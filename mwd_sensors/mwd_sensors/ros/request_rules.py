@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a request may hold, whoever sends it: checked once at the edge, before any callback sees it."""
+"""Rules for the content of a request, checked before any callback sees the request."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any
 
 from mwd_sensors.core.foreign_text import unprintable
 
-_LONGEST = 500  # characters of one text; a reason for a decision is a sentence
+_LONGEST = 500  # characters of one text; a reason for a decision needs no more than a sentence
 
 
 def refusal(request: Any) -> str:
     """
-    Why a request of a service or an action is refused, in one sentence; empty where it is not.
+    Return in one sentence why a request of a service or an action is refused; empty if it is accepted.
 
-    Every text has at most 500 characters that can be printed and written to a file; every number is finite. A request
-    is anything with rosidl's ``get_fields_and_field_types``; fields that are messages themselves are not looked into.
+    Every text must have at most 500 characters that can be printed and written to a file; every number must be finite.
+    A request is any object with rosidl's ``get_fields_and_field_types``; nested messages are not checked.
     """
     for name in request.get_fields_and_field_types():
         value = getattr(request, name)

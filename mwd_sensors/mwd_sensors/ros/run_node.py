@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run one node, or several, as a process: signals, executor and an orderly shutdown."""
+"""Run one or several nodes as a process: signals, executor and an orderly shutdown."""
 
 from __future__ import annotations
 
@@ -22,24 +22,26 @@ from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.stop_signals import StopSignals, end_within, ignore, leave_background_threads
 
 RCLError = rclpy_implementation.RCLError
-# Longest wait of the executor, s. The events executor treats "no limit" as a deadline that has passed.
+# Longest wait of the executor, s. The events executor treats "no limit" as a deadline in the past.
 _LONGEST_SPIN = 1e6
 
 
 def run_node(make_node: Callable[[], GraphNode[Any]], args: Sequence[str] | None = None) -> int:
-    """Run one node until it is stopped, see `run_nodes`."""
+    """Run one node until it is stopped; see `run_nodes`."""
     return run_nodes([make_node], args)
 
 
 def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence[str] | None = None) -> int:
     """
-    Run nodes in this process, one callback at a time, until one of them is stopped; they end last first.
+    Run nodes in this process, one callback at a time, until one of them is stopped; shut them down in reverse order.
 
-    Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise; files are not for others.
-    SIGINT and SIGTERM end it in order (deactivate, clean up) with status 0; with status 1 after `STOP_PATIENCE`;
-    parameters that are not allowed end it with status 2 and one sentence.
+    Discovery is limited to this machine unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise. Files that the process
+    creates are not readable by other users.
+
+    SIGINT and SIGTERM shut the nodes down (deactivate, clean up) and the status is 0. If that takes longer than
+    `STOP_PATIENCE`, the process ends with status 1. Parameters that are not allowed end it with status 2 and a message.
     """
-    # Nodes find each other on this machine alone unless somebody opens that up, however they are started.
+    # Also for nodes that are started without `mwd run`.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     keep_private()
     try:
@@ -58,21 +60,21 @@ def run_nodes(make_nodes: Sequence[Callable[[], GraphNode[Any]]], args: Sequence
 
 
 def keep_private() -> None:
-    """Let files of this process be read by its user and group alone: 0640, folders 0750, or less where set so."""
+    """Make files of this process readable by its user and group only: 0640, folders 0750, or the stricter umask."""
     os.umask(os.umask(0o077) | 0o027)
 
 
 def security_refusal(environment: Mapping[str, str], error: str) -> str:
-    """Say in one sentence why a node that is to be secured does not start; empty where security is not enforced."""
+    """Explain in one sentence why a secured node does not start; empty if security is not enforced."""
     enforced = environment.get("ROS_SECURITY_STRATEGY") == "Enforce"
     if not enforced or environment.get("ROS_SECURITY_ENABLE", "").lower() != "true":
         return ""
     keystore = environment.get("ROS_SECURITY_KEYSTORE", "")
     if not keystore or not Path(keystore).is_dir():
-        where = f"ROS_SECURITY_KEYSTORE is {keystore!r}, which is no folder" if keystore else "there is no keystore"
-        return f"security is enforced and {where}: make one (`ros2 security create_keystore`) and name it"
+        where = f"ROS_SECURITY_KEYSTORE is {keystore!r}, which is not a folder" if keystore else "there is no keystore"
+        return f"security is enforced and {where}: make one (`ros2 security create_keystore`) and set the variable"
     if "security libraries" in error:
-        return "security is enforced and this middleware has no security plugins: use the ROS 2 packages of apt"
+        return "security is enforced but this middleware has no security plugins: use the ROS 2 packages of apt"
     return f"security is enforced and the node was refused: {error.splitlines()[0]}"
 
 

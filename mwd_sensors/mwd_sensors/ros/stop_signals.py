@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-SIGINT and SIGTERM end a node whatever its main thread does.
+Make SIGINT and SIGTERM end a node, whatever its main thread is doing.
 
-Python runs a signal handler in the main thread, and only between two of its instructions: a node that compiles its
-filters, waits in the middleware or hangs does not hear it. A thread hears it instead, through the file that the
+Python runs a signal handler in the main thread, between two instructions. A node that compiles its filters, waits in
+the middleware or hangs would not notice the signal. A separate thread reads it instead, from the file that the
 interpreter's own handler writes to at once (`signal.set_wakeup_fd`).
 """
 
@@ -20,21 +20,21 @@ from collections.abc import Callable
 from mwd_sensors.core.stop_time import STOP_LIMIT, StopTime
 
 _LOOK_PERIOD = 0.2  # s
-_LOCK_PATIENCE = 1.0  # s; that a thread which holds the interpreter's lock has beyond the limit
-_START_PATIENCE = 2.0  # s; from a signal until a node that is still starting is given up
+_LOCK_PATIENCE = 1.0  # s; extra time for a thread that holds the interpreter's lock
+_START_PATIENCE = 2.0  # s; time for a node that is still starting when the signal arrives
 _NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopSignals:
     """
-    Calls a function when SIGINT or SIGTERM comes, from a thread; in force from its making to the end of the process.
+    Calls a function from a thread when SIGINT or SIGTERM arrives, from its creation to the end of the process.
 
-    A process that is still starting two seconds later has nothing to put in order yet and ends at once, with status 0.
+    If the process is still starting two seconds after the signal, it has nothing to shut down and ends with status 0.
 
     Parameters
     ----------
     stop : callable
-        Called at each signal; thread-safe.
+        Called at each signal; must be thread-safe.
     """
 
     def __init__(self, stop: Callable[[], None]) -> None:
@@ -48,7 +48,7 @@ class StopSignals:
         threading.Thread(target=self._listen, args=(reader,), name="signals", daemon=True).start()
 
     def started(self) -> None:
-        """Say that the process has started: from now on it ends in order."""
+        """Declare that the process has started; from now on a signal shuts it down in order."""
         self._started.set()
 
     def _listen(self, reader: int) -> None:
@@ -64,12 +64,12 @@ class StopSignals:
 
 def end_within(seconds: float) -> None:
     """
-    End this process with status 1, and the stacks of its threads on standard error, unless it ends before.
+    End this process with status 1, and its stacks on standard error, if it is still running after a time.
 
-    seconds: without the time in which the main thread waits for a processor.
+    seconds does not include the time in which the main thread waits for a processor.
     """
     allowed = StopTime(seconds, STOP_LIMIT)
-    _end_without_lock(allowed)  # what comes next may hold the interpreter's lock before the thread has begun
+    _end_without_lock(allowed)  # in case the interpreter's lock is held before the thread below starts
     threading.Thread(target=_end_when_late, args=(allowed,), name="stop limit", daemon=True).start()
 
 
@@ -84,15 +84,16 @@ def _end_when_late(allowed: StopTime) -> None:
 
 
 def _end_without_lock(allowed: StopTime) -> None:
-    """End this process by a timer that needs no lock, for where native code holds the interpreter's."""
+    """End this process by a timer that needs no lock, in case native code holds the interpreter's lock."""
     faulthandler.dump_traceback_later(max(allowed.left(), 0.0) + _LOCK_PATIENCE, exit=True)
 
 
 def leave_background_threads(status: int) -> None:
     """
-    End this process at once if threads still work in the background: the node that wanted their results is gone.
+    End this process at once if background threads are still working.
 
-    Python's own end would wait for them. What must become whole (a recording, an export), the node has waited for.
+    The node that wanted their results is gone, and a normal end of Python would wait for them. The node has already
+    waited for work that must finish (recordings, exports).
     """
     if any(thread is not threading.main_thread() and not thread.daemon for thread in threading.enumerate()):
         sys.stdout.flush()
@@ -101,6 +102,6 @@ def leave_background_threads(status: int) -> None:
 
 
 def ignore() -> None:
-    """Let SIGINT and SIGTERM pass from now on: the process is ending, and Python's own end would not bear them."""
+    """Ignore SIGINT and SIGTERM from now on: the process is ending and Python's shutdown cannot handle them."""
     for number in _NUMBERS:
         signal.signal(number, signal.SIG_IGN)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Times of the graph: nanoseconds since the epoch as messages carry them."""
+"""Conversion of nanoseconds since 1970 to the time in ROS messages."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from builtin_interfaces.msg import Time
 
 
 def stamp(stamp_ns: int) -> Time:
-    """ROS time of nanoseconds since the epoch."""
+    """Return the ROS time of nanoseconds since 1970."""
     return Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)

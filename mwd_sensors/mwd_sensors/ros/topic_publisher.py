@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The publisher of every topic of a node: a message that the middleware refuses costs that message only.
+Publisher of every topic of a node, which loses only the one message that the middleware refuses.
 
-Fast DDS refuses a message where a lock or a place in the writer's history does not come free in time, as on a machine
-without a processor to spare ("cannot publish data", rmw_fastrtps issues 310 and 463). Raised inside a callback, the
-refusal of one sample would take with it whatever the callback publishes after it, such as a survey.
+Fast DDS refuses a message if a lock, or a place in the writer's history, does not become free in time, as on an
+overloaded machine ("cannot publish data", rmw_fastrtps issues 310 and 463). Raised inside a callback, the refusal of
+one sample would also prevent everything that the callback publishes afterwards, such as a survey.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RCLError = rclpy_implementation.RCLError
 
 class TopicPublisher(LifecyclePublisher):
     """
-    A lifecycle publisher that reports refusals of the middleware instead of raising them.
+    Lifecycle publisher that reports refusals of the middleware instead of raising them.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class TopicPublisher(LifecyclePublisher):
     on_published: Callable[[Any], None] | None = None
 
     def publish(self, msg: Any) -> None:
-        """Publish a message, at a second try if need be; an inactive publisher publishes nothing."""
+        """Publish a message, with a second try if the first is refused; an inactive publisher publishes nothing."""
         try:
             super().publish(msg)
         except RCLError:
@@ -48,7 +48,7 @@ class TopicPublisher(LifecyclePublisher):
             self.on_published(msg)
 
     def publish_rows(self, rows: wire.Rows) -> None:
-        """Publish each row of serialised bytes as a message, in order; an inactive publisher publishes nothing."""
+        """Publish each row of serialised bytes as one message, in order; an inactive publisher publishes nothing."""
         if not len(rows) or not self.is_activated:
             return
         size, joined, writer = rows.shape[1], rows.tobytes(), self.handle

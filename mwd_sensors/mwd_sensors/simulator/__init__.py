@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulated sonde: scenario, motion, vibration, instruments, interference, faults."""
+"""Simulated sonde: scenario, motion, vibration, instruments, interference, faults and telemetry link."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a tool on a carrier sends over a run: blocks of the survey after each flow-on, then of toolfaces for ever."""
+"""Simulate the transmission of a tool with a carrier: after each flow-on the survey, then toolfaces repeatedly."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from mwd_sensors.telemetry.carrier import BlockName, Complex
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
-# A rotor needs time to come to another phase; a current source does not.
+# Share of a symbol in which the phase changes: a rotor needs time for it, a current source does not.
 _SHIFT = {"mud": 0.1, "earth": 0.0}
 SIREN_PA = 2.0e5  # amplitude of a siren's pressure drop
 _SIREN_RISE_S = 0.005
-_NO_GAP = 0.05  # symbols; stamps are rounded
+_NO_GAP = 0.05  # largest distance of two spans that count as continuous, symbols; stamps are rounded
 
 
 @dataclasses.dataclass(frozen=True)
 class CarrierSpan:
-    """Symbols sent without a break: begin, s; shape (n,)."""
+    """Symbols, shape (n,), sent without a break from begin_s, s."""
 
     begin_s: float
     symbols: Complex
@@ -34,7 +34,7 @@ class CarrierSpan:
 @dataclasses.dataclass(frozen=True)
 class CarrierSent:
     """
-    All that a tool sent on a carrier.
+    Everything that a tool sent on a carrier.
 
     Attributes
     ----------
@@ -42,9 +42,9 @@ class CarrierSent:
     spans : tuple of CarrierSpan
         In order of time.
     frequency_hz, symbol_s : float
-        On the clock of the surface.
+        Carrier frequency and symbol duration on the clock of the surface.
     shift : float
-        Share of a symbol in which the phase turns to the next one.
+        Share of a symbol during which the phase changes to the next one.
     """
 
     words: tuple[SentWord, ...]
@@ -54,7 +54,7 @@ class CarrierSent:
     shift: float
 
     def drive(self, time_s: Array) -> Array:
-        """Signal at times, shape (n,), s: a cosine of size 1 while the tool sends, 0 else."""
+        """Return the signal at times, s, shape (n,): a cosine of amplitude 1 while the tool sends, otherwise 0."""
         out = np.zeros(len(time_s))
         for span in self.spans:
             out += _driven(span, self.frequency_hz, self.symbol_s, self.shift, time_s)
@@ -63,12 +63,12 @@ class CarrierSent:
 
 class CarrierStream:
     """
-    A carrier to which symbols are added while it is sent.
+    Signal of a carrier to which symbols are added while it is being sent.
 
     Parameters
     ----------
     medium : str
-        Of the carrier: a rotor takes time to come to another phase.
+        Medium of the carrier: mud or earth. A mud rotor needs time to change its phase.
     """
 
     def __init__(self, medium: str) -> None:
@@ -77,9 +77,10 @@ class CarrierStream:
 
     def add(self, begin_s: float, symbols: Complex, symbol_s: float, frequency_hz: float) -> None:
         """
-        Send symbols from a time on, s; those that follow the last ones at once keep the phase of the carrier.
+        Send symbols from a time on, s.
 
-        What is still on air then breaks off there.
+        If they follow the last symbols without a gap, the carrier's phase continues. Symbols that are still being sent
+        at that time are cut off there.
         """
         if self._spans:
             last, symbol, frequency = self._spans[-1]
@@ -93,7 +94,7 @@ class CarrierStream:
         self._spans.append((CarrierSpan(begin_s, symbols), symbol_s, frequency_hz))
 
     def drive(self, time_s: Array) -> Array:
-        """Signal at times, shape (n,), s, which rise from call to call; as `CarrierSent.drive`."""
+        """Return the signal at times, s, shape (n,), like `CarrierSent.drive`; times must rise from call to call."""
         out = np.zeros(len(time_s))
         self._spans = [one for one in self._spans if one[0].begin_s + len(one[0].symbols) * one[1] > time_s[0] - 1.0]
         for span, symbol_s, frequency in self._spans:
@@ -102,7 +103,7 @@ class CarrierStream:
 
 
 def _driven(span: CarrierSpan, frequency_hz: float, symbol_s: float, shift: float, time_s: Array) -> Array:
-    """Signal of a span at times, shape (n,), s."""
+    """Return the signal of one span at times, s, shape (n,)."""
     out = np.zeros(len(time_s))
     inside = (time_s >= span.begin_s) & (time_s < span.begin_s + len(span.symbols) * symbol_s)
     if not inside.any():
@@ -123,16 +124,16 @@ def transmit(
     tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0
 ) -> CarrierSent:
     """
-    Transmission of random values.
+    Simulate the transmission of random values.
 
     Parameters
     ----------
     tool : ToolConfiguration
-        The first sequences of it are sent.
+        Tool configuration; its first survey and toolface sequences are sent.
     flows : tuple of (float, float)
         Begin and end of each span with flow, s.
     seed : int
-        Of the values.
+        Seed of the random values.
     clock : float
         Relative error of the tool's clock: 1e-3 sends 0.1 % slower.
     """
@@ -172,7 +173,7 @@ def transmit(
 def siren_run(
     channel: MudChannel, sent: CarrierSent, seconds: float, seed: int, amplitude_pa: float = SIREN_PA
 ) -> LinkRun:
-    """Pressure of a channel in which a siren turns in place of the pulse valve; seed: of the noise."""
+    """Return the pressure in a channel with a siren instead of a pulse valve; seed is that of the noise."""
     siren = dataclasses.replace(channel, valve_pa=amplitude_pa, rise_s=_SIREN_RISE_S)
     return link_run(siren, Transmission(sent.words, np.zeros((0, 2))), seconds, seed, sent.drive)
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Voltage at the surface of a well with an EM tool: string and ground, electrodes, telluric and rig noise, converter.
+Surface voltage of a well with an EM tool: string and ground, electrodes, telluric and rig noise, converter.
 
-The channel runs in blocks counted from its start; same seed, same voltage. Levels of noise are assumptions.
+The channel runs in blocks counted from its start; the same seed gives the same voltage. The noise levels are
+assumptions.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _CORNERS_HZ = (0.05, 0.5, 5.0)
 
 @dataclasses.dataclass(frozen=True)
 class EarthNoise:
-    """Everything that is not the tool."""
+    """Noise of the surface voltage: everything that is not the tool's signal."""
 
     telluric_v: float = setting(
         2.0e-5, "Telluric and electrode noise: rms below 1 Hz, falling as 1/f.", unit="V", low=0.0
@@ -36,12 +37,15 @@ class EarthNoise:
     mains_hz: float = setting(50.0, "Mains: frequency.", unit="Hz", low=10.0, high=120.0)
     drive_v: float = setting(1.0e-5, "Rig drives: amplitude of the first line.", unit="V", low=0.0)
     drive_hz: float = setting(
-        1.45, "Rig drives: lines at its multiples, as pumps and rotary draw their current.", unit="Hz", low=0.05
+        1.45,
+        "Rig drives: base frequency; lines at its multiples, like the current of pumps and rotary.",
+        unit="Hz",
+        low=0.05,
     )
-    switching_per_hour: float = setting(20.0, "Loads switched.", low=0.0, high=1e4)
+    switching_per_hour: float = setting(20.0, "Number of loads switched per hour.", low=0.0, high=1e4)
     switching_v: float = setting(1.0e-3, "Step of the voltage when a load is switched.", unit="V", low=0.0)
-    full_scale_v: float = setting(0.1, "Range of the converter, to either side.", unit="V", low=1e-4)
-    adc_bits: int = setting(24, "Resolution of the converter, over the range.", low=8, high=32)
+    full_scale_v: float = setting(0.1, "Largest voltage of the converter, of either sign.", unit="V", low=1e-4)
+    adc_bits: int = setting(24, "Bits of the converter over its whole range.", low=8, high=32)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,22 +53,22 @@ class EarthChannel:
     """A string in the ground and the noise at the surface."""
 
     ground: Ground = setting(Ground, "Layers, string, source, electrodes.")
-    noise: EarthNoise = setting(EarthNoise, "Noise.")
+    noise: EarthNoise = setting(EarthNoise, "Noise at the surface.")
 
 
 class EarthVoltage:
     """
-    Voltage of a channel, block after block.
+    Voltage of a channel, produced block after block.
 
     Parameters
     ----------
     channel : EarthChannel
     drive : callable
-        Source over its full voltage, shape (n,), at times, shape (n,), s.
+        Source signal as a share of its full voltage, shape (n,), at times, s, shape (n,).
     seed : int
-        Of all noise.
+        Seed of all noise.
     block_s : float
-        Length of a block. Another length is another draw of the noise.
+        Length of a block, s. A different length gives a different draw of the noise.
     """
 
     def __init__(
@@ -80,21 +84,21 @@ class EarthVoltage:
         self._block = 0
 
     def deepen(self, ground: Ground) -> None:
-        """Go on in a well that has become deeper."""
+        """Continue in a well that has become deeper."""
         taps = round(_RESPONSE_S * RATE_HZ)
         frequency: Array = np.fft.rfftfreq(taps, 1.0 / RATE_HZ).astype(np.float64)
         frequency[0] = 0.5 * frequency[1]
-        # A little delay for what the roll-off before the converter spreads backwards.
+        # The delay of 0.1 s keeps the filter causal: the roll-off before the converter spreads the response backwards.
         roll = 1.0 / np.sqrt(1.0 + (frequency / 60.0) ** 8) * np.exp(-2j * math.pi * frequency * 0.1)
         self._taps: Array = np.fft.irfft(response(ground, frequency) * roll, taps)
 
     @property
     def seconds(self) -> float:
-        """Time up to which there are blocks, s."""
+        """Time up to which blocks were produced, s."""
         return self._block * self._count / RATE_HZ
 
     def block(self) -> Array:
-        """Next block of voltage, V, at 250 Hz."""
+        """Return the next block of voltage, V, at 250 Hz."""
         noise, count = self._channel.noise, self._count
         time = (self._block * count + np.arange(count)) / RATE_HZ
         whole = scipy.signal.oaconvolve(np.asarray(self._drive(time), dtype=float), self._taps)
@@ -116,7 +120,7 @@ class EarthVoltage:
         return np.asarray(np.clip(np.round(total / step) * step, -noise.full_scale_v, noise.full_scale_v))
 
     def _pink(self) -> Array:
-        """Noise that falls as 1/f from 0.05 to 10 Hz (three first-order filters a decade apart), rms 1 below 1 Hz."""
+        """Return noise that falls as 1/f from 0.05 to 10 Hz, rms 1 below 1 Hz, from three filters a decade apart."""
         white = self._telluric.normal(size=self._count)
         total = np.zeros(self._count)
         for k, corner in enumerate(_CORNERS_HZ):
@@ -127,7 +131,7 @@ class EarthVoltage:
         return total
 
     def _switched(self) -> Array:
-        """Steps that electrodes forget within some seconds."""
+        """Return voltage steps of switched loads; the electrodes' response decays within some seconds."""
         noise = self._channel.noise
         decay = math.exp(-1.0 / (3.0 * RATE_HZ))
         count = self._switch.poisson(noise.switching_per_hour * self._count / RATE_HZ / 3600.0)
@@ -140,7 +144,7 @@ class EarthVoltage:
 
 
 def earth_run(channel: EarthChannel, sent: CarrierSent, seconds: float, seed: int) -> tuple[Array, Array]:
-    """Times, s, and voltages, V, of a run; shape (n,) each."""
+    """Return times, s, and voltages, V, of a run; shape (n,) each."""
     stream = EarthVoltage(channel, sent.drive, seed)
     blocks = []
     while stream.seconds < seconds:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Electric waves along a drill string in layered ground: from the gap of an EM tool to electrodes at the surface.
+Electric waves along a drill string in layered ground, from the gap of an EM tool to electrodes at the surface.
 
-The string is a leaky transmission line. The propagation constant of its one mode solves the boundary condition at the
-steel, with the ground as outer conductor: G^2 = g^2 + 2 pi s z / K0(l a), l^2 = g^2 - G^2, with g^2 = j w mu s of the
-ground, s its conductivity, z the impedance of the steel per metre and a its radius. Layers are lines one after another.
+The string is a leaky transmission line with one mode. The mode's propagation constant G follows from the boundary
+condition at the steel, with the ground as outer conductor: G^2 = g^2 + 2 pi s z / K0(l a), l^2 = g^2 - G^2. Here g^2 =
+j w mu s is that of the ground, s its conductivity, z the impedance of the steel per metre and a its radius. Layers are
+lines connected in series.
 Sources: J. R. Wait, D. A. Hill, IEEE Trans. Geosci. Electron. 17 (1979) 21 (rod in conducting rock, mode equation);
 D. A. Hill, J. R. Wait, IEEE Trans. Geosci. Electron. 16 (1978) (propagation along a string); P. DeGauque, R.
 Grudzinski, SPE Drilling Eng. 2 (1987) 127 (surface voltage).
@@ -24,31 +25,31 @@ from mwd_sensors.core.settings import setting
 
 Complex = NDArray[np.complex128]
 _STEEL, _PERMEABILITY = 4.9e6, 100.0  # conductivity of steel, S/m, and its relative permeability
-_TURNS = 30
+_TURNS = 30  # iterations of the mode equation
 DB_PER_NEPER = 20.0 / math.log(10.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Ground:
-    """Layers from the surface down, the string in them, and source and electrodes."""
+    """Layers from the surface down, the string in them, source and electrodes."""
 
     bottom_m: tuple[float, ...] = setting(
         (1000.0, 12000.0), "Depth of the bottom of each layer; the last reaches below the bit.", unit="m", low=1.0
     )
     resistivity: tuple[float, ...] = setting(
         (20.0, 10.0),
-        "Resistivity of each layer: clay 1 to 5, sand 10 to 50, salt and limestone 100 and more.",
+        "Resistivity of each layer, for example 1 to 5 for clay, 10 to 50 for sand, 100 and more for limestone.",
         unit="ohm m",
         low=0.05,
         high=1e5,
     )
     depth_m: float = setting(2000.0, "Depth of the bit.", unit="m", low=50.0, high=12000.0)
-    below_m: float = setting(15.0, "From the gap to the bit.", unit="m", low=1.0, high=200.0)
+    below_m: float = setting(15.0, "Distance from the gap to the bit.", unit="m", low=1.0, high=200.0)
     radius_m: float = setting(0.0635, "Outer radius of the string.", unit="m", low=0.02, high=0.3)
-    wall_m: float = setting(0.0092, "Wall of the string.", unit="m", low=0.002, high=0.05)
+    wall_m: float = setting(0.0092, "Wall thickness of the string.", unit="m", low=0.002, high=0.05)
     source_v: float = setting(3.0, "Voltage across the gap.", unit="V", low=0.01, high=100.0)
-    source_a: float = setting(5.0, "Most current of the source.", unit="A", low=0.01, high=50.0)
-    electrode_m: float = setting(60.0, "From the wellhead to the other electrode.", unit="m", low=1.0, high=2000.0)
+    source_a: float = setting(5.0, "Largest current of the source.", unit="A", low=0.01, high=50.0)
+    electrode_m: float = setting(60.0, "Distance from the wellhead to the electrode.", unit="m", low=1.0, high=2000.0)
 
     def __post_init__(self) -> None:
         """
@@ -57,7 +58,7 @@ class Ground:
         Raises
         ------
         ValueError
-            Not one resistivity a layer, layers out of order, or a bit below the last one.
+            The numbers of layers and resistivities differ, layers are out of order, or the bit is below the last layer.
         """
         if len(self.bottom_m) != len(self.resistivity):
             raise ValueError(f"resistivity: {len(self.bottom_m)} layers need as many, got {len(self.resistivity)}")
@@ -68,23 +69,23 @@ class Ground:
 
 
 def _steel(ground: Ground, omega: Array) -> Complex:
-    """Impedance of the string's wall per metre, ohm/m: skin effect in a tube."""
+    """Return the impedance of the string's wall per metre, ohm/m (skin effect in a tube)."""
     k = np.sqrt(1j * omega * scipy.constants.mu_0 * _PERMEABILITY * _STEEL)
     return np.asarray(k / (2.0 * math.pi * ground.radius_m * _STEEL) / np.tanh(k * ground.wall_m))
 
 
 def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tuple[Complex, Complex, Complex]:
     """
-    Mode of the string in uniform ground.
+    Return the electric mode of the string in uniform ground.
 
     Parameters
     ----------
     ground : Ground
-        For the string.
+        Gives the string.
     resistivity : float
-        ohm m.
+        Resistivity of the ground, ohm m.
     frequency_hz : ndarray, shape (n,)
-        Above 0.
+        Frequencies, above 0.
 
     Returns
     -------
@@ -110,9 +111,9 @@ def propagation(ground: Ground, resistivity: float, frequency_hz: Array) -> tupl
 
 def response(ground: Ground, frequency_hz: Array) -> Complex:
     """
-    Voltage between wellhead and electrode over the drive of the source, which is 1 at its most.
+    Return the voltage between wellhead and electrode for a source signal of 1 (its maximum), V, shape (n,).
 
-    frequency_hz, shape (n,): above 0. Returns shape (n,), V.
+    frequency_hz, shape (n,), must be above 0.
     """
     frequency = np.asarray(frequency_hz, dtype=float)
     gap = ground.depth_m - ground.below_m
@@ -122,12 +123,12 @@ def response(ground: Ground, frequency_hz: Array) -> Complex:
         for top, bottom, resistivity in zip(tops, ground.bottom_m, ground.resistivity, strict=True)
         if top < gap
     ]
-    # Seen from the top: an open end, then each layer; voltage and current there for 1 V at the wellhead.
+    # From the top, which is open: voltage and current at the bottom of each layer for 1 V at the wellhead.
     voltage, current = np.ones(len(frequency), dtype=complex), np.zeros(len(frequency), dtype=complex)
     scale = np.zeros(len(frequency))
     for length, (constant, impedance, _) in layers:
         x = constant * length
-        # Growing parts are kept apart as exponents: a deep well in clay would overflow.
+        # The growing part is kept apart as an exponent, because it would overflow in a deep well in clay.
         ch, sh = 0.5 * (1.0 + np.exp(-2.0 * x)), 0.5 * (1.0 - np.exp(-2.0 * x))
         turn = np.exp(1j * x.imag)
         voltage, current = (
@@ -141,7 +142,8 @@ def response(ground: Ground, frequency_hz: Array) -> Complex:
     driven = np.minimum(ground.source_v, ground.source_a * np.abs(above + below))
     at_top = driven * above / (above + below) / voltage * np.exp(-scale)
     radial = layers[0][1][2]
-    # The ground's own voltage falls with the logarithm of the distance: an electrode far away sees all of it.
+    # The ground's own potential falls with the logarithm of the distance; only a distant electrode is at zero
+    # potential.
     share = 1.0 - scipy.special.kv(0, radial * ground.electrode_m) / scipy.special.kv(0, radial * ground.radius_m)
     return np.asarray(at_top * share)
 

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Faults of sensors and of the link, named as PX4's failure injection names them.
+Faults of sensors and of the connection, named as in PX4's failure injection.
 
-ok: as normal; off: nothing is published (of one axis: it reads zero and its covariance is "not reported"); stuck:
-the last value for ever; garbage: random numbers over the whole range; wrong: plausible but false (scaled and shifted);
-slow: a tenth of the rate; delayed: old values; intermittent: comes and goes. To PX4's words come those of a tool put
-together wrongly (MOUNTING): axes swapped, flipped or turned, another unit; and what electronics do (nan, saturated,
-repeated stamps). In addition, faults of the link: loss, duplicates, reordering, a jump of the clock.
+PX4 words: ok: normal. off: nothing is published; one axis that is off reads zero with the covariance "not reported".
+stuck: the last value is repeated. garbage: random numbers over the whole range. wrong: plausible but false values
+(scaled and shifted). slow: a tenth of the rate. delayed: old values. intermittent: messages come and go.
+
+Further words: a tool that was assembled wrongly (MOUNTING: axes swapped, flipped or turned, or another unit) and faulty
+electronics (nan, saturated, repeated stamps). The connection (`Link`) can lose, duplicate and reorder samples, and the
+clock can jump.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.settings import setting
 
 PX4 = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
-# Axes of the sensor exchanged (xy, yz, xz), reversed, turned by a quarter about an axis; see `_UNITS` for the units.
+# Axes of the sensor exchanged (xy, yz, xz), reversed, or turned by 90 deg about an axis; or another unit (`_UNITS`).
 MOUNTING = ("swapped", "flipped", "turned", "in_g", "in_deg_s", "in_ut", "in_mt", "in_gauss", "in_nt")
 ELECTRONICS = ("nan", "saturated", "repeated_stamps")
 WORDS = (*PX4, *MOUNTING, *ELECTRONICS)
@@ -37,9 +39,9 @@ COMPONENTS = {
     "temperature": ("imu/temperature", "temperature"),
 }
 AXES = ("all", "x", "y", "z", "xy", "yz", "xz")
-# Faults of a whole message, whatever the axis.
+# Faults that concern whole messages and not single axes.
 _OF_MESSAGES = ("slow", "delayed", "intermittent", "repeated_stamps")
-# Word -> (field it can befall, what the SI value is multiplied by).
+# Word -> (field that the fault applies to, factor on the SI value).
 _UNITS = {
     "in_g": ("linear_acceleration", 1.0 / STANDARD_GRAVITY),
     "in_deg_s": ("angular_velocity", math.degrees(1.0)),
@@ -73,36 +75,36 @@ _WRONG = {
 class Fault:
     """One fault of one component."""
 
-    component: str = setting(doc="what fails", choices=tuple(COMPONENTS))
-    fault: str = setting(doc="how it fails", choices=WORDS)
-    axis: str = setting("all", "which axis", choices=AXES)
-    start_s: float = setting(0.0, "from this time of the run", unit="s", low=0.0, high=1e9)
-    seconds: float = setting(1e9, "for so long", unit="s", low=0.0, high=1e9)
+    component: str = setting(doc="component that fails", choices=tuple(COMPONENTS))
+    fault: str = setting(doc="kind of failure", choices=WORDS)
+    axis: str = setting("all", "axis that fails", choices=AXES)
+    start_s: float = setting(0.0, "time of the run at which the fault begins", unit="s", low=0.0, high=1e9)
+    seconds: float = setting(1e9, "duration of the fault", unit="s", low=0.0, high=1e9)
     delay_s: float = setting(0.5, "age of delayed values", unit="s", low=0.0, high=30.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Link:
-    """What happens to messages between sensor and log."""
+    """Losses and other faults of the messages between sensor and log."""
 
     loss: float = setting(0.0, "share of samples lost", low=0.0, high=1.0)
-    burst_every_s: float = setting(0.0, "mean time between bursts of loss; 0: none", unit="s", low=0.0, high=1e6)
+    burst_every_s: float = setting(0.0, "mean time between bursts of loss; 0 for none", unit="s", low=0.0, high=1e6)
     burst_s: float = setting(0.5, "length of a burst", unit="s", low=0.0, high=600.0)
     duplicates: float = setting(0.0, "share of samples sent twice", low=0.0, high=1.0)
     reorder: float = setting(0.0, "share of samples that change places with the next", low=0.0, high=1.0)
     clock_jump_at_s: float = setting(0.0, "time of a jump of the sonde's clock", unit="s", low=0.0, high=1e9)
-    clock_jump_s: float = setting(0.0, "size of the jump; 0: none", unit="s", low=-1e9, high=1e9)
+    clock_jump_s: float = setting(0.0, "size of the jump; 0 for none", unit="s", low=-1e9, high=1e9)
 
 
 def check(fault: Fault) -> None:
     """
-    Refuse what cannot be.
+    Raise ValueError for a fault that is not possible.
 
     Raises
     ------
     ValueError
-        A fault of a whole message, or of a sensor without axes, asked for one axis only; a unit of another quantity;
-        two axes for anything but a swap, or a swap or turn without its axes.
+        A fault of whole messages, or of a sensor without axes, is given for one axis; a unit belongs to another
+        quantity; two axes are given for anything but a swap; or a swap or turn has no axes.
     """
     if fault.axis != "all" and fault.component == "temperature":
         raise ValueError(f"the temperature sensor has no axes: axis must be 'all', not {fault.axis!r}")
@@ -113,7 +115,9 @@ def check(fault: Fault) -> None:
     field = COMPONENTS[fault.component][1]
     if fault.fault in _UNITS and _UNITS[fault.fault][0] != field:
         fitting = [word for word, (its_field, _) in _UNITS.items() if its_field == field]
-        raise ValueError(f"fault {fault.fault!r} is no unit of component {fault.component!r}; use {', '.join(fitting)}")
+        raise ValueError(
+            f"fault {fault.fault!r} is not a unit of component {fault.component!r}; use {', '.join(fitting)}"
+        )
     if fault.fault in _UNITS and fault.axis != "all":
         raise ValueError(f"fault {fault.fault!r} concerns all axes: axis must be 'all', not {fault.axis!r}")
     if (fault.fault == "swapped") != (len(fault.axis) == 2):
@@ -124,7 +128,7 @@ def check(fault: Fault) -> None:
 
 @dataclasses.dataclass
 class FaultState:
-    """Faults in force and what they remember."""
+    """Faults in force, and the values that they must remember."""
 
     faults: list[Fault]
     rngs: dict[str, np.random.Generator]
@@ -134,7 +138,7 @@ class FaultState:
 
 
 def start(faults: Iterable[Fault], rng: np.random.Generator) -> FaultState:
-    """State at time zero; each topic gets its own stream of random numbers, so that one does not touch the other."""
+    """Return the state at time zero; each topic has its own random stream, so that topics are independent."""
     topics = sorted({topic for topic, _ in COMPONENTS.values()})
     return FaultState(list(faults), dict(zip(topics, rng.spawn(len(topics)), strict=True)))
 
@@ -143,9 +147,9 @@ def spoil(
     state: FaultState, topic: str, samples: Samples, t: NDArray[np.float64]
 ) -> tuple[Samples, NDArray[np.float64]]:
     """
-    Apply the faults in force to the samples of one topic; returns the published ones and their times.
+    Apply the faults in force to the samples of one topic; return the published samples and their times.
 
-    t, shape (n,): time of the run of each sample, s. Samples at any block length come out the same.
+    t, shape (n,), is the time of the run of each sample, s. The result does not depend on the length of the blocks.
     """
     count = state.seen.get(topic, 0)
     state.seen[topic] = count + len(samples)
@@ -174,18 +178,18 @@ def spoil(
 
 
 def _stops(fault: Fault, field: str) -> bool:
-    """Whether a fault keeps whole messages back, rather than changing their values."""
+    """Return whether a fault suppresses whole messages instead of changing their values."""
     if fault.fault == "off":
         return fault.axis == "all" and field not in ("angular_velocity", "linear_acceleration")
     return fault.fault in ("slow", "intermittent")
 
 
 def _published(fault: Fault, t: NDArray[np.float64], index: Indices) -> NDArray[np.bool_]:
-    """Messages that are published in spite of a fault that keeps messages back."""
+    """Return which messages are still published under a fault that suppresses messages."""
     if fault.fault == "slow":
         return np.asarray(index % 10 == 0)
     if fault.fault == "intermittent":
-        # Half a second there, half a second away, with an irregular beat.
+        # About half a second on and half a second off, with an irregular beat.
         return np.asarray(np.sin(2.0 * math.pi * t) + np.sin(2.0 * math.pi * 0.37 * t) > 0.0)
     return np.zeros(len(t), dtype=bool)
 
@@ -198,7 +202,7 @@ def _change(
     t: NDArray[np.float64],
     hit: NDArray[np.bool_],
 ) -> None:
-    """Change the values, shape (n, axes), and for some faults the stamps and covariances, of the samples hit."""
+    """Change values, shape (n, axes), and for some faults stamps and covariances, of the samples in `hit`."""
     topic, field = COMPONENTS[fault.component]
     at = "xyz".find(fault.axis[0])
     axes = slice(at, at + 1) if len(fault.axis) == 1 else slice(None)
@@ -226,7 +230,7 @@ def _change(
 
 
 def mounting(fault: Fault) -> NDArray[np.float64]:
-    """Matrix of a fault of MOUNTING, shape (3, 3): reported = matrix @ true."""
+    """Return the matrix of a fault of MOUNTING, shape (3, 3): reported = matrix @ true."""
     matrix = np.eye(3)
     at = "xyz".find(fault.axis[0])
     if fault.fault == "swapped":
@@ -235,7 +239,7 @@ def mounting(fault: Fault) -> NDArray[np.float64]:
     elif fault.fault == "flipped":
         matrix *= -1.0 if fault.axis == "all" else np.where(np.arange(3) == at, -1.0, 1.0)[:, None]
     elif fault.fault == "turned":
-        # By a quarter, right-handed: the next axis goes to the one after it.
+        # By 90 deg, right-handed: the axis after the turning axis moves to the one after that.
         first, second = (at + 1) % 3, (at + 2) % 3
         matrix[first, first] = matrix[second, second] = 0.0
         matrix[second, first], matrix[first, second] = 1.0, -1.0
@@ -245,7 +249,7 @@ def mounting(fault: Fault) -> NDArray[np.float64]:
 
 
 def _repeat(state: FaultState, fault: Fault, samples: Samples, hit: NDArray[np.bool_]) -> None:
-    """Every stamp twice: the second of each two samples keeps the stamp of the first."""
+    """Publish every stamp twice: the second of each two samples gets the stamp of the first."""
     key = (fault.component, f"stamp{fault.start_s}")
     for k in range(len(samples)):
         held = state.held.get(key)
@@ -253,7 +257,7 @@ def _repeat(state: FaultState, fault: Fault, samples: Samples, hit: NDArray[np.b
             samples["stamp_ns"][k] = np.int64(held[0]) * 1_000_000_000 + np.int64(held[1])
             del state.held[key]
         elif hit[k]:
-            # Seconds and nanoseconds apart: a double does not hold a stamp.
+            # Seconds and nanoseconds are stored separately, because a double cannot hold a whole stamp.
             state.held[key] = np.array(divmod(int(samples["stamp_ns"][k]), 1_000_000_000), dtype=np.float64)
 
 
@@ -272,7 +276,7 @@ def _delay(
     key = (fault.component, f"{fault.start_s}")
     fresh = np.column_stack([t, values])
     past = np.vstack([state.past[key], fresh]) if key in state.past else fresh
-    # The value of the newest sample that is old enough; before there is one, the oldest.
+    # Value of the newest sample that is old enough; if there is none yet, the oldest sample.
     rows = np.searchsorted(past[:, 0], t - fault.delay_s + 1e-9, side="right") - 1
     values[hit] = past[np.maximum(rows, 0)][hit, 1:]
     state.past[key] = past[past[:, 0] > t[-1] - fault.delay_s - 1.0] if len(t) else past
@@ -280,7 +284,7 @@ def _delay(
 
 @dataclasses.dataclass
 class LinkState:
-    """What the link remembers of one topic."""
+    """State of the connection of one topic."""
 
     link: Link
     rng: np.random.Generator
@@ -289,16 +293,17 @@ class LinkState:
 
 
 def start_link(link: Link, rng: np.random.Generator) -> LinkState:
-    """State of one topic's link at time zero."""
+    """Return the state of one topic's connection at time zero."""
     first = float(rng.exponential(link.burst_every_s)) if link.burst_every_s else math.inf
     return LinkState(link, rng, first)
 
 
 def carry(state: LinkState, samples: Samples, t: NDArray[np.float64]) -> tuple[Samples, NDArray[np.float64]]:
     """
-    Carry samples over the link (lost, twice, out of order), with times of arrival. t, shape (n,): time of the run, s.
+    Apply the connection to samples: lose, duplicate or reorder them; return the arriving samples and their times.
 
-    Each sample draws its own fate, so that blocks of any length give the same stream.
+    t, shape (n,), is the time of the run, s. Random numbers are drawn per sample, so that the result does not depend on
+    the length of the blocks.
     """
     link = state.link
     if not (link.loss or link.burst_every_s or link.duplicates or link.reorder):
@@ -325,7 +330,7 @@ def carry(state: LinkState, samples: Samples, t: NDArray[np.float64]) -> tuple[S
 
 
 def jumped(link: Link, stamp_ns: NDArray[np.int64], t: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Stamps, ns, shape (n,), with the jump of the clock; t, shape (n,): time of the run, s."""
+    """Add the jump of the clock to stamps, ns, shape (n,); t, shape (n,), is the time of the run, s."""
     if not link.clock_jump_s:
         return stamp_ns
     jump = np.int64(round(link.clock_jump_s * 1e9))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Instruments: from the true rate, force or field at a point of the tool to the reading of a sensor, error by error.
+Instruments: convert the true rate, force or field at a point of the tool to the reading of a sensor with its errors.
 
-The chain of one axis: bandwidth (a symmetric low-pass whose delay is compensated, as strapdown sensors do) -> analogue
-to digital converter with scale, misalignment, bias (turn-on, walk, instability, temperature), sensitivity to
-acceleration and vibration, noise, clipping, steps -> strapdown integration or plain sampling at the output rate.
+The chain of one axis is: bandwidth (a symmetric low-pass whose delay is compensated, as in strapdown sensors);
+analogue-to-digital converter with scale, misalignment, bias (turn-on, walk, instability, temperature), sensitivity to
+acceleration and vibration, noise, clipping and steps; then strapdown integration or plain sampling at the output rate.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from mwd_sensors.simulator.instrument_grade import AccelerometerGrade, GyroGrade
 
 class Converter(NamedTuple):
     """
-    What turns a true vector into a reading.
+    Errors of a converter, which turn a true vector into a reading.
 
     Attributes
     ----------
     matrix : ndarray, shape (3, 3)
         Scale and misalignment.
     bias : ndarray, shape (3,)
-        SI.
+        Bias, SI.
     g_matrix : ndarray, shape (3, 3)
-        Reading per specific force, SI per m/s^2.
+        Sensitivity to specific force, SI per m/s^2.
     g2 : ndarray, shape (3,)
-        Reading per squared specific force, SI per (m/s^2)^2.
+        Sensitivity to squared specific force, SI per (m/s^2)^2.
     limit : ndarray, shape (3,)
         Largest reading, SI.
     step : float
-        Quantisation, SI; 0: none.
+        Quantisation step, SI; 0 for none.
     """
 
     matrix: Array
@@ -52,28 +52,28 @@ class Converter(NamedTuple):
 @dataclasses.dataclass(frozen=True)
 class Triad:
     """
-    One triad of one tool, errors drawn, SI.
+    Errors of one sensor triad of one tool, drawn at random, SI.
 
     Attributes
     ----------
     matrix : ndarray, shape (3, 3)
-        Output = matrix @ input + ..., scale and misalignment.
+        Scale and misalignment: output = matrix @ input + ....
     bias, bias_per_c, scale_per_c : ndarray, shape (3,)
-        At the calibration temperature; per degC.
+        Bias at the calibration temperature; slopes of bias and scale per degC.
     g_matrix : ndarray, shape (3, 3)
-        Response to specific force, per m/s^2.
+        Sensitivity to specific force, per m/s^2.
     g2 : ndarray, shape (3,)
-        Response to the square of the specific force along the axis, gravity's part left out, per (m/s^2)^2.
+        Sensitivity to the square of the specific force along the axis, without gravity's part, per (m/s^2)^2.
     noise : float
-        White, per sqrt(Hz).
+        White noise, per sqrt(Hz).
     instability, walk : float
-        Steady 1 sigma of a first-order Markov bias; growth of the walk per sqrt(s).
+        Steady 1 sigma of the first-order Markov bias; growth of the random walk per sqrt(s).
     instability_s : float
-        Correlation time, s.
+        Correlation time of the Markov bias, s.
     limit : ndarray, shape (3,)
-        Clips beyond.
+        Largest reading; larger values are clipped.
     step : float
-        Quantisation, 0 for none.
+        Quantisation step; 0 for none.
     """
 
     matrix: Array
@@ -91,9 +91,10 @@ class Triad:
 
     def converter(self, bias: Array, warm: float) -> Converter:
         """
-        Errors of the converter at one temperature.
+        Return the errors of the converter at one temperature.
 
-        bias, shape (3,): slow bias at that time, SI. warm: temperature above that of calibration, degC.
+        bias, shape (3,), is the slow bias at that time, SI; warm is the temperature minus that of the calibration,
+        degC.
         """
         matrix = self.matrix.copy()
         for axis in range(3):
@@ -101,13 +102,13 @@ class Triad:
         return Converter(matrix, bias, self.g_matrix, self.g2, self.limit, self.step)
 
 
-# Peak of the Allan deviation of a first-order Markov process, at 1.89 correlation times, over its steady sigma (IEEE
-# Std 952, C.1.6): the bias instability that a data sheet reads off the floor of its curve.
+# Peak of the Allan deviation of a first-order Markov process (at 1.89 correlation times) divided by its steady sigma
+# (IEEE Std 952, C.1.6). Data sheets quote this peak as the bias instability.
 _MARKOV_PEAK = 0.6174
 
 
 def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:
-    """Draw a gyro triad, rad/s."""
+    """Draw the errors of a gyro triad, rad/s."""
     deg_h = math.radians(1.0) / 3600.0
     return Triad(
         matrix=_matrix(g.scale_ppm, g.misalignment_mrad, rng),
@@ -126,7 +127,7 @@ def gyro_triad(g: GyroGrade, rng: np.random.Generator) -> Triad:
 
 
 def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw an accelerometer triad, m/s^2."""
+    """Draw the errors of an accelerometer triad, m/s^2."""
     ug = STANDARD_GRAVITY * 1e-6
     return Triad(
         matrix=_matrix(a.scale_ppm, a.misalignment_mrad, rng),
@@ -145,7 +146,7 @@ def accelerometer_triad(a: AccelerometerGrade, rng: np.random.Generator) -> Tria
 
 
 def magnetometer_triad(m: MagnetometerGrade, rng: np.random.Generator) -> Triad:
-    """Draw a magnetometer triad, T; its noise is that of one sample."""
+    """Draw the errors of a magnetometer triad, T; its noise is that of one sample."""
     return Triad(
         matrix=_matrix(m.scale_ppm, m.misalignment_mrad, rng),
         bias=m.bias_nt * 1e-9 * rng.standard_normal(3),
@@ -171,16 +172,16 @@ def _matrix(scale_ppm: float, misalignment_mrad: float, rng: np.random.Generator
 
 def low_pass(bandwidth_hz: float, delay: float, rate: float) -> Array:
     """
-    Weights of a Gaussian low-pass at the kinematic rate, odd in number, sum 1.
+    Return the weights of a Gaussian low-pass at the kinematic rate: an odd number of weights with sum 1.
 
-    bandwidth_hz is the -3 dB point (0: none); delay, s, moves the weights into the past; the middle weight belongs
-    to the instant itself.
+    bandwidth_hz is the -3 dB point (0 for none). delay, s, shifts the weights into the past. The middle weight belongs
+    to the instant of the output.
     """
     sigma = math.sqrt(math.log(2.0)) / (2.0 * math.pi * bandwidth_hz) * rate if bandwidth_hz else 0.0
     shift = delay * rate
     half = max(math.ceil(4.0 * sigma + abs(shift)), 1 if shift else 0)
     k = np.arange(-half, half + 1)
-    # Without a bandwidth: linear interpolation, exact for whole steps.
+    # Without a bandwidth this is linear interpolation, exact for delays of whole steps.
     bell = np.exp(-0.5 * ((k + shift) / max(sigma, 0.2)) ** 2)
     weights = bell if sigma >= 0.2 else np.maximum(0.0, 1.0 - np.abs(k + shift))
     return np.asarray(weights / weights.sum())
@@ -188,9 +189,9 @@ def low_pass(bandwidth_hz: float, delay: float, rate: float) -> Array:
 
 def noise_band(bandwidth_hz: float, rate: float) -> float:
     """
-    Two-sided noise bandwidth, Hz, of `low_pass` at a sampling rate, Hz: density squared times it is the variance.
+    Return the two-sided noise bandwidth, Hz, of `low_pass` at a sampling rate, Hz: variance = density^2 * bandwidth.
 
-    For a bell with its -3 dB point at b it is b sqrt(pi / ln 2); never more than the rate.
+    For a Gaussian with its -3 dB point at b it is b sqrt(pi / ln 2), and never more than the rate.
     """
     return min(rate, bandwidth_hz * math.sqrt(math.pi / math.log(2.0))) if bandwidth_hz else rate
 
@@ -198,9 +199,9 @@ def noise_band(bandwidth_hz: float, rate: float) -> float:
 @compiled
 def filtered(x: Array, weights: Array, first: int, stride: int, out: Array) -> None:
     """
-    Low-passed x, shape (n, 3), at the indices first + k stride, into out, shape (m, 3).
+    Write the low-passed x, shape (n, 3), at the indices first + k stride, into out, shape (m, 3).
 
-    weights, shape (2 h + 1,): h samples before and after each index must exist.
+    weights has shape (2 h + 1,); h samples must exist before and after each index.
     """
     half = len(weights) // 2
     for k in range(len(out)):
@@ -214,24 +215,24 @@ def filtered(x: Array, weights: Array, first: int, stride: int, out: Array) -> N
 
 @dataclasses.dataclass
 class TriadState:
-    """What a triad carries on: its Markov bias and its walk, SI, shape (3,) each."""
+    """Slowly changing biases of a triad: Markov bias and random walk, SI, shape (3,) each."""
 
     markov: Array
     walk: Array
 
     @property
     def bias(self) -> Array:
-        """Their sum, shape (3,)."""
+        """Sum of both, shape (3,)."""
         return self.markov + self.walk
 
 
 def initial(triad: Triad, rng: np.random.Generator) -> TriadState:
-    """State at switch-on: the Markov bias in its steady spread, no walk yet."""
+    """Return the state at switch-on: a Markov bias drawn from its steady spread, and no walk yet."""
     return TriadState(triad.instability * rng.standard_normal(3), np.zeros(3))
 
 
 def advance(triad: Triad, state: TriadState, seconds: float, rng: np.random.Generator) -> None:
-    """Move the slow biases on by a time, s."""
+    """Advance the slow biases by a time, s."""
     keep = math.exp(-seconds / triad.instability_s)
     draw = rng.standard_normal((2, 3))
     state.markov = keep * state.markov + triad.instability * math.sqrt(1.0 - keep * keep) * draw[0]
@@ -239,17 +240,17 @@ def advance(triad: Triad, state: TriadState, seconds: float, rng: np.random.Gene
 
 
 def slow_bias(triad: Triad, state: TriadState, warm: float) -> Array:
-    """Bias now, SI, shape (3,); warm: temperature above that of calibration, degC."""
+    """Return the present bias, SI, shape (3,); warm is the temperature minus that of the calibration, degC."""
     return triad.bias + triad.bias_per_c * warm + state.bias
 
 
 @compiled
 def convert(errors: Converter, x: Array, f: Array, gravity: float, noise: Array, out: Array) -> None:
     """
-    Analogue to digital: fills out, shape (m, 3).
+    Convert analogue to digital values; fills out, shape (m, 3).
 
-    x, f, shape (m, 3): input and specific force, SI; gravity, m/s^2; noise, shape (m, 3): of each sample, SI.
-    The rectified square leaves out gravity's own, so that a tool at rest reads its bias: (f^2 - gravity^2 / 3).
+    x and f, shape (m, 3), are input and specific force, SI; gravity is in m/s^2; noise, shape (m, 3), is added to each
+    sample, SI. The rectification term is f^2 - gravity^2 / 3, so that a tool at rest reads its bias.
     """
     matrix, bias, g_matrix, g2 = errors.matrix, errors.bias, errors.g_matrix, errors.g2
     limit, step = errors.limit, errors.step
@@ -261,7 +262,7 @@ def convert(errors: Converter, x: Array, f: Array, gravity: float, noise: Array,
             y = min(max(y, -limit[i]), limit[i])
             if step > 0.0:
                 y = math.floor(y / step + 0.5) * step
-                # The step next to the limit may lie beyond it.
+                # The quantisation step next to the limit may lie beyond the limit.
                 y = min(max(y, -limit[i]), limit[i])
             out[k, i] = y
 
@@ -269,36 +270,38 @@ def convert(errors: Converter, x: Array, f: Array, gravity: float, noise: Array,
 @compiled
 def strapdown(rate: Array, f: Array, ratio: int, dt: float, rate_out: Array, f_out: Array) -> None:
     """
-    Strapdown integration of converter samples to the output rate.
+    Integrate converter samples to the output rate (strapdown).
 
     Parameters
     ----------
     rate, f : ndarray, shape (m * ratio, 3)
-        rad/s and m/s^2 at the middles of the converter's intervals.
+        Rates, rad/s, and forces, m/s^2, in the middle of the converter's intervals.
     ratio : int
-        Converter samples in one output.
+        Number of converter samples in one output.
     dt : float
         Converter interval, s.
     rate_out, f_out : ndarray, shape (m, 3)
-        Filled: the rotation vector over the interval divided by its length (coning is in it), and the mean specific
-        force, each sample first turned into the axes at the end of the interval (sculling is in it). Those axes
-        stand still in inertial space: the Earth turns by 0.36 urad in half of 10 ms, and the force with it.
+        Output. rate_out is the rotation vector over the interval divided by its length, which includes coning. f_out is
+        the mean specific force with each sample turned into the axes at the end of the interval, which includes
+        sculling. Those axes are fixed in inertial space, so the force turns with the Earth, by 0.36 urad in half of 10
+        ms.
     """
     whole = ratio * dt
     for k in range(len(rate_out)):
-        # q: from the axes at the end of the interval to those at the time reached, going backwards. Scalar last.
+        # q: rotation from the axes at the end of the interval to those at the present sample, going backwards; scalar
+        # last.
         x, y, z, w = 0.0, 0.0, 0.0, 1.0
         s0, s1, s2 = 0.0, 0.0, 0.0
         for j in range(ratio - 1, -1, -1):
             i = k * ratio + j
-            # Half of the sample's own rotation, the force in the middle, the other half.
+            # First half of the sample's rotation, then the force in the middle, then the second half.
             h0, h1, h2 = 0.25 * dt * rate[i, 0], 0.25 * dt * rate[i, 1], 0.25 * dt * rate[i, 2]
             angle = math.sqrt(h0 * h0 + h1 * h1 + h2 * h2)
             scale = math.sin(angle) / angle if angle > 1e-12 else 1.0
             a, b, c, d = scale * h0, scale * h1, scale * h2, math.cos(angle)
             for part in range(2):
                 if part == 1:
-                    # Specific force into the end axes by the inverse of q (q: later axes -> these axes' vectors).
+                    # Turn the specific force into the axes at the end of the interval.
                     f0, f1, f2 = f[i, 0], f[i, 1], f[i, 2]
                     t0 = 2.0 * (z * f1 - y * f2)
                     t1 = 2.0 * (x * f2 - z * f0)
@@ -306,7 +309,7 @@ def strapdown(rate: Array, f: Array, ratio: int, dt: float, rate_out: Array, f_o
                     s0 += f0 + w * t0 + (z * t1 - y * t2)
                     s1 += f1 + w * t1 + (x * t2 - z * t0)
                     s2 += f2 + w * t2 + (y * t0 - x * t1)
-                # q <- half rotation * q: earlier rotations stand on the left.
+                # q <- half rotation * q: earlier rotations are on the left.
                 x, y, z, w = (
                     d * x + a * w + b * z - c * y,
                     d * y + b * w + c * x - a * z,

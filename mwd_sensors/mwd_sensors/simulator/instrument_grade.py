@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Grades of instruments: error figures of a class of sensors with their source, from the YAML files in `grades`."""
+"""Instrument grades: error figures of a class of sensors with their source, from the YAML files in `grades`."""
 
 from __future__ import annotations
 
@@ -14,87 +14,93 @@ from mwd_sensors.core.settings import SettingsError, from_mapping, setting, unkn
 
 @dataclasses.dataclass(frozen=True)
 class GyroGrade:
-    """Errors of a gyro triad; 1 sigma over tools where a value is drawn."""
+    """Errors of a gyro triad; a figure that is drawn at random is the 1 sigma over tools."""
 
-    range_deg_s: tuple[float, float, float] = setting((2000.0, 2000.0, 2000.0), "clips beyond", unit="deg/s", low=0.001)
-    bandwidth_hz: float = setting(0.0, "-3 dB; 0: unlimited", unit="Hz", low=0.0)
+    range_deg_s: tuple[float, float, float] = setting(
+        (2000.0, 2000.0, 2000.0), "range of each axis; larger rates are clipped", unit="deg/s", low=0.001
+    )
+    bandwidth_hz: float = setting(0.0, "-3 dB bandwidth; 0 for unlimited", unit="Hz", low=0.0)
     noise_deg_sqrt_h: float = setting(0.0, "angle random walk", unit="deg/sqrt(h)", low=0.0)
     bias_deg_h: float = setting(0.0, "turn-on bias", unit="deg/h", low=0.0)
     instability_deg_h: float = setting(0.0, "bias instability, the floor of the Allan deviation", unit="deg/h", low=0.0)
     instability_s: float = setting(300.0, "correlation time of the instability", unit="s", low=1.0)
     walk_deg_h_sqrt_h: float = setting(0.0, "rate random walk", unit="deg/h/sqrt(h)", low=0.0)
     scale_ppm: float = setting(0.0, "scale error", unit="ppm", low=0.0)
-    misalignment_mrad: float = setting(0.0, "each axis towards each other", unit="mrad", low=0.0)
-    bias_deg_h_per_c: float = setting(0.0, "bias over temperature", unit="deg/h/degC", low=0.0)
-    scale_ppm_per_c: float = setting(0.0, "scale over temperature", unit="ppm/degC", low=0.0)
-    g_deg_h_g: float = setting(0.0, "sensitivity to acceleration, each axis to each", unit="deg/h/g", low=0.0)
+    misalignment_mrad: float = setting(0.0, "misalignment of each axis towards each other one", unit="mrad", low=0.0)
+    bias_deg_h_per_c: float = setting(0.0, "change of bias with temperature", unit="deg/h/degC", low=0.0)
+    scale_ppm_per_c: float = setting(0.0, "change of scale with temperature", unit="ppm/degC", low=0.0)
+    g_deg_h_g: float = setting(0.0, "sensitivity of each axis to acceleration along each", unit="deg/h/g", low=0.0)
     g2_deg_h_g2: float = setting(0.0, "vibration rectification", unit="deg/h/g^2", low=0.0)
-    step_deg_s: float = setting(0.0, "quantisation; 0: none", unit="deg/s", low=0.0)
-    delay_ms: float = setting(0.0, "output behind the motion (demodulation)", unit="ms", low=0.0, high=20.0)
+    step_deg_s: float = setting(0.0, "quantisation step; 0 for none", unit="deg/s", low=0.0)
+    delay_ms: float = setting(0.0, "delay of the output (demodulation)", unit="ms", low=0.0, high=20.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class AccelerometerGrade:
-    """Errors of an accelerometer triad; 1 sigma over tools where a value is drawn."""
+    """Errors of an accelerometer triad; a figure that is drawn at random is the 1 sigma over tools."""
 
-    range_g: tuple[float, float, float] = setting((16.0, 16.0, 16.0), "clips beyond", unit="g", low=0.1)
-    bandwidth_hz: float = setting(0.0, "-3 dB; 0: unlimited", unit="Hz", low=0.0)
+    range_g: tuple[float, float, float] = setting(
+        (16.0, 16.0, 16.0), "range of each axis; larger forces are clipped", unit="g", low=0.1
+    )
+    bandwidth_hz: float = setting(0.0, "-3 dB bandwidth; 0 for unlimited", unit="Hz", low=0.0)
     noise_ug_sqrt_hz: float = setting(0.0, "noise density", unit="ug/sqrt(Hz)", low=0.0)
     bias_ug: float = setting(0.0, "turn-on bias", unit="ug", low=0.0)
     instability_ug: float = setting(0.0, "bias instability, the floor of the Allan deviation", unit="ug", low=0.0)
     instability_s: float = setting(300.0, "correlation time of the instability", unit="s", low=1.0)
     walk_ug_sqrt_h: float = setting(0.0, "bias random walk", unit="ug/sqrt(h)", low=0.0)
     scale_ppm: float = setting(0.0, "scale error", unit="ppm", low=0.0)
-    misalignment_mrad: float = setting(0.0, "each axis towards each other", unit="mrad", low=0.0)
-    bias_ug_per_c: float = setting(0.0, "bias over temperature", unit="ug/degC", low=0.0)
-    scale_ppm_per_c: float = setting(0.0, "scale over temperature", unit="ppm/degC", low=0.0)
+    misalignment_mrad: float = setting(0.0, "misalignment of each axis towards each other one", unit="mrad", low=0.0)
+    bias_ug_per_c: float = setting(0.0, "change of bias with temperature", unit="ug/degC", low=0.0)
+    scale_ppm_per_c: float = setting(0.0, "change of scale with temperature", unit="ppm/degC", low=0.0)
     g2_ug_g2: float = setting(0.0, "vibration rectification", unit="ug/g^2", low=0.0)
-    step_ug: float = setting(0.0, "quantisation; 0: none", unit="ug", low=0.0)
-    delay_ms: float = setting(0.0, "output behind the motion", unit="ms", low=0.0, high=20.0)
+    step_ug: float = setting(0.0, "quantisation step; 0 for none", unit="ug", low=0.0)
+    delay_ms: float = setting(0.0, "delay of the output", unit="ms", low=0.0, high=20.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class MagnetometerGrade:
-    """Errors of a magnetometer triad, without the drill string's interference; 1 sigma over tools."""
+    """Errors of a magnetometer triad without the drill string's interference; drawn figures are 1 sigma over tools."""
 
-    range_ut: float = setting(800.0, "clips beyond", unit="uT", low=1.0)
+    range_ut: float = setting(800.0, "range; larger fields are clipped", unit="uT", low=1.0)
     noise_nt: float = setting(0.0, "noise of one sample", unit="nT", low=0.0)
     bias_nt: float = setting(0.0, "bias", unit="nT", low=0.0)
     scale_ppm: float = setting(0.0, "scale error", unit="ppm", low=0.0)
-    misalignment_mrad: float = setting(0.0, "each axis towards each other", unit="mrad", low=0.0)
-    bias_nt_per_c: float = setting(0.0, "bias over temperature", unit="nT/degC", low=0.0)
-    step_nt: float = setting(0.0, "quantisation; 0: none", unit="nT", low=0.0)
+    misalignment_mrad: float = setting(0.0, "misalignment of each axis towards each other one", unit="mrad", low=0.0)
+    bias_nt_per_c: float = setting(0.0, "change of bias with temperature", unit="nT/degC", low=0.0)
+    step_nt: float = setting(0.0, "quantisation step; 0 for none", unit="nT", low=0.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Grade:
-    """A named class of instrument with its source."""
+    """A named class of instrument with the source of its figures."""
 
     name: str = setting(doc="name of the grade")
-    source: str = setting(doc="where the figures come from")
+    source: str = setting(doc="source of the figures")
     gyro: GyroGrade = setting(GyroGrade, "gyros")
     accelerometer: AccelerometerGrade = setting(AccelerometerGrade, "accelerometers")
     magnetometer: MagnetometerGrade = setting(MagnetometerGrade, "magnetometers")
     temperature_c: float = setting(0.0, "error of the temperature sensor, 1 sigma", unit="degC", low=0.0)
-    calibrated_at_c: float = setting(25.0, "temperature of no temperature error", unit="degC", low=-60.0, high=250.0)
-    adc_hz: int = setting(1000, "rate of the converter", unit="Hz", low=10, high=20000)
-    flags_clipping: bool = setting(False, "whether samples say which axes were beyond their range")
+    calibrated_at_c: float = setting(
+        25.0, "calibration temperature, where temperature errors are zero", unit="degC", low=-60.0, high=250.0
+    )
+    adc_hz: int = setting(1000, "sample rate of the converter", unit="Hz", low=10, high=20000)
+    flags_clipping: bool = setting(False, "whether samples report the axes that were beyond their range")
 
 
 def grade_names() -> tuple[str, ...]:
-    """Names of the grades that come with the package."""
+    """Return the names of the grades that come with the package."""
     folder = importlib.resources.files("mwd_sensors.simulator") / "grades"
     return tuple(sorted(item.name.removesuffix(".yaml") for item in folder.iterdir() if item.name.endswith(".yaml")))
 
 
 def grade(name: str, changes: dict[str, Any] | None = None) -> Grade:
     """
-    Read a grade by its name, with nested changes laid over it.
+    Read a grade by its name and apply nested changes to it.
 
     Raises
     ------
     SettingsError
-        No grade of that name (the near misses are named), or a change that does not fit.
+        There is no grade of that name (similar names are suggested), or a change is not valid.
     """
     if name not in grade_names():
         raise SettingsError(unknown_key(name, grade_names(), "grade").replace("no such setting", "no such grade"))

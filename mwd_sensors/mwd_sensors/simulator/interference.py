@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Everything magnetic that is not the Earth: the string's own field, soft iron, casings, offset wells, tool joints.
+Magnetic disturbances: field of the string, soft iron, casings, offset wells, tool joints, daily variation.
 
-What turns with the tool is given in tool axes, what stays in the ground in north, east, down along the hole.
+Disturbances that rotate with the tool are given in tool axes, those fixed in the ground in north, east, down.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 
-# A pole closer than this acts as if it were this far, m: no sensor is inside a pole.
+# Closest distance of a pole, m: no sensor is inside a pole.
 _CLOSEST = 0.3
 
 
@@ -24,65 +24,72 @@ class Pole:
     """A magnetic pole in the ground: the end of a casing, a joint of an offset well."""
 
     position_m: tuple[float, float, float] = setting(
-        doc="north, east, down from the wellhead", unit="m", low=-1e5, high=1e5
+        doc="position: north, east, down from the wellhead", unit="m", low=-1e5, high=1e5
     )
-    strength_uwb: float = setting(doc="pole strength, positive where the field leaves", unit="uWb", low=-1e5, high=1e5)
+    strength_uwb: float = setting(doc="pole strength, positive where field lines leave", unit="uWb", low=-1e5, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
 class OffsetWell:
-    """A cased well near by: poles of changing sign at the joints of its casing."""
+    """A cased well nearby, with magnetic poles of random sign and strength at the joints of its casing."""
 
-    start_m: tuple[float, float, float] = setting(doc="one end: north, east, down", unit="m", low=-1e5, high=1e5)
-    end_m: tuple[float, float, float] = setting(doc="other end", unit="m", low=-1e5, high=1e5)
+    start_m: tuple[float, float, float] = setting(
+        doc="one end of the well: north, east, down", unit="m", low=-1e5, high=1e5
+    )
+    end_m: tuple[float, float, float] = setting(
+        doc="other end of the well: north, east, down", unit="m", low=-1e5, high=1e5
+    )
     joint_m: float = setting(12.0, "length of a casing joint", unit="m", low=1.0, high=100.0)
     strength_uwb: float = setting(100.0, "pole strength of a joint, 1 sigma", unit="uWb", low=0.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
 class Anomaly:
-    """A disturbance of the field at one depth; between the entries it is interpolated, beyond them it is the last."""
+    """Disturbance of the field at one depth, interpolated between entries and constant outside of them."""
 
     md_m: float = setting(doc="measured depth of the sonde", unit="m", low=-100.0, high=20000.0)
-    field_nt: tuple[float, float, float] = setting(doc="north, east, down", unit="nT", low=-1e6, high=1e6)
+    field_nt: tuple[float, float, float] = setting(doc="field: north, east, down", unit="nT", low=-1e6, high=1e6)
 
 
 @dataclasses.dataclass(frozen=True)
 class ToolJoints:
-    """Magnetised joints of the string outside the sonde, passed one by one (a wireline probe inside the pipe)."""
+    """Magnetised joints of the string around the sonde, passed one by one (a wireline probe inside the pipe)."""
 
-    spacing_m: float = setting(9.0, "between joints", unit="m", low=0.5, high=50.0)
+    spacing_m: float = setting(9.0, "distance between joints", unit="m", low=0.5, high=50.0)
     axial_nt: float = setting(1500.0, "axial field at a joint", unit="nT", low=-1e6, high=1e6)
-    width_m: float = setting(0.4, "half width", unit="m", low=0.01, high=10.0)
+    width_m: float = setting(0.4, "distance from a joint at which its field is halved", unit="m", low=0.01, high=10.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Diurnal:
-    """Daily variation of the Earth's field: a sine of the local solar day."""
+    """Daily variation of the Earth's field: a sine with a period of 24 h."""
 
     amplitude_nt: tuple[float, float, float] = setting(
-        (0.0, 0.0, 0.0), "north, east, down", unit="nT", low=0.0, high=5000.0
+        (0.0, 0.0, 0.0), "amplitude: north, east, down", unit="nT", low=0.0, high=5000.0
     )
     peak_hour: float = setting(12.0, "universal time of the peak", unit="h", low=0.0, high=24.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Interference:
-    """All disturbances of one run."""
+    """All magnetic disturbances of one run."""
 
     axial_nt: float = setting(0.0, "drill-string field along the tool axis", unit="nT", low=-1e6, high=1e6)
     axial_relative: float = setting(
-        0.0, "the same as a multiple of the local field (S0: 0.5, 1, 2)", low=-10.0, high=10.0
+        0.0, "further axial field as a multiple of the local field (S0: 0.5, 1, 2)", low=-10.0, high=10.0
     )
     cross_nt: tuple[float, float] = setting(
-        (0.0, 0.0), "magnetisation of the drill string across the tool: y, z", unit="nT", low=-1e6, high=1e6
+        (0.0, 0.0), "drill-string field across the tool: y, z", unit="nT", low=-1e6, high=1e6
     )
     soft_iron: tuple[tuple[float, float, float], ...] = setting(
-        (), "three rows: induced field = rows times the Earth's field, tool axes; empty: none", low=-1.0, high=1.0
+        (),
+        "soft-iron matrix, three rows: induced field = rows times the field in tool axes; empty for none",
+        low=-1.0,
+        high=1.0,
     )
-    anomalies: tuple[Anomaly, ...] = setting((), "disturbance along the hole, in the ground's axes")
-    poles: tuple[Pole, ...] = setting((), "poles in the ground")
-    offset_wells: tuple[OffsetWell, ...] = setting((), "cased wells near by")
+    anomalies: tuple[Anomaly, ...] = setting((), "disturbances along the hole, in north, east, down")
+    poles: tuple[Pole, ...] = setting((), "magnetic poles in the ground")
+    offset_wells: tuple[OffsetWell, ...] = setting((), "cased wells nearby")
     tool_joints: ToolJoints | None = setting(None, "magnetised joints that the sonde passes")
     diurnal: Diurnal | None = setting(None, "daily variation of the Earth's field")
 
@@ -97,7 +104,7 @@ class Interference:
 
 @dataclasses.dataclass(frozen=True)
 class Disturbance:
-    """An `Interference` with its poles drawn, ready to be evaluated; SI."""
+    """An `Interference` with its random poles drawn, ready for evaluation; SI."""
 
     hard: Array
     soft: Array
@@ -110,9 +117,10 @@ class Disturbance:
 
     def at(self, mat_nt: Array, earth_n: Array, position_n: Array, md: Array) -> Array:
         """
-        Disturbing field in tool axes, T, shape (n, 3).
+        Return the disturbing field in tool axes, T, shape (n, 3).
 
-        mat_nt (n, 3, 3); earth_n (n, 3): undisturbed field, NED, T; position_n (n, 3), md (n,): m.
+        mat_nt, shape (n, 3, 3); earth_n, shape (n, 3): undisturbed field, NED, T; position_n, shape (n, 3), and md,
+        shape (n,), in m.
         """
         ground = pole_field(position_n, self.pole_position, self.pole_strength)
         if len(self.anomaly_md):
@@ -126,7 +134,7 @@ class Disturbance:
         return total_t
 
     def daily(self, seconds_of_day: Array) -> Array:
-        """Daily variation, NED, T, shape (n, 3), at seconds of the universal day, shape (n,)."""
+        """Return the daily variation, NED, T, shape (n, 3), at seconds of the universal day, shape (n,)."""
         if self.diurnal is None:
             return np.zeros((len(seconds_of_day), 3))
         phase = 2.0 * math.pi * (seconds_of_day / 86400.0 - self.diurnal.peak_hour / 24.0)
@@ -134,14 +142,15 @@ class Disturbance:
 
 
 def disturbance(interference: Interference, total: float, rng: np.random.Generator) -> Disturbance:
-    """Draw and convert an `Interference`; total: strength of the Earth's field, T."""
+    """Draw the random poles of an `Interference` and convert it to SI; total: strength of the Earth's field, T."""
     positions = [pole.position_m for pole in interference.poles]
     strengths = [pole.strength_uwb * 1e-6 for pole in interference.poles]
     for well in interference.offset_wells:
         start, end = np.array(well.start_m), np.array(well.end_m)
         length = float(np.linalg.norm(end - start))
         count = max(2, round(length / well.joint_m) + 1)
-        # Joints of random magnetisation: what leaves one end enters the other, so the poles of a well sum to zero.
+        # Joints have random magnetisation. Flux that leaves one end enters the other, so the poles of a well sum to
+        # zero.
         joints = well.strength_uwb * 1e-6 * rng.standard_normal(count - 1)
         ends = np.zeros(count)
         ends[:-1] += joints
@@ -164,9 +173,9 @@ def disturbance(interference: Interference, total: float, rng: np.random.Generat
 
 def pole_field(position_n: Array, poles_n: Array, strength: Array) -> Array:
     """
-    Field of magnetic poles, T.
+    Return the field of magnetic poles, T, shape (n, 3): the sum of strength r / (4 pi |r|^3).
 
-    position_n (n, 3) and poles_n (p, 3) in m, strength (p,) in Wb. Returns (n, 3): sum of strength r / (4 pi |r|^3).
+    position_n, shape (n, 3), and poles_n, shape (p, 3), are in m, strength, shape (p,), in Wb.
     """
     field = np.zeros((len(position_n), 3))
     for pole, flux in zip(poles_n, strength, strict=True):
@@ -177,18 +186,18 @@ def pole_field(position_n: Array, poles_n: Array, strength: Array) -> Array:
 
 
 def joint_field(joints: ToolJoints, md: Array) -> Array:
-    """Axial field of passing tool joints, T, shape (n,): a bell at each multiple of the spacing."""
+    """Return the axial field of passing tool joints, T, shape (n,): a Gaussian at each multiple of the spacing."""
     offset = (md / joints.spacing_m + 0.5) % 1.0 - 0.5
     halves = (offset * joints.spacing_m / joints.width_m) ** 2
     return np.asarray(joints.axial_nt * 1e-9 * np.exp(-math.log(2.0) * halves))
 
 
 def to_tool(mat_nt: Array, vector_n: Array) -> Array:
-    """Vectors (n, 3) or (3,) from NED into tool axes by mat_nt (n, 3, 3); plain sums, the same bits everywhere."""
+    """Turn vectors, shape (n, 3) or (3,), from NED into tool axes by mat_nt, (n, 3, 3); same bits on all machines."""
     v = vector_n.reshape(-1, 3)
     return np.asarray(mat_nt[:, 0, :] * v[:, 0:1] + mat_nt[:, 1, :] * v[:, 1:2] + mat_nt[:, 2, :] * v[:, 2:3])
 
 
 def to_tool_matrix(matrix: Array, vectors: Array) -> Array:
-    """One matrix (3, 3) times many vectors (n, 3), by plain sums."""
+    """Multiply one matrix, shape (3, 3), with many vectors, shape (n, 3), by plain sums."""
     return np.asarray(vectors[:, 0:1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:3] * matrix[:, 2])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Kinematics of the sonde as formulas: hole, feed, rotation and vibration put together, and what ideal sensors measure.
+Kinematics of the sonde in closed form: hole, feed, rotation and vibration combined, and ideal sensor inputs.
 
-The attitude is the product of three rotations: of the hole axes ``h`` (x down-hole, y left, z high side) along the
-circular arcs of the hole, of a small tilt, and of the toolface about x. Every angle comes with its exact first and
-second derivative, so that rates and accelerations are formulas, never differences.
+The attitude is the product of three rotations: the hole axes ``h`` (x down-hole, y left, z high side) along the
+circular arcs of the hole, a small tilt, and the toolface about x. Every angle comes with its exact first and second
+derivative, so that rates and accelerations are never computed from differences.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ Vector = tuple[float, float, float]
 
 class WellPath(NamedTuple):
     """
-    A hole of circular arcs between stations (minimum curvature), straight beyond both ends.
+    A hole made of circular arcs between stations (minimum curvature), straight beyond both ends.
 
     Attributes
     ----------
     md : ndarray, shape (m,)
-        Start of each arc, m.
+        Measured depth at the start of each arc, m.
     position : ndarray, shape (m, 3)
-        North, east, down there, m.
+        North, east, down at the start of each arc, m.
     tangent, normal : ndarray, shape (m, 3)
-        Direction of the hole there, and the one towards which it bends, NED.
+        Direction of the hole at the start of each arc, and the direction in which it bends, NED.
     curvature : ndarray, shape (m,)
-        rad/m.
+        Curvature of each arc, rad/m.
     azimuth : ndarray, shape (m,)
-        Of the arc where it is vertical, rad.
+        Azimuth to use where the arc is vertical, rad.
     """
 
     md: Array
@@ -52,7 +52,7 @@ class Kinematics(NamedTuple):
     ----------
     mat_nt : ndarray, shape (n, 3, 3)
     rate_t, rate_dot_t : ndarray, shape (n, 3)
-        Against the local level frame, in tool axes, rad/s and rad/s^2.
+        Rotation relative to the local level frame, in tool axes, rad/s and rad/s^2.
     position_n, velocity_n, acceleration_n : ndarray, shape (n, 3)
         North, east, down from the wellhead, m, m/s, m/s^2.
     md : ndarray, shape (n,)
@@ -69,7 +69,7 @@ class Kinematics(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Earth rate in NED, shape (3,), rad/s; gravity at the surface, m/s^2, and its change with depth, 1/s^2."""
+    """Earth rate in NED, rad/s, shape (3,); gravity at the surface, m/s^2, and its change with depth, 1/s^2."""
 
     earth_rate_n: Array
     gravity: float
@@ -78,14 +78,14 @@ class Place(NamedTuple):
 
 class HolePoint(NamedTuple):
     """
-    One point of the hole.
+    Position on an arc of the hole, and the hole's direction there.
 
     Attributes
     ----------
     forward, aside : float
-        Way from the start of the arc along its tangent and its normal there, m.
+        Distance from the start of the arc along its tangent and along its normal, m.
     sin_inc, cos_inc, sin_azi, cos_azi : float
-        Of the direction of the hole.
+        Sine and cosine of inclination and azimuth.
     inc_s, azi_s, inc_ss, azi_ss : float
         First and second derivatives of inclination and azimuth along the hole, rad/m and rad/m^2.
     """
@@ -105,10 +105,10 @@ class HolePoint(NamedTuple):
 @compiled
 def assemble(path: WellPath, feed: Array, feed_dot: Array, turn: Array, shake: Array, out: Kinematics) -> None:
     """
-    Put hole, feed, rotation and vibration together: fill `out` from its measured depths.
+    Combine hole, feed, rotation and vibration: fill `out`, whose measured depths are given.
 
-    feed, feed_dot, shape (n,): rate and acceleration of the measured depth, m/s and m/s^2. turn, shape (3, n): angle of
-    the string, rad, its rate and acceleration. shake, shape (6, 3, n): the channels of `vibration`.
+    feed and feed_dot, shape (n,): rate and acceleration of the measured depth, m/s and m/s^2. turn, shape (3, n): angle
+    of the string, rad, with its rate and acceleration. shake, shape (6, 3, n): the channels of `vibration_sources`.
     """
     arc = 0
     for i in range(len(out.md)):
@@ -127,7 +127,7 @@ def assemble(path: WellPath, feed: Array, feed_dot: Array, turn: Array, shake: A
 
 @compiled
 def _hole_point(path: WellPath, arc: int, x: float) -> HolePoint:
-    """Point of the hole x metres after the start of an arc."""
+    """Return the point of the hole x metres after the start of an arc."""
     kappa = path.curvature[arc] if x >= 0.0 else 0.0
     bend = kappa * x
     sin_b, cos_b = math.sin(bend), math.cos(bend)
@@ -143,7 +143,7 @@ def _hole_point(path: WellPath, arc: int, x: float) -> HolePoint:
     n2 = cos_b * path.normal[arc, 2] - sin_b * path.tangent[arc, 2]
     s_i = math.hypot(t0, t1)
     c_i = t2
-    # Inclination and azimuth as functions of depth: a great circle on the sphere of directions.
+    # Inclination and azimuth as functions of depth; the direction moves on a great circle.
     if s_i > 1e-9:
         azimuth = math.atan2(t1, t0)
         inc_s = -kappa * n2 / s_i
@@ -161,7 +161,7 @@ def _hole_point(path: WellPath, arc: int, x: float) -> HolePoint:
 
 @compiled
 def _hole_rotation(hole: HolePoint, v: float, v_dot: float) -> tuple[Vector, Vector]:
-    """Rate, rad/s, and its derivative, rad/s^2, of the hole axes in these axes; v: feed, m/s, and v_dot, m/s^2."""
+    """Return rate, rad/s, and its derivative of the hole axes, in hole axes; v is the feed, m/s, v_dot in m/s^2."""
     inc_1, azi_1 = hole.inc_s * v, hole.azi_s * v
     inc_2 = hole.inc_ss * v * v + hole.inc_s * v_dot
     azi_2 = hole.azi_ss * v * v + hole.azi_s * v_dot
@@ -173,7 +173,7 @@ def _hole_rotation(hole: HolePoint, v: float, v_dot: float) -> tuple[Vector, Vec
 
 @compiled
 def _hole_axes(hole: HolePoint) -> tuple[Vector, Vector, Vector]:
-    """Matrix from hole axes to NED, by rows; its columns are axis, left and high side."""
+    """Return the matrix from hole axes to NED, row by row; its columns are axis, left and high side."""
     s_i, c_i, s_a, c_a = hole.sin_inc, hole.cos_inc, hole.sin_azi, hole.cos_azi
     return (s_i * c_a, s_a, c_i * c_a), (s_i * s_a, -c_a, c_i * s_a), (c_i, 0.0, -s_i)
 
@@ -182,10 +182,10 @@ def _hole_axes(hole: HolePoint) -> tuple[Vector, Vector, Vector]:
 def _displace(
     hole: HolePoint, v: float, v_dot: float, w: Vector, a: Vector, shake: Array, i: int, out: Kinematics
 ) -> None:
-    """Add the displacement to the position of instant i; fill velocity and acceleration."""
+    """Add the displacement to the position at instant i, and fill velocity and acceleration."""
     w0, w1, w2 = w
     a0, a1, a2 = a
-    # Displacement in hole axes and its derivatives seen from the level frame.
+    # Displacement in hole axes, and its derivatives as seen from the level frame.
     d0, d1, d2 = shake[0, 0, i], shake[1, 0, i], shake[2, 0, i]
     e0, e1, e2 = shake[0, 1, i], shake[1, 1, i], shake[2, 1, i]
     wd0, wd1, wd2 = w1 * d2 - w2 * d1, w2 * d0 - w0 * d2, w0 * d1 - w1 * d0
@@ -204,10 +204,10 @@ def _displace(
 
 @compiled
 def _rotate(hole: HolePoint, w: Vector, a: Vector, turn: Array, shake: Array, i: int, out: Kinematics) -> None:
-    """Fill attitude, rate and its derivative of instant i: hole axes, then tilt, then toolface."""
+    """Fill attitude, rate and derivative of the rate at instant i: hole axes, then tilt, then toolface."""
     w0, w1, w2 = w
     a0, a1, a2 = a
-    # Tilt: about y by p, then about the new z by q. P maps tilted axes to hole axes.
+    # Tilt: about y by p, then about the new z by q. P transforms tilted axes to hole axes.
     p, p_1, p_2 = shake[3, 0, i], shake[3, 1, i], shake[3, 2, i]
     q, q_1, q_2 = shake[4, 0, i], shake[4, 1, i], shake[4, 2, i]
     s_p, c_p, s_q, c_q = math.sin(p), math.cos(p), math.sin(q), math.cos(q)
@@ -246,18 +246,18 @@ def _rotate(hole: HolePoint, w: Vector, a: Vector, turn: Array, shake: Array, i:
 @compiled
 def sensed(k: Kinematics, lever_t: Array, place: Place, rate_it: Array, f_t: Array) -> None:
     """
-    Measurements of ideal sensors at a lever arm.
+    Compute the inputs of ideal sensors at a lever arm from the reference point.
 
     Parameters
     ----------
     k : Kinematics
-        Of the tool's reference point.
+        Motion of the tool's reference point.
     lever_t : ndarray, shape (3,)
-        From the reference point to the sensors, tool axes, m.
+        Position of the sensors relative to the reference point, tool axes, m.
     place : Place
         Earth rate and gravity.
     rate_it, f_t : ndarray, shape (n, 3)
-        Filled: rate against inertial space, rad/s, and specific force, m/s^2, in tool axes.
+        Output: rotation relative to inertial space, rad/s, and specific force, m/s^2, in tool axes.
     """
     e0, e1, e2 = place.earth_rate_n[0], place.earth_rate_n[1], place.earth_rate_n[2]
     x, y, z = lever_t[0], lever_t[1], lever_t[2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The channels of a tool's links while a scenario runs: what the tool puts on air goes in, what is heard comes out."""
+"""Channels of a tool's telemetry links in a running scenario: signals of the tool in, received signals out."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ BLOCK_S = 1.0
 
 class OnAir(NamedTuple):
     """
-    A group of words, or a sync, that the tool puts on air.
+    A group of words, or a sync, that the tool transmits.
 
     Attributes
     ----------
     link : str
-        mud_pulse, em or serial.
+        Name of the link: mud_pulse, em or serial.
     start_s : float
-        s of the run.
+        Time of the start, s of the run.
     edges_s, phases, octets : tuple of float, tuple of float, bytes
-        As of `telemetry.on_air.Signal`; the one that the link has.
+        Content as in `telemetry.on_air.Signal`; only the one that belongs to the link is filled.
     width_s : float
-        Of a pulse or symbol.
+        Duration of a pulse or symbol.
     frequency_hz : float
-        Of a carrier.
+        Carrier frequency.
     """
 
     link: str
@@ -50,7 +50,7 @@ class OnAir(NamedTuple):
     frequency_hz: float = 0.0
 
     def on_true_clock(self, fast: float) -> OnAir:
-        """As it is where the tool's clock, on which this one is, runs fast by a share; `start_s` is true already."""
+        """Return the signal on true time for a tool clock that runs fast by a share; `start_s` is true already."""
         scale = 1.0 / (1.0 + fast)
         edges = tuple(edge * scale for edge in self.edges_s)
         return self._replace(edges_s=edges, width_s=self.width_s * scale, frequency_hz=self.frequency_hz / scale)
@@ -58,17 +58,17 @@ class OnAir(NamedTuple):
 
 class Heard(NamedTuple):
     """
-    One block at the surface.
+    One block of the received signal at the surface.
 
     Attributes
     ----------
     link : str
     start_s, period_s : float
-        Time of its first sample, s of the run, and from one to the next.
+        Time of the first sample, s of the run, and time between samples.
     values : ndarray, shape (n,)
-        Pa, V, or bytes of type uint8.
+        Samples in Pa or V, or bytes of type uint8.
     strokes : list of (int, float)
-        Of a link through mud: pump, from 1, and time of each stroke, s; in order of time.
+        For a link through mud: pump number, from 1, and time of each stroke, s, in order of time.
     """
 
     link: str
@@ -79,31 +79,31 @@ class Heard(NamedTuple):
 
 
 class LinkChannel(Protocol):
-    """One channel."""
+    """Channel of one telemetry link."""
 
     def send(self, signal: OnAir) -> int:
-        """Put a signal on air; gives how much of it came too late."""
+        """Transmit a signal; return how many parts of it are lost, because their time has already been simulated."""
         ...
 
     def deepen(self, depth_m: float) -> None:
-        """Go on with the bit at another depth."""
+        """Continue with the bit at another depth."""
         ...
 
     def advance(self, until_s: float) -> list[Heard]:
-        """What is heard up to a time of the run, s."""
+        """Return the received blocks up to a time of the run, s."""
         ...
 
 
 class MudLink:
     """
-    Pulses or a siren through mud.
+    Link through mud, by pulses or a siren.
 
     Parameters
     ----------
     channel : MudChannel
     seed : int
     flow : callable
-        Flow over its full value at times, s.
+        Returns the flow as a share of its full value at times, s.
     """
 
     def __init__(self, channel: MudChannel, seed: int, flow: Callable[[Array], Array]) -> None:
@@ -114,18 +114,18 @@ class MudLink:
         self._strokes_given = [0 for _ in channel.pumps]
 
     def send(self, signal: OnAir) -> int:
-        """Let the valve make pulses, or the siren turn; as `LinkChannel`."""
+        """Transmit pulses of the valve or symbols of the siren; see `LinkChannel`."""
         begins = [signal.start_s + edge for edge in signal.edges_s]
         late = sum(not self._pressure.add_pulse(begin, begin + signal.width_s) for begin in begins)
         return late + _add(self._siren, signal, self._pressure.seconds)
 
     def deepen(self, depth_m: float) -> None:
-        """As `LinkChannel`."""
+        """Continue with the bit at another depth; see `LinkChannel`."""
         self._well = dataclasses.replace(self._well, depth_m=depth_m)
         self._pressure.deepen(self._well)
 
     def advance(self, until_s: float) -> list[Heard]:
-        """As `LinkChannel`."""
+        """Return the received blocks up to a time of the run, s; see `LinkChannel`."""
         blocks = []
         while self._pressure.seconds + BLOCK_S <= until_s + 1e-9:
             start = self._pressure.seconds
@@ -143,7 +143,7 @@ class MudLink:
 
 class EarthLink:
     """
-    A carrier through the earth.
+    Link through the earth, by a carrier.
 
     Parameters
     ----------
@@ -157,16 +157,16 @@ class EarthLink:
         self._voltage = EarthVoltage(channel, self._source.drive, seed, BLOCK_S)
 
     def send(self, signal: OnAir) -> int:
-        """As `LinkChannel`."""
+        """Transmit symbols of the carrier; see `LinkChannel`."""
         return _add(self._source, signal, self._voltage.seconds)
 
     def deepen(self, depth_m: float) -> None:
-        """As `LinkChannel`."""
+        """Continue with the bit at another depth; see `LinkChannel`."""
         self._ground = dataclasses.replace(self._ground, depth_m=depth_m)
         self._voltage.deepen(self._ground)
 
     def advance(self, until_s: float) -> list[Heard]:
-        """As `LinkChannel`."""
+        """Return the received blocks up to a time of the run, s; see `LinkChannel`."""
         blocks = []
         while self._voltage.seconds + BLOCK_S <= until_s + 1e-9:
             start = self._voltage.seconds
@@ -176,7 +176,7 @@ class EarthLink:
 
 class WireLink:
     """
-    Frames over a line.
+    Link over a wire, by serial frames.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ class WireLink:
         self._until = -math.inf
 
     def send(self, signal: OnAir) -> int:
-        """As `LinkChannel`."""
+        """Transmit the bytes of a frame; see `LinkChannel`."""
         if not signal.octets:
             return 0
         if signal.start_s < self._until:
@@ -201,23 +201,23 @@ class WireLink:
         return 0
 
     def deepen(self, depth_m: float) -> None:
-        """As `LinkChannel`; a line does not mind."""
+        """Do nothing: a wire does not change with depth."""
 
     def advance(self, until_s: float) -> list[Heard]:
-        """As `LinkChannel`."""
+        """Return the received blocks up to a time of the run, s; see `LinkChannel`."""
         self._until = max(self._until, until_s)
         heard = []
         while self._sent and self._sent[0][0] + len(self._sent[0][1]) * self._period_s <= until_s:
             start, octets = self._sent.popleft()
             data = np.frombuffer(self._line.carry(start, octets), dtype=np.uint8)
             if len(data):
-                # A byte has arrived when its stop bit has.
+                # A byte has arrived when its stop bit has arrived.
                 heard.append(Heard("serial", start + self._period_s, self._period_s, data, []))
         return heard
 
 
 def _add(stream: CarrierStream, signal: OnAir, done_s: float) -> int:
-    """Add phases to a carrier; 1 where they came too late."""
+    """Add the phases of a signal to a carrier; return 1 if they came too late, otherwise 0."""
     if not signal.phases:
         return 0
     if signal.start_s < done_s:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A measuring unit of the sonde: gyros and accelerometers from their true inputs to output samples."""
+"""Measuring unit of the sonde: gyros and accelerometers, from true inputs to output samples."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from mwd_sensors.simulator.scenario import Unit
 
 class MeasuringUnit:
     """
-    Gyros and accelerometers of one unit, with their errors drawn.
+    Gyros and accelerometers of one unit with their randomly drawn errors.
 
     Parameters
     ----------
     unit : Unit
         Grade, lever arm and output of the unit.
     step, rate : int
-        Rates of the kinematics and of the output, Hz.
+        Rate of the kinematics and of the output, Hz.
     draw, run : Generator
-        Random numbers of the tool's errors and of their course.
+        Random numbers of the tool's constant errors, and of noise and drift during the run.
 
     Attributes
     ----------
     margin : int
-        Kinematic samples needed before and after each output.
+        Number of kinematic samples needed before and after each output.
     gyro_bias, accel_bias : ndarray, shape (3,)
         Slow bias at the last output, rad/s and m/s^2.
     """
@@ -45,7 +45,8 @@ class MeasuringUnit:
         self._accel_weights = instrument.low_pass(accelerometer.bandwidth_hz, accelerometer.delay_ms * 1e-3, step)
         self.margin = max(len(self._gyro_weights), len(self._accel_weights)) // 2
         self._integrated = unit.output == "integrated"
-        # A lone sample holds the noise of the sensor's own band; white noise to be integrated fills the converter's.
+        # A single sample has noise of the sensor's own bandwidth; noise that is integrated has the converter's full
+        # bandwidth.
         full = float(self.grade.adc_hz)
         self._gyro_band = full if self._integrated else instrument.noise_band(gyro.bandwidth_hz, full)
         self._accel_band = full if self._integrated else instrument.noise_band(accelerometer.bandwidth_hz, full)
@@ -60,20 +61,20 @@ class MeasuringUnit:
 
     def samples(self, rate_it: Array, f_t: Array, margin: int, stamps: Stamps, warm: float, gravity: float) -> Samples:
         """
-        Output of one step, dtype of `wire.IMU`.
+        Return the output of one step, dtype of `wire.IMU`.
 
         Parameters
         ----------
         rate_it, f_t : ndarray, shape (n, 3)
-            True rate and specific force at the unit at the kinematic rate, with margins, rad/s and m/s^2.
+            True rate and specific force at the unit, at the kinematic rate and with margins, rad/s and m/s^2.
         margin : int
-            Samples before the step.
+            Number of samples before the step.
         stamps : ndarray, shape (m,)
-            Of the outputs, ns.
+            Stamps of the outputs, ns.
         warm : float
-            Temperature above that of calibration, degC.
+            Temperature minus that of the calibration, degC.
         gravity : float
-            m/s^2.
+            Strength of gravity, m/s^2.
         """
         outputs = len(stamps)
         count = outputs * self._ratio

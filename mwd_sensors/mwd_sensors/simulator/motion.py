@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Motion of the sonde, exact at every instant: along the hole, round its axis, and shaking.
+Motion of the sonde, exact at every instant: along the hole, about its axis, and vibration.
 
-The position is the arc of the hole plus a bounded displacement; `kinematics` puts both together with the rotation.
+The position is the point on the hole's arc plus a bounded displacement; `kinematics` combines it with the rotation.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from mwd_sensors.simulator.vibration_sources import (
 
 def well_path(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> WellPath:
     """
-    Arcs through stations.
+    Return the arcs of a hole through stations.
 
-    md, inclination, azimuth, shape (m,): m ascending, rad, rad (true north). The first station is at the position 0
-    moved straight down by its depth.
+    md, m, ascending, inclination and azimuth (true north), rad, have shape (m,). The first station lies at its own
+    depth vertically below the origin.
 
     Raises
     ------
     ValueError
-        No stations, depths that do not ascend, or a turn of 180 deg between two stations.
+        There are no stations, depths do not ascend, or two stations differ by 180 deg in direction.
     """
     depth, inc, azi = (np.atleast_1d(np.asarray(a, dtype=float)) for a in (md, inclination, azimuth))
     if len(depth) == 0 or np.any(np.diff(depth) <= 0.0):
@@ -71,7 +71,7 @@ def well_path(md: ArrayLike, inclination: ArrayLike, azimuth: ArrayLike) -> Well
 
 def _along(tangent: Array, normal: Array, curvature: float, length: float) -> Array:
     turn = curvature * length
-    # sinc keeps the straight hole exact.
+    # np.sinc is exact for a straight hole.
     forward = length * np.sinc(turn / np.pi)
     aside = 0.5 * curvature * length**2 * np.sinc(0.5 * turn / np.pi) ** 2
     return np.asarray(forward * tangent + aside * normal)
@@ -79,7 +79,7 @@ def _along(tangent: Array, normal: Array, curvature: float, length: float) -> Ar
 
 @dataclasses.dataclass(frozen=True)
 class Motion:
-    """All motion of a run with its random numbers drawn; `at` evaluates it."""
+    """Motion of a whole run with its random numbers drawn; `at` evaluates it."""
 
     path: WellPath
     timeline: Timeline
@@ -90,9 +90,10 @@ class Motion:
 
     def at(self, first: int, count: int, rate: float, turn: Array | None = None) -> Kinematics:
         """
-        Kinematics at the instants (first + k) / rate, s, k = 0 .. count - 1; first may be negative.
+        Return the kinematics at the instants (first + k) / rate, s, k = 0 .. count - 1; first may be negative.
 
-        turn, shape (3, count): angle of the string, rad, its rate and acceleration, instead of the schedule's.
+        turn, shape (3, count), is the angle of the string, rad, with rate and acceleration; it replaces the schedule's
+        rotation.
         """
         dt, start = 1.0 / rate, first / rate
         t = (first + np.arange(count)) / rate
@@ -124,7 +125,7 @@ class Motion:
     def _per_turn(self) -> PerTurnLines:
         channel, per_turn, phase, amplitude = [], [], [], []
         for item in self.vibrations.per_turn:
-            # The wobble is given as a fraction of the speed: its angle is that over the cycles in one turn.
+            # The wobble is given as a share of the speed; its angle is that share divided by the cycles per turn.
             amplitudes = [(axis, item.displacement_mm[axis] * 1e-3) for axis in range(3)]
             amplitudes.append((5, item.speed_fraction / item.per_turn))
             for axis, value in amplitudes:

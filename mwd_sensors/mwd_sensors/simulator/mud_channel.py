@@ -2,8 +2,8 @@
 """
 Standpipe pressure of a well that is drilled with a pulse tool: pulses, pumps, bit, stalls, gauge.
 
-The channel runs in blocks of its own, counted from its start, so that the pressure is the same however it is asked for;
-same seed, same pressure. Levels of noise are assumptions: no public recording of standpipe pressure is known.
+The channel runs in blocks counted from its start, so that the pressure does not depend on how it is requested; the same
+seed gives the same pressure. The noise levels are assumptions: no public recording of standpipe pressure is known.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from mwd_sensors.simulator.mud_line import Well, responses
 from mwd_sensors.simulator.mud_pumps import Pump, PumpStream
 
 RATE_HZ = 100.0
-_RESPONSE_S = 40.96  # length of the impulse responses; echoes of a deep well have died away by then
+_RESPONSE_S = 40.96  # length of the impulse responses, s; echoes in a deep well have decayed by then
 _TAPS = round(_RESPONSE_S * RATE_HZ)
-_BAND_HZ = 35.0  # above, the gauge is blind
+_BAND_HZ = 35.0  # bandwidth of the gauge
 
 
 @dataclasses.dataclass(frozen=True)
 class Noise:
-    """Everything that is neither pulse nor pump."""
+    """Pressure noise: everything that is neither a pulse nor a pump."""
 
     bit_pa: float = setting(5.0e4, "Bit and motor: rms below 1 Hz at the bit.", unit="Pa", low=0.0, high=1e7)
     surface_pa: float = setting(8.0e3, "Surface: rms below 1 Hz, falling as 1/f.", unit="Pa", low=0.0, high=1e6)
@@ -36,11 +36,11 @@ class Noise:
     stick_slip_pa: float = setting(0.0, "Stick-slip: amplitude at the bit.", unit="Pa", low=0.0, high=5e6)
     stick_slip_hz: float = setting(0.18, "Stick-slip: frequency.", unit="Hz", low=0.02, high=2.0)
     bounce_pa: float = setting(0.0, "Bit bounce: amplitude at the bit.", unit="Pa", low=0.0, high=5e6)
-    bounce_hz: float = setting(6.0, "Bit bounce: three times the rotation.", unit="Hz", low=0.2, high=30.0)
-    stalls_per_hour: float = setting(0.0, "Motor stalls.", low=0.0, high=200.0)
+    bounce_hz: float = setting(6.0, "Bit bounce: frequency, three times the rotation.", unit="Hz", low=0.2, high=30.0)
+    stalls_per_hour: float = setting(0.0, "Number of motor stalls per hour.", low=0.0, high=200.0)
     stall_pa: float = setting(3.0e6, "Rise of the pressure in a stall, at the bit.", unit="Pa", low=0.0, high=2e7)
     full_scale_pa: float = setting(3.5e7, "Range of the gauge.", unit="Pa", low=1e5, high=2e8)
-    adc_bits: int = setting(16, "Resolution of the converter, over the range.", low=8, high=24)
+    adc_bits: int = setting(16, "Bits of the converter over the range.", low=8, high=24)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,28 +48,28 @@ class MudChannel:
     """A well with its pumps, its noise and the valve of its tool."""
 
     well: Well = setting(Well, "Geometry, mud, surface piping.")
-    pumps: tuple[Pump, ...] = setting((Pump(1.45), Pump(1.52)), "Pumps on the line; the flow is shared.")
-    noise: Noise = setting(Noise, "Noise.")
+    pumps: tuple[Pump, ...] = setting((Pump(1.45), Pump(1.52)), "Pumps in parallel, which share the flow.")
+    noise: Noise = setting(Noise, "Pressure noise.")
     valve_pa: float = setting(7.0e5, "Pressure drop of a pulse; negative for a valve to the annulus.", unit="Pa")
     rise_s: float = setting(0.12, "Time constant of the valve.", unit="s", low=0.005, high=2.0)
-    flow_off_s: tuple[tuple[float, float], ...] = setting((), "Spans without flow: begin and end of each, s.")
+    flow_off_s: tuple[tuple[float, float], ...] = setting((), "Begin and end of each span without flow, s.")
 
 
 class Pressure:
     """
-    Pressure of a channel, block after block.
+    Pressure of a channel, produced block after block.
 
     Parameters
     ----------
     channel : MudChannel
     pulses : ndarray, shape (n, 2)
-        Begin and end of each pulse of the valve after the start, s; in order of time.
+        Begin and end of each pulse of the valve after the start, s, in order of time.
     seed : int
-        Of all noise.
+        Seed of all noise.
     flow : callable, optional
-        Flow over its full value, shape (n,), at times after the start, shape (n,), s, in place of `flow_off_s`.
+        Replaces `flow_off_s`: flow as a share of its full value, shape (n,), at times after the start, s, shape (n,).
     block_s : float
-        Length of a block. Another length is another draw of the stalls.
+        Length of a block, s. A different length gives a different draw of the stalls.
     """
 
     def __init__(
@@ -100,33 +100,33 @@ class Pressure:
         self._stalled = np.zeros(0)
 
     def modulate(self, drive: Callable[[Array], Array]) -> None:
-        """Let the valve follow a signal, 1 at its most, beside its pulses; drive: signal at times, s."""
+        """Add a signal with maximum 1 to the pulses of the valve; drive returns the signal at times, s."""
         self._drive = drive
 
     def deepen(self, well: Well) -> None:
-        """Go on in a well that has become deeper; what is under way arrives as from the depth before."""
+        """Continue in a deeper well; pressure waves that are already under way arrive as at the old depth."""
         self._channel = dataclasses.replace(self._channel, well=well)
         frequency = self._frequency
         valve, pump, bit = responses(well, frequency)
-        # Causal and without aliasing: a gentle roll-off, and a little delay for what it spreads backwards.
+        # Gentle roll-off against aliasing; the delay of 0.1 s keeps the filter causal.
         roll = 1.0 / np.sqrt(1.0 + (frequency / _BAND_HZ) ** 8) * np.exp(-2j * math.pi * frequency * 0.1)
-        # Slow changes of the flow are the mean pressure, which is added apart.
+        # Slow changes of the flow are part of the mean pressure, which is added separately.
         pump = pump * (1j * frequency / 0.1) / (1.0 + 1j * frequency / 0.1)
         self._responses = [np.fft.irfft(one * roll, _TAPS) for one in (valve, pump, bit)]
 
     @property
     def seconds(self) -> float:
-        """Time up to which there are blocks, s."""
+        """Time up to which blocks were produced, s."""
         return self._block * self._count / RATE_HZ
 
     def add_pulse(self, begin: float, end: float) -> bool:
-        """Let the valve close from begin to end, s after the start; False: that time is over already."""
+        """Close the valve from begin to end, s after the start; return False if that time has already been produced."""
         self._pulses = np.vstack([self._pulses[self._pulses[:, 1] > self.seconds - 60.0], (begin, end)])
         return begin >= self.seconds
 
     def block(self) -> Array:
         """
-        Next block of pressure.
+        Return the next block of pressure.
 
         Returns
         -------
@@ -155,11 +155,11 @@ class Pressure:
         return np.asarray(np.clip(np.round(total / step) * step, 0.0, noise.full_scale_pa))
 
     def strokes(self) -> list[Array]:
-        """Times of the stroke switch of each pump so far, s."""
+        """Return the times of the strokes of each pump so far, s."""
         return [pump.strokes() for pump in self._pumps]
 
     def _scheduled_flow(self, time: Array) -> Array:
-        """Flow over its full value: pumps start and stop within some seconds."""
+        """Return the scheduled flow as a share of its full value; pumps start and stop within some seconds."""
         flow = np.ones(len(time))
         for begin, end in self._channel.flow_off_s:
             off = 0.5 * (np.tanh((time - begin) / 1.5) - np.tanh((time - end) / 3.0))
@@ -170,7 +170,7 @@ class Pressure:
         inside = (self._pulses[:, 1] > time[0] - 1.0) & (self._pulses[:, 0] <= time[-1])
         target = np.asarray(self._drive(time), dtype=float)
         for begin, end in self._pulses[inside]:
-            # Edges between samples are shared by the two, so that no time is rounded.
+            # A sample in which an edge falls gets a partial value, so that edge times are not rounded to samples.
             target += np.clip((time - begin) * RATE_HZ + 0.5, 0.0, 1.0) - np.clip(
                 (time - end) * RATE_HZ + 0.5, 0.0, 1.0
             )
@@ -181,7 +181,7 @@ class Pressure:
         drop = self._pink("bit", self._bit.normal(size=len(time)), noise.bit_pa)
         wander = self._filtered("stick", [2e-4], [1.0, -0.9998], self._stick.normal(size=len(time)))
         phase = 2.0 * math.pi * noise.stick_slip_hz * time + 20.0 * wander
-        # A string that sticks and slips: short peaks, so several harmonics.
+        # A string that sticks and slips gives short peaks, that is several harmonics.
         drop += noise.stick_slip_pa * (np.exp(2.0 * (np.cos(phase) - 1.0)) - 0.3)
         drop += noise.bounce_pa * np.cos(2.0 * math.pi * noise.bounce_hz * time + 60.0 * wander)
         for begin in self._new_stalls(time):
@@ -198,11 +198,11 @@ class Pressure:
         return np.asarray(np.sort(time[0] + self._stall.uniform(0.0, self._count / RATE_HZ, size=count)))
 
     def _pink(self, name: str, white: Array, rms: float) -> Array:
-        """Noise that falls as 1/f between 0.03 and 10 Hz (three first-order filters a decade apart), rms below 1 Hz."""
+        """Return noise falling as 1/f from 0.03 to 10 Hz, with this rms below 1 Hz (three filters a decade apart)."""
         total = np.zeros(len(white))
         for k, corner in enumerate((0.05, 0.5, 5.0)):
             decay = math.exp(-2.0 * math.pi * corner / RATE_HZ)
-            # Each octave filter passes variance (1 - a) / (1 + a).
+            # A first-order filter with pole a and gain 1 - a passes the variance (1 - a) / (1 + a).
             gain = math.sqrt((1.0 + decay) / (1.0 - decay)) * (1.0 - decay)
             total += self._filtered(f"{name}{k}", [gain], [1.0, -decay], white) / math.sqrt(3.0)
         return rms * total

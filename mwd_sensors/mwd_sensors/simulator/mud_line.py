@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Pressure waves in a circulating well: from the valve of the tool, and from the pumps, to the gauge at the standpipe.
+Pressure waves in a circulating well, from the tool's valve and from the pumps to the gauge at the standpipe.
 
-Each pipe is a transmission line with its impedance per metre: inertia with Womersley's boundary layer, which holds for
-the wave, and the friction of the turbulent mean flow linearised, 2 (dp/dx) / Q. The wave speed is Korteweg's.
+Each pipe is a transmission line. Its impedance per metre is the inertia with Womersley's boundary layer, valid for the
+wave, plus the linearised friction of the turbulent mean flow, 2 (dp/dx) / Q. The wave speed is Korteweg's.
 Sources: W. Zielke, J. Basic Eng. 90 (1968) 109 (frequency-dependent friction); E. B. Wylie, V. L. Streeter, Fluid
 Transients in Systems, 1993, chapter 12 (impedance method); C. Xia, T. Chen, 1993 (mud channel).
 """
@@ -22,7 +22,7 @@ from mwd_sensors.core.settings import setting
 
 Complex = NDArray[np.complex128]
 _STEEL = 2.07e11  # Young's modulus of steel, Pa
-_GAS = 1.2  # polytropic exponent of the gas in a dampener: between isothermal and adiabatic
+_GAS = 1.2  # polytropic exponent of the gas in a dampener, between isothermal and adiabatic
 _ATMOSPHERE = 1.0e5
 
 
@@ -31,40 +31,41 @@ class Well:
     """Geometry, mud and surface piping."""
 
     depth_m: float = setting(3000.0, "Measured depth of the bit.", unit="m", low=100.0, high=12000.0)
-    flow_m3_s: float = setting(0.033, "Flow.", unit="m^3/s", low=0.002, high=0.2)
+    flow_m3_s: float = setting(0.033, "Flow rate.", unit="m^3/s", low=0.002, high=0.2)
     pressure_pa: float = setting(2.0e7, "Standpipe pressure at this flow.", unit="Pa", low=1e5, high=1e8)
     density: float = setting(1200.0, "Density of the mud.", unit="kg/m^3", low=500.0, high=2500.0)
     viscosity: float = setting(0.020, "Viscosity of the mud.", unit="Pa s", low=1e-4, high=1.0)
     bulk_modulus: float = setting(2.1e9, "Bulk modulus of the mud; gas lowers it.", unit="Pa", low=1e7, high=1e10)
     bore_m: float = setting(0.1086, "Inner diameter of the drill pipe.", unit="m", low=0.03, high=0.3)
-    wall_m: float = setting(0.0092, "Wall of the drill pipe.", unit="m", low=0.001, high=0.05)
+    wall_m: float = setting(0.0092, "Wall thickness of the drill pipe.", unit="m", low=0.001, high=0.05)
     hole_m: float = setting(0.2159, "Diameter of the hole.", unit="m", low=0.08, high=0.7)
     collars_m: float = setting(150.0, "Length of the bottom-hole assembly, bore 71 mm.", unit="m", low=10.0, high=500.0)
     friction: float = setting(1600.0, "Pressure gradient of the mean flow in the pipe.", unit="Pa/m", low=0.0, high=1e4)
-    valve_to_bit_m: float = setting(15.0, "From the pulse valve to the bit.", unit="m", low=1.0, high=100.0)
+    valve_to_bit_m: float = setting(15.0, "Distance from the pulse valve to the bit.", unit="m", low=1.0, high=100.0)
     bit_pa: float = setting(5.0e6, "Pressure drop over nozzles and motor.", unit="Pa", low=1e5, high=3e7)
-    gauge_m: float = setting(25.0, "From the pumps to the gauge.", unit="m", low=1.0, high=200.0)
-    hose_m: float = setting(40.0, "From the gauge to the top of the string.", unit="m", low=1.0, high=200.0)
-    dampener_m3: float = setting(0.075, "Pulsation dampener.", unit="m^3", low=0.0, high=1.0)
+    gauge_m: float = setting(25.0, "Length of pipe from the pumps to the gauge.", unit="m", low=1.0, high=200.0)
+    hose_m: float = setting(40.0, "Length from the gauge to the top of the string.", unit="m", low=1.0, high=200.0)
+    dampener_m3: float = setting(0.075, "Volume of the pulsation dampener.", unit="m^3", low=0.0, high=1.0)
     precharge: float = setting(
         0.35,
-        "Precharge over standpipe pressure; 0 a flat dampener, 1 or more an overcharged one: both do nothing.",
+        "Precharge of the dampener divided by standpipe pressure. At 0 (no gas) and from 1 (overcharged) the dampener "
+        "has no effect.",
         low=0.0,
         high=1.5,
     )
 
 
 def wave_speed(well: Well) -> float:
-    """Korteweg's speed of pressure waves in the drill pipe, m/s."""
+    """Return Korteweg's speed of pressure waves in the drill pipe, m/s."""
     return math.sqrt(
         well.bulk_modulus / well.density / (1.0 + well.bulk_modulus * well.bore_m / (_STEEL * well.wall_m))
     )
 
 
 def _line(well: Well, omega: Array, radius: float, area: float, friction: float) -> tuple[Complex, Complex]:
-    """Propagation constant, 1/m, and characteristic impedance, Pa s/m^3, of a pipe; omega, shape (n,), rad/s."""
+    """Return propagation constant, 1/m, and characteristic impedance, Pa s/m^3, of a pipe; omega, (n,), in rad/s."""
     s = radius * np.sqrt(1j * omega * well.density / well.viscosity)
-    # I1 / I0, exponentially scaled: the plain functions overflow at some hertz.
+    # I1 / I0 from exponentially scaled functions, because the plain ones overflow at some hertz.
     series = 1j * omega * well.density / area / (1.0 - 2.0 * scipy.special.ive(1, s) / (s * scipy.special.ive(0, s)))
     series = series + 2.0 * friction / well.flow_m3_s
     shunt = 1j * omega * area / (well.density * wave_speed(well) ** 2)
@@ -72,20 +73,20 @@ def _line(well: Well, omega: Array, radius: float, area: float, friction: float)
 
 
 def _seen(load: Complex, length: float, line: tuple[Complex, Complex]) -> Complex:
-    """Impedance at the near end of a line that ends in a load."""
+    """Return the impedance at the near end of a line that ends in a load."""
     gamma, zc = line
     th = np.tanh(gamma * length)
     return np.asarray(zc * (load + zc * th) / (zc + load * th))
 
 
 def _carried(load: Complex, length: float, line: tuple[Complex, Complex]) -> Complex:
-    """Pressure at the load over pressure at the near end of the line before it."""
+    """Return the ratio of the pressure at the load to the pressure at the near end of the line before it."""
     gamma, zc = line
     return np.asarray(1.0 / (np.cosh(gamma * length) + zc / load * np.sinh(gamma * length)))
 
 
 def _dampener(well: Well, omega: Array) -> Complex:
-    """Impedance of the pulsation dampener: its gas and the mud in its neck."""
+    """Return the impedance of the pulsation dampener: its gas and the mud in its neck."""
     gas = well.dampener_m3 * well.precharge
     if gas <= 0.0 or well.precharge >= 1.0:
         return np.full(len(omega), 1e15 + 0j)
@@ -96,7 +97,7 @@ def _dampener(well: Well, omega: Array) -> Complex:
 
 def responses(well: Well, frequency_hz: Array) -> tuple[Complex, Complex, Complex]:
     """
-    Frequency responses of the gauge.
+    Return the frequency responses at the gauge.
 
     Parameters
     ----------
@@ -107,11 +108,11 @@ def responses(well: Well, frequency_hz: Array) -> tuple[Complex, Complex, Comple
     Returns
     -------
     ndarray, shape (n,)
-        Pressure at the gauge over the pressure drop added at the valve.
+        Pressure at the gauge divided by the pressure drop added at the valve.
     ndarray, shape (n,)
-        Pressure at the gauge over the flow of the pumps, Pa s/m^3.
+        Pressure at the gauge divided by the flow of the pumps, Pa s/m^3.
     ndarray, shape (n,)
-        Pressure at the gauge over the pressure drop added at bit and motor.
+        Pressure at the gauge divided by the pressure drop added at bit and motor.
     """
     omega = 2.0 * math.pi * np.asarray(frequency_hz, dtype=float)
     pipe_area, collar_area = 0.25 * math.pi * well.bore_m**2, 0.25 * math.pi * 0.071**2
@@ -122,7 +123,7 @@ def responses(well: Well, frequency_hz: Array) -> tuple[Complex, Complex, Comple
     annulus = _line(well, omega, 0.5 * (well.hole_m - outer), annulus_area, 0.2 * well.friction)
     drill_pipe = max(well.depth_m - well.collars_m, 1.0)
     surface = _line(well, omega, 0.05, 0.25 * math.pi * 0.1**2, well.friction)
-    # Looking up: piston (closed) and dampener, surface line, hose, string. The flow line above the annulus is open.
+    # Looking upwards: closed piston and dampener, surface line, hose, string. The flow line above the annulus is open.
     pumps = _dampener(well, omega)
     at_gauge = _seen(pumps, well.gauge_m, surface)
     at_top = _seen(at_gauge, well.hose_m, surface)
@@ -137,7 +138,7 @@ def responses(well: Well, frequency_hz: Array) -> tuple[Complex, Complex, Comple
         * _carried(at_top, drill_pipe, pipe)
         * _carried(at_gauge, well.hose_m, surface)
     )
-    # A drop in series splits over what is above and below it; one that grows raises the pressure above.
+    # A series drop divides over the impedances above and below; a growing drop raises the pressure above it.
     from_valve = up / (up + below) * lifted
     up_at_bit = _seen(up, well.valve_to_bit_m, collar)
     from_bit = up_at_bit / (up_at_bit + nozzles + returns) * _carried(up, well.valve_to_bit_m, collar) * lifted

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Triplex mud pumps: the flow of three pistons with the faults that pumps have, and the switch that counts strokes.
+Triplex mud pumps: flow of three pistons with common pump faults, and the switch that counts strokes.
 
-The flow of a piston is its speed while it delivers (crank and connecting rod); three of them 120 deg apart leave a
-ripple at 6 x the strokes and, with finite rods and unequal pistons, at 1, 2, 3 x. A leaking valve takes a share of one
-piston's delivery. Source: J. E. Miller, The Reciprocating Pump, 1995, chapter 2.
+The flow of a piston is its speed while it delivers (crank and connecting rod). Three pistons 120 deg apart leave a
+ripple at 6 times the stroke rate and, with finite rods and unequal pistons, at 1, 2 and 3 times. A leaking valve loses
+a share of one piston's delivery. Source: J. E. Miller, The Reciprocating Pump, 1995, chapter 2.
 """
 
 from __future__ import annotations
@@ -18,34 +18,34 @@ import scipy
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 
-_ROD = 0.2  # crank over connecting rod
+_ROD = 0.2  # length of the crank divided by that of the connecting rod
 
 
 @dataclasses.dataclass(frozen=True)
 class Pump:
-    """One pump."""
+    """One mud pump."""
 
-    strokes_hz: float = setting(1.5, "Strokes a second (90 a minute is 1.5).", unit="Hz", low=0.1, high=5.0)
-    share: float = setting(1.0, "Share of the flow, to those of the other pumps.", low=0.01, high=100.0)
+    strokes_hz: float = setting(1.5, "Strokes per second (90 per minute is 1.5).", unit="Hz", low=0.1, high=5.0)
+    share: float = setting(1.0, "Share of the flow relative to the other pumps.", low=0.01, high=100.0)
     leak: float = setting(0.0, "Share of one piston's delivery that a leaking valve loses.", low=0.0, high=1.0)
     imbalance: float = setting(0.01, "Difference between the deliveries of the pistons.", low=0.0, high=0.5)
-    hunting: float = setting(0.0015, "1 sigma of the stroke rate about its mean, share.", low=0.0, high=0.2)
-    hunting_s: float = setting(15.0, "Time over which the rate hunts.", unit="s", low=0.5, high=600.0)
+    hunting: float = setting(0.0015, "Variation of the stroke rate, 1 sigma, as a share.", low=0.0, high=0.2)
+    hunting_s: float = setting(15.0, "Correlation time of this variation.", unit="s", low=0.5, high=600.0)
 
 
 class PumpStream:
     """
-    Flow of one pump, block after block.
+    Flow of one pump, produced block after block.
 
     Parameters
     ----------
     pump : Pump
     flow : float
-        Mean flow of it, m^3/s.
+        Mean flow of this pump, m^3/s.
     random : numpy Generator
-        Phase and hunting.
+        Random numbers for phase and stroke rate.
     rate_hz : float
-        Samples a second.
+        Sample rate, Hz.
     """
 
     def __init__(self, pump: Pump, flow: float, random: np.random.Generator, rate_hz: float) -> None:
@@ -57,9 +57,9 @@ class PumpStream:
 
     def block(self, flow: Array) -> Array:
         """
-        Flow of the next samples.
+        Return the flow of the next samples, m^3/s, shape (n,).
 
-        flow, shape (n,): share of the full flow, for which the pump runs slower. Returns shape (n,), m^3/s.
+        flow, shape (n,), is the share of the full flow; the pump runs slower for less.
         """
         pump, n = self._pump, len(flow)
         decay = math.exp(-1.0 / (self._rate * pump.hunting_s))
@@ -77,11 +77,11 @@ class PumpStream:
         return np.asarray(self._delivered(2.0 * math.pi * turns[:-1]) * self._flow * flow)
 
     def strokes(self) -> Array:
-        """Times at which the switch closed, s."""
+        """Return the times at which the stroke switch closed, s."""
         return np.concatenate(self._strokes) if self._strokes else np.zeros(0)
 
     def _delivered(self, angle: Array) -> Array:
-        """Flow over its mean, of three pistons at a crank angle, rad."""
+        """Return the flow of the three pistons divided by its mean, at a crank angle, rad."""
         total = np.zeros(len(angle))
         for k in range(3):
             turn = angle - 2.0 * math.pi * k / 3.0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Piecewise polynomials of time: depth, toolface and envelopes with exact derivatives.
+Piecewise polynomials of time with exact derivatives, for depth, toolface and envelopes.
 
-A schedule of a rig is a few constant rates with smooth changes between them. Written as polynomials, value, rate and
+The schedule of a rig is a sequence of constant rates with smooth changes in between. As polynomials, value, rate and
 acceleration agree exactly, however long the run is.
 """
 
@@ -19,21 +19,21 @@ from mwd_sensors.core.compiled import compiled
 @dataclasses.dataclass(frozen=True)
 class Profile:
     """
-    A piecewise polynomial.
+    Piecewise polynomial of time.
 
     Attributes
     ----------
     starts : ndarray, shape (m,)
-        Start of each piece, s, ascending; the last piece holds for ever.
+        Start of each piece, s, ascending; the last piece has no end.
     terms : ndarray, shape (m, 7)
-        Coefficients of rising powers of the time since the start of the piece.
+        Coefficients, in rising powers, of the time since the start of the piece.
     """
 
     starts: Array
     terms: Array
 
     def __call__(self, t: Array) -> Array:
-        """Value, rate and acceleration at the times t, shape (n,), s, ascending. Returns shape (3, n)."""
+        """Return value, rate and acceleration, shape (3, n), at ascending times t, s, shape (n,)."""
         out = np.empty((3, len(t)))
         evaluate(self.starts, self.terms, t, out)
         return out
@@ -45,7 +45,7 @@ class Profile:
 
 
 class ProfileBuilder:
-    """Lays the pieces of a `Profile` one after the other from a value and a rate at time 0."""
+    """Builds a `Profile` by adding one piece after the other, from a value and a rate at time 0."""
 
     def __init__(self, value: float = 0.0, rate: float = 0.0) -> None:
         self.time = 0.0
@@ -60,7 +60,7 @@ class ProfileBuilder:
             self._add(seconds, [self.value, self.rate, 0.0, 0.0, 0.0, 0.0, 0.0])
 
     def to_rate(self, rate: float, seconds: float) -> None:
-        """Bring the rate to another one within a time, s; rate, its slope and its curvature stay continuous."""
+        """Change the rate to another one within a time, s; rate, slope and curvature stay continuous."""
         change, s = rate - self.rate, seconds
         if change == 0.0 or s <= 0.0:
             self.hold(seconds)
@@ -71,7 +71,7 @@ class ProfileBuilder:
         self.rate = rate
 
     def to_value(self, value: float, seconds: float) -> None:
-        """Bring the value to another one within a time, s, from rest to rest."""
+        """Change the value to another one within a time, s, starting and ending at rest."""
         change, s = value - self.value, seconds
         if change == 0.0:
             self.rate = 0.0
@@ -81,13 +81,13 @@ class ProfileBuilder:
         self.value, self.rate = value, 0.0
 
     def follow(self, other: ProfileBuilder, factor: float = 1.0) -> None:
-        """Change as the other profile did in its last piece, times a factor, from the present value."""
+        """Append the last change of another profile times a factor, starting at the present value."""
         _, *changes = other._terms[-1]
         self._add(other.time - other._starts[-1], [self.value, *(factor * term for term in changes)])
         self.rate = factor * other.rate
 
     def build(self) -> Profile:
-        """Finish the profile: it continues at its last rate."""
+        """Return the finished profile, which continues at its last rate."""
         starts = [*self._starts, self.time]
         terms = [*self._terms, [self.value, self.rate, 0.0, 0.0, 0.0, 0.0, 0.0]]
         return Profile(np.array(starts), np.array(terms))
@@ -96,7 +96,7 @@ class ProfileBuilder:
         self._starts.append(self.time)
         self._terms.append(terms)
         self.time += seconds
-        # Not sum(): from Python 3.12 on that compensates, and another last bit here is another run.
+        # Not sum(): from Python 3.12 on it compensates rounding, and a different last bit would give a different run.
         value = 0.0
         for term in reversed(terms):
             value = value * seconds + term
@@ -105,7 +105,7 @@ class ProfileBuilder:
 
 @compiled
 def evaluate(starts: Array, terms: Array, t: Array, out: Array) -> None:
-    """Fill out, shape (3, n), with value, rate and acceleration of a profile at t, shape (n,), s, ascending."""
+    """Fill out, shape (3, n), with value, rate and acceleration of a profile at ascending t, s, shape (n,)."""
     low, high = 0, len(starts) - 1
     while low < high:
         middle = (low + high + 1) // 2

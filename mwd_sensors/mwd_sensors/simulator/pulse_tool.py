@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a pulse tool sends over a run: after each flow-on a sync and the survey, then the toolface sequence for ever."""
+"""Simulate the transmission of a pulse tool: after each flow-on a sync and the survey, then toolfaces repeatedly."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration, encode
 
 
 class SentWord(NamedTuple):
-    """One word as the tool sent it; times on the clock of the surface, s."""
+    """One transmitted word; times on the clock of the surface, s."""
 
     start_s: float
     end_s: float
@@ -29,7 +29,7 @@ class SentWord(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Transmission:
-    """All that a tool sent: words, and begin and end of each pulse, shape (n, 2), s."""
+    """Everything that a tool transmitted: words, and begin and end of each pulse, shape (n, 2), s."""
 
     words: tuple[SentWord, ...]
     pulses: Array
@@ -37,7 +37,7 @@ class Transmission:
 
 @dataclasses.dataclass(frozen=True)
 class LinkRun:
-    """A run: pressure, shape (n,), Pa, at times, shape (n,), s; strokes of each pump; what was sent."""
+    """A simulated run: pressure, Pa, at times, s, shape (n,) each; strokes of each pump; the transmission."""
 
     time_s: Array
     pressure_pa: Array
@@ -49,20 +49,20 @@ def transmit(
     tool: ToolConfiguration, flows: tuple[tuple[float, float], ...], seed: int, clock: float = 0.0, resync: bool = False
 ) -> Transmission:
     """
-    Transmission of random values.
+    Simulate the transmission of random values.
 
     Parameters
     ----------
     tool : ToolConfiguration
-        The first sequences of it are sent.
+        Tool configuration; its first survey and toolface sequences are sent.
     flows : tuple of (float, float)
         Begin and end of each span with flow, s.
     seed : int
-        Of the values.
+        Seed of the random values.
     clock : float
         Relative error of the tool's clock: 1e-3 sends 0.1 % slower.
     resync : bool
-        Whether each toolface sequence begins with a sync of its own.
+        Whether each toolface sequence begins with its own sync.
     """
     random = np.random.default_rng(seed)
     tu = tool.tu_s * (1.0 + clock)
@@ -109,7 +109,7 @@ def link_run(
     seed: int,
     drive: Callable[[Array], Array] = np.zeros_like,
 ) -> LinkRun:
-    """Pressure of a channel in which a tool sends; seed: of the noise; drive: signal of a siren at times, s."""
+    """Simulate the pressure of a channel with a transmission; seed of the noise; drive: siren signal at times, s."""
     stream = Pressure(channel, sent.pulses, seed)
     stream.modulate(drive)
     blocks = []

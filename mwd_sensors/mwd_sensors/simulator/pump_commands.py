@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flow of pumps that obey commands: the schedule's, times a share that ramps to what is asked and back to one."""
+"""Flow of pumps that obey commands: the scheduled flow times a share that ramps to a command and back to 1."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-_KEPT_S = 600.0  # the past that is still asked for: pressure and the flow in the tool follow the run
+_KEPT_S = 600.0  # s; history of the share, which pressure and tool flow still ask for
 
 
 class CommandedFlow:
     """
-    Flow of a run, whatever its pumps are told.
+    Flow of a run whose pumps obey commands.
 
     Parameters
     ----------
     scheduled : callable
-        Flow of the schedule as a `Profile` gives it, m^3/s. Pumps that it has switched off stay off.
+        Flow of the schedule, m^3/s, as a `Profile` returns it. Pumps that the schedule has switched off stay off.
     full : float
-        Drilling flow, m^3/s; a share of 1 of a command.
+        Drilling flow, m^3/s, at which the commanded share is 1.
     ramp_s : float
         Time from no flow to the drilling flow, s.
     """
@@ -31,7 +31,7 @@ class CommandedFlow:
         self._knots: list[tuple[float, float]] = [(0.0, 1.0)]
 
     def __call__(self, t: Array) -> Array:
-        """Flow, m^3/s, its rate and acceleration at the times t, shape (n,), s, ascending. Returns shape (3, n)."""
+        """Return flow, m^3/s, with rate and acceleration, shape (3, n), at ascending times t, s, shape (n,)."""
         found = self._scheduled(t)
         if len(self._knots) > 1:
             found *= self._share(t)
@@ -39,12 +39,14 @@ class CommandedFlow:
 
     def ask(self, time: float, flow: float, valid_for: float) -> None:
         """
-        Bring the flow to a value from a time on, s, and back to the schedule's valid_for later, unless asked again.
+        Bring the flow to a value at a time, s.
+
+        valid_for seconds later the flow returns to the schedule, unless another command follows.
 
         Raises
         ------
         ValueError
-            A flow above the drilling flow, which these pumps do not give.
+            The flow is above the drilling flow, the most that these pumps deliver.
         """
         if not flow <= self._full * (1.0 + 1e-9):
             raise ValueError(f"flow_rate: these pumps give at most {self._full:.4g} m^3/s, got {flow:.4g}")
@@ -53,11 +55,11 @@ class CommandedFlow:
         self._ramp(max(time + valid_for, reached), 1.0, follows=True)
 
     def release(self, time: float) -> None:
-        """Bring the flow back to the schedule's from a time on, s."""
+        """Return to the scheduled flow from a time on, s."""
         self._ramp(time, 1.0)
 
     def _ramp(self, time: float, share: float, *, follows: bool = False) -> float:
-        """Ramp to a share from a time on; what was to come after it is dropped. Returns when it is reached, s."""
+        """Ramp to a share from a time on, dropping later changes; return the time at which it is reached, s."""
         now = self._knots[-1][1] if follows else float(self._share(np.array([time]))[0])
         if not follows:
             self._knots = [knot for knot in self._knots if time - _KEPT_S < knot[0] < time] or [(time, now)]

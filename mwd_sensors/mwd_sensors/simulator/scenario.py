@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A scenario: one run of a sonde as checked settings.
+Scenario: the settings of one simulated run of a sonde.
 
-Where and when, the hole, the schedule, what shakes it, which instruments, what disturbs and what fails, and the seed
-from which every random number comes.
+They describe place and date, hole, schedule, vibration, instruments, magnetic disturbances, faults, and the seed of all
+random numbers.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from mwd_sensors.simulator.vibration import Vibrations
 
 @dataclasses.dataclass(frozen=True)
 class Place:
-    """Where the well is."""
+    """Place of the well."""
 
-    latitude_deg: float = setting(38.0, "north positive", unit="deg", low=-90.0, high=90.0)
-    longitude_deg: float = setting(109.0, "east positive", unit="deg", low=-180.0, high=360.0)
-    height_m: float = setting(1100.0, "of the wellhead above the ellipsoid", unit="m", low=-1000.0, high=9000.0)
+    latitude_deg: float = setting(38.0, "latitude, north positive", unit="deg", low=-90.0, high=90.0)
+    longitude_deg: float = setting(109.0, "longitude, east positive", unit="deg", low=-180.0, high=360.0)
+    height_m: float = setting(1100.0, "height of the wellhead above the ellipsoid", unit="m", low=-1000.0, high=9000.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Well:
-    """The hole and where the run starts in it."""
+    """The hole, and the position in it at the start of the run."""
 
     stations: tuple[tuple[float, float, float], ...] = setting(
         ((0.0, 30.0, 45.0),), "rows of measured depth (m), inclination (deg), azimuth from true north (deg)"
     )
     plan: tuple[tuple[float, float, float], ...] = setting(
-        (), "rows of the planned path, as `stations`; `mwd run` loads it; empty: no plan"
+        (), "planned path, rows like `stations`, which `mwd run` loads; empty for no plan"
     )
     bit_m: float = setting(30.0, "measured depth of the bit at the start", unit="m", low=0.0, high=20000.0)
-    sensor_to_bit_m: float = setting(3.0, "sonde behind the bit", unit="m", low=0.0, high=100.0)
+    sensor_to_bit_m: float = setting(3.0, "distance from the sonde to the bit", unit="m", low=0.0, high=100.0)
     toolface_deg: float = setting(0.0, "gravity toolface at the start", unit="deg", low=-360.0, high=360.0)
 
 
@@ -56,8 +56,8 @@ class Well:
 class Unit:
     """One measuring unit of the sonde."""
 
-    grade: str = setting("mti3_calibrated", "named grade of instrument")
-    changes: dict[str, Any] = setting({}, "figures of the grade to replace, as in its file")
+    grade: str = setting("mti3_calibrated", "name of the instrument grade")
+    changes: dict[str, Any] = setting({}, "figures of the grade to replace, structured as in its file")
     lever_mm: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), "position on the tool: x down-hole, y, z", unit="mm", low=-10000.0, high=10000.0
     )
@@ -70,56 +70,58 @@ class Unit:
 class Temperature:
     """Temperature of the sensors."""
 
-    surface_c: float = setting(20.0, "at the wellhead", unit="degC", low=-60.0, high=80.0)
-    gradient_c_km: float = setting(30.0, "of the rock", unit="degC/km", low=0.0, high=300.0)
-    warm_up_c: float = setting(0.0, "of the electronics after switch-on", unit="degC", low=-100.0, high=150.0)
+    surface_c: float = setting(20.0, "temperature at the wellhead", unit="degC", low=-60.0, high=80.0)
+    gradient_c_km: float = setting(30.0, "temperature gradient of the rock", unit="degC/km", low=0.0, high=300.0)
+    warm_up_c: float = setting(0.0, "warm-up of the electronics after switch-on", unit="degC", low=-100.0, high=150.0)
     warm_up_s: float = setting(120.0, "time constant of the warm-up", unit="s", low=1.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
 class Clock:
-    """Clock of the sonde against that of the rig."""
+    """Errors of the sonde's clock relative to the rig's."""
 
-    drift_ppm: float = setting(0.0, "runs fast", unit="ppm", low=-1000.0, high=1000.0)
-    jitter_us: float = setting(0.0, "of a stamp, 1 sigma", unit="us", low=0.0, high=1e5)
+    drift_ppm: float = setting(0.0, "drift; positive runs fast", unit="ppm", low=-1000.0, high=1000.0)
+    jitter_us: float = setting(0.0, "jitter of a stamp, 1 sigma", unit="us", low=0.0, high=1e5)
 
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """One run."""
+    """Settings of one simulated run."""
 
-    name: str = setting("unnamed", "one word")
-    about: str = setting("", "what it shows, in one sentence")
-    seed: int = setting(1, "of every random number", low=0, high=2**62)
-    date: str = setting("2026-03-01", "start, universal time: 2026-03-01 or 2026-03-01T06:00:00")
+    name: str = setting("unnamed", "name of the scenario, one word")
+    about: str = setting("", "purpose of the scenario in one sentence")
+    seed: int = setting(1, "seed of all random numbers", low=0, high=2**62)
+    date: str = setting("2026-03-01", "start in universal time: 2026-03-01 or 2026-03-01T06:00:00")
     model: str = setting("wmm2025", "magnetic field model", choices=("wmm2025", "igrf"))
     field_override: tuple[float, float, float] | None = setting(
-        None, "instead of the model: total (nT), dip (deg), declination (deg)", low=-1e6, high=1e6
+        None, "field that replaces the model: total (nT), dip (deg), declination (deg)", low=-1e6, high=1e6
     )
-    place: Place = setting(Place, "where")
+    place: Place = setting(Place, "place of the well")
     well: Well = setting(Well, "the hole")
-    schedule: tuple[Phase, ...] = setting((Phase(),), "what the rig does")
-    cycles: int = setting(1, "the whole schedule so many times", low=1, high=10000)
-    rig: Rig = setting(Rig, "how it does it")
-    vibration: Vibrations = setting(Vibrations, "what shakes the sonde")
-    steering: Steering | None = setting(None, "the top drive obeys commands; the string winds up, sticks and slips")
+    schedule: tuple[Phase, ...] = setting((Phase(),), "phases of work of the rig")
+    cycles: int = setting(1, "number of times that the whole schedule is run", low=1, high=10000)
+    rig: Rig = setting(Rig, "properties of the rig")
+    vibration: Vibrations = setting(Vibrations, "vibration of the sonde")
+    steering: Steering | None = setting(
+        None, "top drive that obeys commands and a string that winds up, sticks and slips"
+    )
     ahrs: Unit = setting(Unit, "conventional unit: gyros, accelerometers, magnetometers")
     precision: Unit | None = setting(Unit(grade="tactical_north"), "high-precision unit: gyros, accelerometers")
-    temperature: Temperature = setting(Temperature, "of the sensors")
-    clock: Clock = setting(Clock, "of the sonde")
+    temperature: Temperature = setting(Temperature, "temperature of the sensors")
+    clock: Clock = setting(Clock, "errors of the sonde's clock")
     string: str = setting(
         "non_magnetic",
-        "what the sonde lies in, as stated to the estimator (tool.string)",
+        "kind of string around the sonde, as stated to the estimator (tool.string)",
         choices=("non_magnetic", "short", "steel"),
     )
-    interference: Interference = setting(Interference, "what disturbs the field")
-    faults: tuple[Fault, ...] = setting((), "what fails and when")
-    link: Link = setting(Link, "what the link does to samples")
-    surface: dict[str, Any] = setting({}, "parameters of the surface node when `mwd run` plays it, by name")
-    telemetry: Telemetry | None = setting(None, "the tool's link to the surface: its configuration and its channel")
-    rate_hz: int = setting(100, "output of both units", unit="Hz", low=1, high=10000)
-    rig_hz: int = setting(5, "output of the rig's gauges", unit="Hz", low=1, high=100)
-    kinematics_hz: int = setting(2000, "instants at which the motion is evaluated", unit="Hz", low=100, high=32000)
+    interference: Interference = setting(Interference, "magnetic disturbances")
+    faults: tuple[Fault, ...] = setting((), "sensor faults with their times")
+    link: Link = setting(Link, "faults of the connection from the sensors")
+    surface: dict[str, Any] = setting({}, "parameters of the surface node when `mwd run` runs the scenario, by name")
+    telemetry: Telemetry | None = setting(None, "telemetry link to the surface: tool configuration and channel")
+    rate_hz: int = setting(100, "output rate of both units", unit="Hz", low=1, high=10000)
+    rig_hz: int = setting(5, "output rate of the rig's gauges", unit="Hz", low=1, high=100)
+    kinematics_hz: int = setting(2000, "rate at which the motion is evaluated", unit="Hz", low=100, high=32000)
 
     def __post_init__(self) -> None:
         """Check the values against each other."""
@@ -129,9 +131,7 @@ class Scenario:
         for fault in self.faults:
             check(fault)
         if self.steering is not None and (self.vibration.stick_slip or self.vibration.hunting):
-            raise ValueError(
-                "steering: its string sticks, slips and wanders by itself; leave stick_slip and hunting out"
-            )
+            raise ValueError("steering: its string sticks, slips and wanders by itself; remove stick_slip and hunting")
         if self.rate_hz % self.rig_hz:
             raise ValueError(f"rate_hz {self.rate_hz} must be a multiple of rig_hz {self.rig_hz}")
         for unit in (self.ahrs, self.precision):
@@ -146,7 +146,7 @@ class Scenario:
 
 def parse_date(text: str) -> datetime.datetime:
     """
-    Start of a run, universal time.
+    Return the start of a run in universal time.
 
     Raises
     ------
@@ -162,14 +162,12 @@ def parse_date(text: str) -> datetime.datetime:
 
 def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:
     """
-    Scenario from YAML text.
-
-    changes replaces top-level entries (for example ``{"seed": 2}``).
+    Read a scenario from YAML text; changes replaces top-level entries (for example ``{"seed": 2}``).
 
     Raises
     ------
     SettingsError
-        Not a table, an unknown key (with its near misses), a value of the wrong type or out of bounds.
+        The text is not a table, a key is unknown (similar ones are suggested), or a value is not allowed.
     """
     try:
         given = load_yaml(text)
@@ -181,7 +179,7 @@ def parse(text: str, changes: Mapping[str, Any] | None = None) -> Scenario:
 
 
 def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> Scenario:
-    """Scenario from a YAML file; errors name the file, otherwise as `parse`."""
+    """Read a scenario from a YAML file; errors name the file and are otherwise those of `parse`."""
     path = pathlib.Path(path)
     try:
         return parse(read_text(path, budgets.YAML), changes)
@@ -190,7 +188,7 @@ def read(path: str | pathlib.Path, changes: Mapping[str, Any] | None = None) -> 
 
 
 def _with_missing_code(given: dict[str, Any]) -> dict[str, Any]:
-    """The simulated tool says what it has not measured, unless its configuration is that of a kit which does not."""
+    """Set `missing_code` of the tool unless the scenario sets it, so that the tool reports missing values."""
     telemetry = given.get("telemetry")
     if not isinstance(telemetry, Mapping) or not isinstance(telemetry.get("tool", {}), Mapping):
         return given
@@ -198,7 +196,7 @@ def _with_missing_code(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _plain_dates(value: Any) -> Any:
-    # YAML reads 2026-03-01 as a date; people may write it with or without quotes.
+    # YAML reads 2026-03-01 as a date; people write it with or without quotes.
     if isinstance(value, dict):
         return {key: _plain_dates(item) for key, item in value.items()}
     if isinstance(value, list):

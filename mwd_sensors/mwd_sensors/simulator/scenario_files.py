@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the scenarios that come with the project lie, and finding one by its name."""
+"""Find the scenarios that come with the project by their names."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from pathlib import Path
 from mwd_sensors.core.settings import SettingsError, unknown_key
 
 _SHARE = Path("share", "mwd_sensors", "scenarios")
-# <root>/mwd_sensors/mwd_sensors/scenario_files.py: in a checkout they lie in <root>/bags.
+# In a checkout the scenarios are in <root>/bags, and this file is in <root>/mwd_sensors/mwd_sensors/simulator.
 _SOURCES = Path(__file__).resolve().parents[3] / "bags" / "scenarios"
 
 
 def folder() -> Path:
     """
-    Folder of the scenarios: of the source tree around us, whose edits count at once, else where they are installed.
+    Return the folder of the scenarios: that of the source tree, if there is one, else the installed one.
 
     Raises
     ------
     SettingsError
-        There is none.
+        There is no such folder.
     """
     prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     installed = [Path(prefix) / _SHARE for prefix in prefixes if prefix]
@@ -32,19 +32,19 @@ def folder() -> Path:
 
 
 def names() -> dict[str, Path]:
-    """Name -> file of every scenario that comes with the project; those of the benchmark as ``bench/NAME``."""
+    """Return name -> file of every scenario that comes with the project; benchmark scenarios are ``bench/NAME``."""
     root = folder()
     return {str(path.relative_to(root).with_suffix("")): path for path in sorted(root.rglob("*.yaml"))}
 
 
 def find(name: str) -> Path:
     """
-    File of a scenario given by path or by name.
+    Return the file of a scenario that is given by path or by name.
 
     Raises
     ------
     SettingsError
-        Neither a file nor a known name; the message names the near misses.
+        It is neither a file nor a known name; the message suggests similar names.
     """
     if Path(name).is_file():
         return Path(name)

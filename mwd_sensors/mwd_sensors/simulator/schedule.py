@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The rig's day: phases of drilling, sliding and connections, laid out as profiles of depth, rotation, pumps and hook.
+The rig's schedule: phases of drilling, sliding and connections as profiles of depth, rotation, pumps and hook.
 
-The sonde's motion and the rig's own gauges come from the same profiles, so that depth pairs with surveys.
+The sonde's motion and the rig's gauges come from the same profiles, so that depths match the surveys.
 """
 
 from __future__ import annotations
@@ -19,76 +19,80 @@ from mwd_sensors.simulator.profile import Profile, ProfileBuilder
 from mwd_sensors.simulator.vibration import ENVELOPES
 
 KINDS = ("drill", "slide", "circulate", "still", "connection", "move")
-# As in mwd_msgs/Truth.
+# Values of `activity` in mwd_msgs/Truth.
 STILL, SLIDING, ROTATING, TRIPPING = range(4)
 
 
 @dataclasses.dataclass(frozen=True)
 class Phase:
-    """One entry of the schedule."""
+    """One phase of the schedule."""
 
-    kind: str = setting("drill", "what is done", choices=KINDS)
-    seconds: float = setting(10.0, "how long; of a connection: standing still", unit="s", low=0.5, high=360000.0)
+    kind: str = setting("drill", "kind of work", choices=KINDS)
+    seconds: float = setting(
+        10.0, "duration; for a connection, the time without motion", unit="s", low=0.5, high=360000.0
+    )
     rpm: float = setting(120.0, "rotary speed while drilling or circulating", unit="r/min", low=-600.0, high=600.0)
     rop_m_h: float = setting(
         30.0, "rate of penetration, or speed of a move (up is negative)", unit="m/h", low=-36000.0, high=36000.0
     )
-    toolface_deg: float | None = setting(None, "of a slide; left out, as it stands", unit="deg", low=-360.0, high=360.0)
+    toolface_deg: float | None = setting(
+        None, "toolface of a slide; without it the toolface stays", unit="deg", low=-360.0, high=360.0
+    )
     vibration: float = setting(1.0, "factor on all vibration while drilling or moving", low=0.0, high=10.0)
-    pumps: bool = setting(True, "flow while still or moving")
-    repeat: int = setting(1, "so many times", low=1, high=10000)
+    pumps: bool = setting(True, "whether the pumps run while still or moving")
+    repeat: int = setting(1, "number of times that the phase is repeated", low=1, high=10000)
 
 
 @dataclasses.dataclass(frozen=True)
 class Rig:
-    """How the rig does it."""
+    """Properties of the rig."""
 
-    ramp_s: float = setting(3.0, "to bring rotation or feed up or down", unit="s", low=0.0, high=60.0)
-    pump_ramp_s: float = setting(2.0, "to bring the pumps up or down", unit="s", low=0.1, high=120.0)
-    running_start: bool = setting(False, "the first phase is under way at time zero, instead of starting from rest")
-    pick_up_m: float = setting(0.5, "off bottom before a connection", unit="m", low=0.0, high=30.0)
+    ramp_s: float = setting(3.0, "time to change rotation or feed", unit="s", low=0.0, high=60.0)
+    pump_ramp_s: float = setting(2.0, "time to start or stop the pumps", unit="s", low=0.1, high=120.0)
+    running_start: bool = setting(False, "whether the first phase is already under way at time zero")
+    pick_up_m: float = setting(0.5, "distance off bottom before a connection", unit="m", low=0.0, high=30.0)
     stand_m: float = setting(9.0, "length added by a connection", unit="m", low=0.5, high=40.0)
     flow_lpm: float = setting(1200.0, "drilling flow", unit="l/min", low=0.0, high=6000.0)
     pressure_bar: float = setting(110.0, "standpipe pressure at drilling flow", unit="bar", low=0.0, high=600.0)
     time_lapse: float = setting(
         1.0,
-        "Hole is made this many times as fast as the rate of penetration says: a stand of an hour and a half passes in "
-        "half a minute. What shakes and turns keeps its own pace. Above 1 the hole bends faster in time than any does",
+        "Factor by which the bit advances faster than the rate of penetration says, so that hours of drilling pass in "
+        "minutes. Rotation and vibration keep their own speed. Above 1 the hole bends faster than any real one",
         low=1.0,
         high=1000.0,
     )
     string_kn: float = setting(450.0, "hookload with the string hanging free", unit="kN", low=1.0, high=5000.0)
     block_kn: float = setting(60.0, "hookload of the empty hook", unit="kN", low=0.0, high=1000.0)
-    weight_on_bit_kn: float = setting(60.0, "while drilling", unit="kN", low=0.0, high=1000.0)
-    torque_knm: float = setting(8.0, "while drilling with rotation", unit="kN m", low=0.0, high=200.0)
+    weight_on_bit_kn: float = setting(60.0, "weight on bit while drilling", unit="kN", low=0.0, high=1000.0)
+    torque_knm: float = setting(8.0, "torque while drilling with rotation", unit="kN m", low=0.0, high=200.0)
     bottom_block_m: float = setting(2.0, "block height at a connection", unit="m", low=0.0, high=50.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Timeline:
     """
-    Everything the schedule decides, as functions of time.
+    Schedule of a run as functions of time.
 
     Attributes
     ----------
     bit : Profile
         Measured depth of the bit, m.
     angle : Profile
-        Angle turned by the string, rad, before any vibration.
+        Angle of the string, rad, without vibration.
     envelopes : tuple of Profile
-        One for each name of `vibration.ENVELOPES`.
+        One envelope for each name of `vibration.ENVELOPES`.
     hole : Profile
-        Greatest depth the bit has been at, m.
+        Depth of the hole, that is the greatest bit depth so far, m.
     block, hookload, weight, torque : Profile
-        m, N, N, N m.
+        Block position, m; hookload, N; weight on bit, N; torque, N m.
     flow : callable
-        As a `Profile`, m^3/s; of pumps that obey commands a `CommandedFlow`.
+        Flow, m^3/s, called like a `Profile`; a `CommandedFlow` if the pumps obey commands.
     slips, activity : Profile
-        0 or 1; `STILL`, `SLIDING`, `ROTATING` or `TRIPPING`.
+        In slips, 0 or 1; activity, one of `STILL`, `SLIDING`, `ROTATING`, `TRIPPING`.
     still : list of (float, float)
         Intervals without any motion, s.
     seconds : float
-        Length of the schedule.
+        Length of the schedule, s.
     """
 
     bit: Profile
@@ -106,7 +110,7 @@ class Timeline:
     seconds: float
 
     def active(self, when: str) -> list[tuple[float, float]]:
-        """Intervals, s, in which an envelope holds steadily above zero."""
+        """Return the intervals, s, in which an envelope is constant and above 0.5."""
         profile = self.envelopes[ENVELOPES.index(when)]
         ends = np.append(profile.starts[1:], self.seconds)
         steady = (profile.terms[:, 0] > 0.5) & (np.abs(profile.terms[:, 1:]).max(axis=1) == 0.0)
@@ -119,7 +123,7 @@ class Timeline:
         return merged
 
 
-# Lanes that change their value smoothly; that switch; that follow the bit.
+# Profiles whose value changes smoothly, and profiles whose value switches.
 _SMOOTH = ("weight", "torque", "flow", "hookload", *("e_" + name for name in ENVELOPES))
 _SWITCHED = ("slips", "activity")
 Targets = dict[str, float]
@@ -127,9 +131,9 @@ Targets = dict[str, float]
 
 class _Lanes:
     """
-    All profiles under construction, kept at one time.
+    All profiles of a schedule under construction, kept at the same time.
 
-    A step brings lanes to the values named in its targets ("bit_rate" and "angle_rate": to rates); the others stay.
+    A step brings profiles to the values named in its targets ("bit_rate" and "angle_rate" are rates); the others stay.
     """
 
     def __init__(self, bit_m: float, rig: Rig, angle: float) -> None:
@@ -149,7 +153,7 @@ class _Lanes:
         return self.bit.rate != 0.0 or self.angle.rate != 0.0
 
     def jump(self, targets: Targets) -> None:
-        """Be at the targets at once: a run that starts in the middle of its work."""
+        """Set the targets at once, for a run that starts in the middle of its work."""
         for name, value in targets.items():
             if name in ("bit_rate", "angle_rate"):
                 (self.bit if name == "bit_rate" else self.angle).rate = value
@@ -159,7 +163,7 @@ class _Lanes:
                 self.lanes[name].value = value
 
     def step(self, seconds: float, targets: Targets) -> None:
-        """Go to the targets within a time, s."""
+        """Change to the targets within a time, s."""
         if seconds <= 0.0:
             self.jump(targets)
             return
@@ -175,7 +179,7 @@ class _Lanes:
             self.lanes[name].value = targets.get(name, self.lanes[name].value)
             self.lanes[name].hold(seconds)
         if self.bit.value > self.hole.value and bit > self.hole.value - 1e-6:
-            # On bottom the hole deepens with the bit.
+            # On bottom the hole becomes deeper with the bit.
             self.hole.follow(self.bit)
         else:
             self.hole.to_value(max(self.hole.value, self.bit.value), seconds)
@@ -198,18 +202,18 @@ def timeline(
     toolface: float = 0.0,
 ) -> Timeline:
     """
-    Lay out a schedule.
+    Convert a schedule to profiles.
 
     Parameters
     ----------
     phases, rig
-        What is done and how.
+        Phases of the schedule and properties of the rig.
     bit_m : float
         Measured depth of the bit at time zero, m.
     whirl : tuple of ((float, float), (float, float))
-        Shortest and longest burst and pause of each whirl, s; the first one sets the bursts.
+        Shortest and longest burst, and shortest and longest pause, of each whirl, s; only the first is used.
     rng : Generator
-        Draws the whirl bursts.
+        Random numbers for the whirl bursts.
     toolface : float
         Angle of the string at time zero, rad.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A serial line with byte errors and breaks, and the frames that a wired tool sends through it."""
+"""Serial line with byte errors and breaks, and the frames that a wired tool sends over it."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 @dataclasses.dataclass(frozen=True)
 class SerialChannel:
-    """What a line does to bytes."""
+    """Errors of a serial line."""
 
     bit_errors: float = setting(0.0, "Probability that a data bit arrives wrong.", low=0.0, high=0.5)
     lost_bytes: float = setting(0.0, "Probability that a byte is lost (overrun, framing error).", low=0.0, high=0.5)
-    breaks_per_hour: float = setting(0.0, "Times the line is broken.", low=0.0, high=1000.0)
-    break_s: float = setting(2.0, "How long it stays broken.", unit="s", low=0.0, high=600.0)
+    breaks_per_hour: float = setting(0.0, "Number of breaks of the line per hour.", low=0.0, high=1000.0)
+    break_s: float = setting(2.0, "Duration of a break.", unit="s", low=0.0, high=600.0)
 
 
 class SerialStream:
     """
-    A line over time.
+    Serial line with its errors over time.
 
     Parameters
     ----------
@@ -42,12 +42,12 @@ class SerialStream:
         self._next_break()
 
     def _next_break(self) -> None:
-        """Begin of the break after the last one, s."""
+        """Draw the time of the next break, s."""
         hourly = self._channel.breaks_per_hour
         self._break += self._breaks.exponential(3600.0 / hourly) if hourly > 0.0 else np.inf
 
     def carry(self, start_s: float, data: bytes) -> bytes:
-        """Bytes as they arrive of those sent without a pause from a time on, s; times rise from call to call."""
+        """Return the received bytes of data sent without a pause from a time on, s; times rise from call to call."""
         raw = np.frombuffer(data, dtype=np.uint8).copy()
         wrong = np.flatnonzero(self._errors.random(len(raw) * 8) < self._channel.bit_errors)
         np.bitwise_xor.at(raw, wrong // 8, (1 << wrong % 8).astype(np.uint8))
@@ -63,7 +63,7 @@ class SerialStream:
 
 
 def transmit(tool: ToolConfiguration, seconds: float, seed: int) -> tuple[bytes, tuple[SentWord, ...]]:
-    """Bytes of random values, and what they stand for: a survey first, then toolfaces for ever."""
+    """Return the bytes of random values and the words in them: a survey first, then toolfaces repeatedly."""
     random = np.random.default_rng(seed)
     out, words = bytearray(), []
     kind, items, counter = "survey", tool.surveys[0], 0

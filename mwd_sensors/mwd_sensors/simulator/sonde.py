@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The simulated sonde: a scenario in, the samples of every topic out, block by block in constant memory.
+Simulated sonde: turn a scenario into the samples of every topic, block by block in constant memory.
 
-The same scenario gives the same bytes, whatever the length of the blocks asked for: inside, everything runs in steps
-of a fixed number of samples, and each source of randomness has its own stream.
+The same scenario gives the same bytes for any length of the requested blocks: internally everything runs in steps of a
+fixed number of samples, and each source of randomness has its own stream.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mwd_sensors.simulator.telemetry_link import TelemetryLink
 from mwd_sensors.simulator.true_inputs import TrueInputs
 from mwd_sensors.simulator.vibration_sources import draw_hits, draw_lines
 
-# Streams of random numbers, in this order for ever: a new one goes to the end, so that old seeds keep their meaning.
+# Streams of random numbers. Their order must never change; append new ones, so that old seeds give the same runs.
 _STREAMS = (
     "timeline",
     "lines",
@@ -44,32 +44,32 @@ _STREAMS = (
     "link",
     "steering",
 )
-_TURNING = 0.5  # rad/s of the top drive; slower is sliding
+_TURNING = 0.5  # rad/s; a top drive slower than this counts as sliding
 
 
 class Sonde:
     """
-    A sonde in a hole, simulated.
+    Simulation of a sonde in a hole.
 
     Parameters
     ----------
     scenario : Scenario
-        What happens.
+        Settings of the run.
     epoch_ns : int, optional
-        Stamp of time zero, ns; by default the date of the scenario.
+        Stamp of time zero, ns; the default is the date of the scenario.
 
     Attributes
     ----------
     reference : ReferenceField
-        Of the place and date (or as the scenario overrides it): the reference of a survey.
+        Reference field for surveys at the place and date, or the scenario's override.
     duration : float
         Length of the run, s.
     motion : Motion
-        Exact motion.
+        Exact motion of the sonde.
     string : String or None
-        Top drive and string, where the scenario lets commands steer.
+        Top drive and string, if the scenario has steering.
     link : TelemetryLink or None
-        Channel from the tool to the surface, where the scenario has one.
+        Telemetry link to the surface, if the scenario has one.
     """
 
     def __init__(self, scenario: Scenario, epoch_ns: int | None = None) -> None:
@@ -135,17 +135,17 @@ class Sonde:
 
     @property
     def time(self) -> float:
-        """Time of the run up to which samples have been made, s; at most 0.1 s (one step) ahead of the blocks."""
+        """Time of the run up to which samples exist, s; at most 0.1 s (one step) ahead of the returned blocks."""
         return self._step * self._outputs / self.scenario.rate_hz
 
     def inject(self, fault: faults.Fault) -> None:
         """
-        Add a fault from now on (its start counts from now); "ok" ends all faults of that component.
+        Add a fault; its start counts from now. "ok" ends all faults of that component.
 
         Raises
         ------
         ValueError
-            A fault that cannot be (see `faults.check`).
+            The fault is not possible (see `faults.check`).
         """
         faults.check(fault)
         if fault.fault == "ok":
@@ -155,15 +155,15 @@ class Sonde:
 
     def command(self, command: steering.Command) -> None:
         """
-        Let the top drive or the pumps obey, at most 0.2 s (a step and the sensors' delay) after `time`.
+        Pass a command to the top drive or the pumps; it acts within 0.2 s (a step and the sensors' delay) after `time`.
 
         Raises
         ------
         ValueError
-            The scenario has no steering, or the rig cannot do that (see `steering.check`).
+            The scenario has no steering, or the rig cannot do this (see `steering.check`).
         """
         if self.string is None or self._pumps is None:
-            raise ValueError("the rig of this scenario takes no commands; they need an entry `steering: {}` in it")
+            raise ValueError("the rig of this scenario does not obey commands; add `steering: {}` to the scenario")
         self.string.command(command)
         if command.mode == steering.PUMP:
             self._pumps.ask(self.time, command.flow_rate, command.valid_for)
@@ -171,25 +171,25 @@ class Sonde:
             self._pumps.release(self.time)
 
     def stamp_ns(self, seconds: float, *, of_tool: bool) -> int:
-        """Stamp of a time of the run, s, by the clock of the tool, which drifts, or by that of the rig, ns."""
+        """Return the stamp, ns, of a time of the run, s, by the tool's clock, which drifts, or by the rig's clock."""
         drift = self.scenario.clock.drift_ppm * 1e-6 if of_tool else 0.0
         return self.epoch_ns + round(seconds * (1.0 + drift) * wire.NANOSECONDS)
 
     def seconds(self, stamp_ns: int) -> float:
-        """Time of the run, s, of a stamp of the tool; inverse of `stamp_ns`."""
+        """Return the time of the run, s, of a stamp of the tool; inverse of `stamp_ns`."""
         return (stamp_ns - self.epoch_ns) / wire.NANOSECONDS / (1.0 + self.scenario.clock.drift_ppm * 1e-6)
 
     def blocks(self, seconds: float = 1.0) -> Iterator[dict[str, Samples]]:
         """
-        Simulate the samples of every topic, in blocks of that length of the run, to the end of the schedule.
+        Yield the samples of every topic in blocks of this length, s, to the end of the schedule.
 
-        Each block holds, for each topic of `wire.SONDE_TOPICS`, the samples that arrive in it, perhaps none. Asked
-        again, the sonde goes on where the last block ended.
+        Each block holds, for each topic of `wire.SONDE_TOPICS`, the samples that arrive in it (possibly none). A second
+        call continues where the last block ended.
 
         Raises
         ------
         ValueError
-            A length that is not positive.
+            The length is not positive.
         """
         if not seconds > 0.0:
             raise ValueError(f"seconds must be positive, got {seconds!r}")
@@ -209,13 +209,13 @@ class Sonde:
         if not parts:
             return wire.SONDE_TOPICS[topic].empty(0)
         samples, t = joined([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-        # Arrival times ascend, so that a block is a slice.
+        # Arrival times ascend, so a block is a slice.
         cut = int(np.searchsorted(t, until))
         parts[:] = [(samples[cut:], t[cut:])]
         return np.asarray(samples[:cut])
 
     def _advance(self) -> dict[str, tuple[Samples, Array]]:
-        """One step: samples and arrival times of every topic."""
+        """Simulate one step; return samples and arrival times of every topic."""
         scenario, rate = self.scenario, self.scenario.rate_hz
         inputs = self._next_inputs()
         index = self._step * self._outputs + 1 + np.arange(self._outputs, dtype=np.int64)
@@ -266,7 +266,7 @@ class Sonde:
         return out
 
     def _next_inputs(self) -> TrueInputs:
-        """Kinematics of one step with the margins that the low-passes need on both sides."""
+        """Return the kinematics of one step with the margins that the low-passes need on both sides."""
         n = self._outputs * self._per_output
         first = self._step * n
         if self._inputs is None:
@@ -327,7 +327,7 @@ class Sonde:
         return samples
 
     def _rig(self, index: Stamps, t: Array, drive: Array) -> Samples:
-        # The rig has its own, true clock: depth pairs with surveys across the drift of the sonde's.
+        # The rig's clock is exact, so depths match surveys even if the sonde's clock drifts.
         samples = wire.RIG_STATE.empty(len(t))
         if len(t) == 0:
             return samples
@@ -353,7 +353,7 @@ class Sonde:
 
 
 def reference_of(scenario: Scenario) -> earth.ReferenceField:
-    """Compute the reference field of a scenario's place and date, or as the scenario overrides it."""
+    """Return the reference field at a scenario's place and date, or the scenario's override."""
     place = scenario.place
     lat, lon = math.radians(place.latitude_deg), math.radians(place.longitude_deg)
     date = parse_date(scenario.date).date()
@@ -371,7 +371,7 @@ def reference_of(scenario: Scenario) -> earth.ReferenceField:
 
 
 def _motion(scenario: Scenario, rng: dict[str, np.random.Generator]) -> tuple[motion.Motion, CommandedFlow | None]:
-    """Motion of a run, and its pumps where they obey commands."""
+    """Return the motion of a run, and its pumps if they obey commands."""
     well, vibration = scenario.well, scenario.vibration
     table = np.array(well.stations, dtype=float)
     line = timeline(

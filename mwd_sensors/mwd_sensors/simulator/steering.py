@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A top drive that obeys commands and the string below it, which winds up, sticks and slips.
+Top drive that obeys commands, and a string below it that winds up, sticks and slips.
 
-The string is a torsional spring with a lump of inertia at its end; the defaults of both and of the damping are those
-of Jansen and van den Steen, Journal of Sound and Vibration 179 (1995). Friction on the wall falls with speed, which is
-what makes stick-slip. It acts against the direction in which the pipe moves over the wall, so that a string that slides
-along gives way slowly to any torque, and one that does not sticks. A mud motor's reactive torque turns the string to
-the left (counter-clockwise looking down-hole). Angles and speeds count clockwise.
+The string is a torsional spring with a lump of inertia at its end. The defaults of spring, inertia and damping are
+those of Jansen and van den Steen, Journal of Sound and Vibration 179 (1995). Friction on the wall falls with speed,
+which causes stick-slip. Friction acts against the direction in which the pipe moves over the wall. A string that slides
+along the hole therefore yields slowly to any torque, and one that does not slide sticks. The reactive torque of a mud
+motor turns the string to the left (counter-clockwise looking down-hole). Angles and speeds are positive clockwise.
 
-Unlike the rest of the motion this has no closed form: it is integrated at the instants of the kinematics, one after the
+Unlike the rest of the motion this has no closed form. It is integrated at the instants of the kinematics, one after the
 other, so that the same commands at the same steps give the same bits.
 """
 
@@ -26,31 +26,32 @@ from mwd_sensors.core.records import dtype_of
 from mwd_sensors.core.settings import setting
 from mwd_sensors.simulator.schedule import Timeline
 
-# As in mwd_msgs/RigCommand; before the first command and after a release the top drive follows the schedule.
+# Values of `mode` in mwd_msgs/RigCommand; before the first command and after a release the top drive follows the
+# schedule.
 HOLD, ROTATE, ORIENT, PUMP, RELEASE = range(5)
 _SCHEDULE = -1
 _RPM = math.pi / 30.0
-_LINES = 24  # sines of the motor's unsteady torque
-_YIELD = 10.0  # 1/s; how fast a top drive gives way at the limit of its torque
-_LEAST_SLIDE = 1e-5  # rad/s; below this a string that does not slide along stands still
+_LINES = 24  # number of sines in the motor's unsteady torque
+_YIELD = 10.0  # 1/s; how fast a top drive gives way when its torque is at the limit
+_LEAST_SLIDE = 1e-5  # rad/s; below this sliding speed the string counts as not sliding
 
 
 class State:
     """
-    Top drive, string and the command in force.
+    State of top drive and string, and the command in force.
 
     Attributes
     ----------
     drive, drive_rate, end, end_rate : float
-        Angle, rad, and speed, rad/s, of the top drive and of the string's end.
+        Angle, rad, and speed, rad/s, of the top drive and of the lower end of the string.
     mode : int
-        Of the command in force; _SCHEDULE before the first.
+        Mode of the command in force; _SCHEDULE before the first command.
     speed, target, left : float
-        What it asks: rad/s, rad; and how long it holds, s.
+        Commanded speed, rad/s, and angle, rad; remaining validity of the command, s.
     then : int
-        Mode after that time: HOLD or RELEASE.
+        Mode after the validity has ended: HOLD or RELEASE.
     limit : float
-        Largest torque that the top drive gives while it turns on command, N m.
+        Largest torque of the top drive while it turns on command, N m.
     """
 
     drive: float
@@ -69,7 +70,7 @@ _STATE = dtype_of(State)
 
 
 class Params(NamedTuple):
-    """What does not change: SI units, friction as `kinetic` and what standstill adds, `more`."""
+    """Constants of the string in SI; static friction is `kinetic` plus `more`."""
 
     stiffness: float
     inertia: float
@@ -84,27 +85,29 @@ class Params(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Steering:
-    """A rig that obeys commands."""
+    """Properties of a top drive that obeys commands, and of its string."""
 
-    stiffness_nm_rad: float = setting(473.0, "of the string in torsion", unit="N m/rad", low=10.0, high=1e5)
-    inertia_kgm2: float = setting(374.0, "at its end", unit="kg m^2", low=1.0, high=1e5)
-    damping_nms: float = setting(23.0, "between top drive and end", unit="N m s/rad", low=0.0, high=1e4)
-    static_nm: float = setting(2200.0, "friction on the wall at standstill", unit="N m", low=0.0, high=1e5)
-    kinetic_nm: float = setting(1000.0, "friction on the wall at speed", unit="N m", low=0.0, high=1e5)
-    decay_rpm: float = setting(48.0, "speed over which it falls", unit="r/min", low=0.1, high=500.0)
-    pipe_radius_m: float = setting(0.1, "of the pipe on the wall", unit="m", low=0.01, high=1.0)
+    stiffness_nm_rad: float = setting(473.0, "torsional stiffness of the string", unit="N m/rad", low=10.0, high=1e5)
+    inertia_kgm2: float = setting(374.0, "inertia at the end of the string", unit="kg m^2", low=1.0, high=1e5)
+    damping_nms: float = setting(23.0, "damping between top drive and end", unit="N m s/rad", low=0.0, high=1e4)
+    static_nm: float = setting(2200.0, "wall friction at standstill", unit="N m", low=0.0, high=1e5)
+    kinetic_nm: float = setting(1000.0, "wall friction at high speed", unit="N m", low=0.0, high=1e5)
+    decay_rpm: float = setting(48.0, "speed over which the wall friction falls", unit="r/min", low=0.1, high=500.0)
+    pipe_radius_m: float = setting(0.1, "radius of the pipe at the wall", unit="m", low=0.01, high=1.0)
     motor_nm: float = setting(
         800.0, "reactive torque of the motor at the drilling weight", unit="N m", low=0.0, high=1e5
     )
-    motor_unsteady: float = setting(0.1, "root mean square of its changes", unit="of it", low=0.0, high=1.0)
-    motor_band_hz: tuple[float, float] = setting(
-        (0.02, 0.3), "lowest and highest frequency of them", unit="Hz", low=0.001, high=20.0
+    motor_unsteady: float = setting(
+        0.1, "rms of the variation of the reactive torque", unit="of the torque", low=0.0, high=1.0
     )
-    most_rpm: float = setting(200.0, "fastest the top drive turns", unit="r/min", low=1.0, high=600.0)
-    orient_rpm: float = setting(10.0, "fastest it turns to an angle", unit="r/min", low=0.1, high=60.0)
-    ramp_rpm_s: float = setting(20.0, "its change of speed in a second", unit="r/min/s", low=0.1, high=1000.0)
-    most_nm: float = setting(50000.0, "largest torque it gives on command", unit="N m", low=100.0, high=2e5)
-    most_turn_deg: float = setting(720.0, "largest turn it takes at once", unit="deg", low=1.0, high=36000.0)
+    motor_band_hz: tuple[float, float] = setting(
+        (0.02, 0.3), "lowest and highest frequency of the variation", unit="Hz", low=0.001, high=20.0
+    )
+    most_rpm: float = setting(200.0, "highest speed of the top drive", unit="r/min", low=1.0, high=600.0)
+    orient_rpm: float = setting(10.0, "highest speed when turning to an angle", unit="r/min", low=0.1, high=60.0)
+    ramp_rpm_s: float = setting(20.0, "change of speed per second", unit="r/min/s", low=0.1, high=1000.0)
+    most_nm: float = setting(50000.0, "largest torque on command", unit="N m", low=100.0, high=2e5)
+    most_turn_deg: float = setting(720.0, "largest turn in one command", unit="deg", low=1.0, high=36000.0)
 
     def __post_init__(self) -> None:
         """Check the values against each other."""
@@ -117,12 +120,12 @@ class Steering:
 @dataclasses.dataclass(frozen=True)
 class Command:
     """
-    What is asked of the top drive or the pumps.
+    Command to the top drive or the pumps.
 
-    mode: `HOLD`, `ROTATE` at rotary_speed, rad/s, `ORIENT`: by turn, rad, from where the top drive stands (where it
-    will have come to rest, if it turns), `PUMP` at flow_rate, m^3/s, or `RELEASE`: top drive and pumps return to the
-    schedule. valid_for, s: with no newer command within this time the top drive holds, or where `returns` is set
-    returns to the schedule; the pumps always do.
+    mode is `HOLD`, `ROTATE` at rotary_speed, rad/s, `ORIENT` by turn, rad, from the present angle of the top drive (or
+    from the angle where it comes to rest, if it turns), `PUMP` at flow_rate, m^3/s, or `RELEASE`, which returns top
+    drive and pumps to the schedule. Without a newer command within valid_for, s, the top drive holds, or returns to the
+    schedule if `returns` is set; the pumps always return to the schedule.
     """
 
     mode: int
@@ -135,12 +138,12 @@ class Command:
 
 def check(command: Command, steering: Steering) -> None:
     """
-    Whether the top drive can do that.
+    Raise ValueError if the rig cannot carry out a command.
 
     Raises
     ------
     ValueError
-        An unknown mode, a number that is not finite or out of the rig's limits, or a time that is not positive.
+        The mode is unknown, a number is not finite or outside the rig's limits, or the validity is not positive.
     """
     if command.mode not in range(RELEASE + 1):
         raise ValueError(f"mode: must be 0 (hold), 1 (rotate), 2 (orient), 3 (pump) or 4 (release), got {command.mode}")
@@ -162,13 +165,13 @@ class String:
     ----------
     steering : Steering
     timeline : Timeline
-        Depth, weight and pumps; also the rotation until the first command.
+        Depth, weight and pumps; before the first command also the rotation.
     toolface : float
-        Of the string's end at the beginning, rad.
+        Toolface of the string's end at the beginning, rad.
     rate : int
-        Of the instants, Hz.
+        Rate of the instants, Hz.
     rng : Generator
-        Draws the motor's unsteadiness.
+        Random numbers for the motor's variation.
     """
 
     def __init__(
@@ -190,10 +193,10 @@ class String:
             decay=steering.decay_rpm * _RPM,
             fastest=steering.orient_rpm * _RPM,
             ramp=steering.ramp_rpm_s * _RPM,
-            # By as much as the damping allows, so that string and damping together stay below the limit.
+            # Limited by the damping, so that spring and damping torque together stay below the limit.
             yields=min(_YIELD, steering.stiffness_nm_rad / max(steering.damping_nms, 1e-9)),
         )
-        # A run that starts under way starts wound up.
+        # A run that starts with rotation starts with a wound-up string.
         start = np.zeros(1)
         speed, motor = float(timeline.angle(start)[1, 0]), float(self._motor(start)[0])
         fall = math.exp(-abs(speed) / (steering.decay_rpm * _RPM))
@@ -204,12 +207,12 @@ class String:
 
     def command(self, command: Command) -> None:
         """
-        Obey from the next instant on.
+        Obey a command from the next instant on.
 
         Raises
         ------
         ValueError
-            As `check`.
+            The command is refused by `check`.
         """
         check(command, self.steering)
         state = self._state[0]
@@ -222,36 +225,36 @@ class String:
         state.then = RELEASE if command.returns else HOLD
 
     def prolong(self, valid_for: float) -> None:
-        """Let the time of the turn in force, s, restart."""
+        """Restart the validity, s, of the turn in force."""
         if self._state[0].mode == ORIENT:
             self._state[0].left = valid_for
 
     def limit_torque(self, limit: float) -> None:
-        """Give at most this torque, N m, from now on while turning on command; 0: as much as the top drive can."""
+        """Limit the torque while turning on command, N m; 0 removes the limit down to the top drive's own."""
         most = self.steering.most_nm
         self._state[0].limit = min(limit, most) if limit > 0.0 else most
 
     @property
     def quill(self) -> float:
-        """Angle of the top drive now, rad."""
+        """Present angle of the top drive, rad."""
         return float(self._state[0].drive)
 
     @property
     def obeys(self) -> int | None:
-        """Mode of the command in force; None while the schedule rules."""
+        """Mode of the command in force, or None while the top drive follows the schedule."""
         mode = int(self._state[0].mode)
         return None if mode in (_SCHEDULE, RELEASE) else mode
 
     def advance(self, first: int, count: int) -> tuple[Array, Array]:
         """
-        Advance over the instants (first + k) / rate, s, k = 0 .. count - 1, which follow on those of the call before.
+        Advance over the instants (first + k) / rate, s, k = 0 .. count - 1, which continue those of the last call.
 
         Returns
         -------
         turn : ndarray, shape (3, n)
-            Angle of the string's end, its rate and acceleration, rad, rad/s, rad/s^2.
+            Angle of the string's end with its rate and acceleration, rad, rad/s, rad/s^2.
         drive : ndarray, shape (n, 2)
-            Speed of the top drive, rad/s, and the torque it gives, N m.
+            Speed of the top drive, rad/s, and its torque, N m.
         """
         t = (first + np.arange(count)) / self._rate
         turn, drive = np.empty((3, count)), np.empty((count, 2))
@@ -261,7 +264,7 @@ class String:
         return turn, drive
 
     def _motor(self, t: Array) -> Array:
-        """Reactive torque, N m, shape (n,)."""
+        """Return the reactive torque, N m, shape (n,)."""
         item, line = self.steering, self._timeline
         working = line.weight(t)[0] / self._full_weight * (line.flow(t)[0] > 0.0)
         waves = np.cos(2.0 * math.pi * self._frequency[:, None] * t + self._phase[:, None]).sum(axis=0)
@@ -273,9 +276,10 @@ def advance(
     p: Params, state: Samples, slide: Array, scheduled: Array, motor: Array, dt: float, turn: Array, drive: Array
 ) -> None:
     """
-    Integrate over n instants dt apart; state, shape (1,), is changed, turn and drive are filled.
+    Integrate over n instants dt apart; changes state, shape (1,), and fills turn and drive.
 
-    slide, shape (n,): speed along the hole over the radius, rad/s. scheduled, rad/s, and motor, N m, shape (n,).
+    slide, shape (n,): speed along the hole divided by the pipe radius, rad/s. scheduled, rad/s, and motor, N m, shape
+    (n,).
     """
     s = state[0]
     for i in range(len(slide)):
@@ -283,7 +287,7 @@ def advance(
             s.left -= dt
             if s.left <= 0.0:
                 s.mode = s.then
-        # Speed the top drive is to have.
+        # Desired speed of the top drive.
         wanted = 0.0
         if s.mode == _SCHEDULE or s.mode == RELEASE:
             wanted = scheduled[i]
@@ -291,18 +295,18 @@ def advance(
             wanted = s.speed
         elif s.mode == ORIENT:
             rest = s.target - s.drive
-            # As fast as it can still be stopped in time; slower at the very end.
+            # As fast as possible while it can still stop in time; slower at the very end.
             wanted = min(p.fastest, math.sqrt(1.6 * p.ramp * abs(rest)), 10.0 * abs(rest))
             if rest < 0.0:
                 wanted = -wanted
         before = wanted if s.mode == _SCHEDULE else s.drive_rate
         speed, end = before + min(max(wanted - before, -p.ramp * dt), p.ramp * dt), s.end_rate
         if s.mode == ROTATE or s.mode == ORIENT:
-            # At the limit of its torque a top drive turns no faster than the string gives way, whatever is asked.
+            # At the torque limit a top drive turns no faster than the string yields, whatever speed is commanded.
             wound, most = s.drive - s.end, s.limit / p.stiffness
             speed = min(max(speed, end - (most + wound) * p.yields), end + (most - wound) * p.yields)
         torque = p.stiffness * (s.drive - s.end) + p.damping * (before - end)
-        # Friction over speed, taken at the speed before; its part of the step is implicit, so that sticking is stable.
+        # Friction coefficient at the previous speed; the friction term is implicit, so that sticking is stable.
         drag = p.kinetic + p.more * math.exp(-abs(end) / p.decay)
         viscous = drag / math.hypot(end, max(slide[i], _LEAST_SLIDE))
         push = p.stiffness * (s.drive - s.end) + p.damping * before - motor[i]

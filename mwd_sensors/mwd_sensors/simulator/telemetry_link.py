@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The links of a scenario: the tool's transmission goes in; pressure and strokes, voltage or bytes come out.
+Telemetry links of a scenario: the tool's signals go in; pressure and strokes, voltage or bytes come out.
 
-The channels follow the run at a distance, because the tool has to be asked first what it sends: `advance` is called
-with the time up to which all of that is known. They run in blocks of one second, whatever is asked for.
+The channels lag behind the run, because the tool must first decide what it sends: `advance` is called with the time up
+to which the tool's signals are complete. The channels run in blocks of one second.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from mwd_sensors.simulator.serial_channel import SerialChannel
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 FLOW_HZ = 5.0
-_FLOW_SIGMA = 2e-4  # m^3/s; of the tool's own turbine
-# Depth drilled after which the channels are computed anew, m: a shift of the pulses by some milliseconds.
+_FLOW_SIGMA = 2e-4  # m^3/s; noise of the tool's own turbine
+# Depth drilled after which the channels are computed again, m; it shifts the pulses by some milliseconds.
 _DEEPER_M = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Telemetry:
-    """The links of a scenario; depth, flow and pressure of the channels are those of the run."""
+    """Telemetry links of a scenario; depth, flow and pressure of the channels are those of the run."""
 
-    tool: ToolConfiguration = setting(ToolConfiguration, "what the tool sends, and how")
-    second_tool: ToolConfiguration | None = setting(None, "what it sends at once over another link; null: nothing")
-    mud: MudChannel = setting(MudChannel, "line, pumps, noise and valve, of pulses or a siren")
-    earth: EarthChannel = setting(EarthChannel, "ground, string, electrodes and noise, of an EM tool")
-    serial: SerialChannel = setting(SerialChannel, "errors of a line, of a wired tool")
+    tool: ToolConfiguration = setting(ToolConfiguration, "configuration of the tool's transmission")
+    second_tool: ToolConfiguration | None = setting(None, "configuration of a second, simultaneous link; null for none")
+    mud: MudChannel = setting(MudChannel, "mud channel of pulses or a siren: line, pumps, noise, valve")
+    earth: EarthChannel = setting(EarthChannel, "earth channel of an EM tool: ground, string, electrodes, noise")
+    serial: SerialChannel = setting(SerialChannel, "errors of the line of a wired tool")
 
     def __post_init__(self) -> None:
         """
@@ -46,10 +46,10 @@ class Telemetry:
         Raises
         ------
         ValueError
-            Both tool configurations are of one link.
+            Both tool configurations use the same link.
         """
         if self.second_tool is not None and self.second_tool.link == self.tool.link:
-            raise ValueError(f"second_tool: is of the link {self.tool.link}, as the first one; give it another code")
+            raise ValueError(f"second_tool: uses the link {self.tool.link} like the first tool; give it another code")
 
     @property
     def tools(self) -> tuple[ToolConfiguration, ...]:
@@ -59,19 +59,19 @@ class Telemetry:
 
 class TelemetryLink:
     """
-    The links of one run.
+    Telemetry links of one run.
 
     Parameters
     ----------
     telemetry : Telemetry
     timeline : Timeline
-        Depth and pumps.
+        Depth and pumps of the run.
     rig : Rig
         Drilling flow and pressure.
     seed : int
-        Of all noise.
+        Seed of all noise.
     clock : float
-        By how much the tool's clock runs fast, share.
+        Share by which the tool's clock runs fast.
     """
 
     def __init__(self, telemetry: Telemetry, timeline: Timeline, rig: Rig, seed: int, clock: float = 0.0) -> None:
@@ -100,19 +100,19 @@ class TelemetryLink:
         return float(self._timeline.bit(np.array([at_s]))[0, 0])
 
     def send(self, signal: OnAir) -> None:
-        """Put a signal on air, on the tool's clock but its start. What is too late is left out, counted in `late`."""
+        """Transmit a signal whose times, except the start, are on the tool's clock; count late signals in `late`."""
         self.late += self._channels[signal.link].send(signal.on_true_clock(self._clock))
 
     def flows(self, until_s: float) -> tuple[Array, Array]:
         """
-        Flow in the tool since the last call.
+        Return the flow that the tool measured since the last call.
 
         Returns
         -------
         ndarray, shape (n,)
             Times, s of the run.
         ndarray, shape (n,)
-            Flow as the tool's turbine has it, m^3/s: that of the pumps, one travel time of a wave ago.
+            Flow at the tool's turbine, m^3/s: that of the pumps, one wave travel time earlier.
         """
         count = max(math.floor(until_s * FLOW_HZ + 1e-9) - self._flows, 0)
         time = (self._flows + 1 + np.arange(count)) / FLOW_HZ
@@ -127,7 +127,7 @@ class TelemetryLink:
         return _FLOW_SIGMA
 
     def advance(self, until_s: float) -> list[Heard]:
-        """What is heard in the whole seconds that end up to a time of the run, s."""
+        """Return the received signals of all whole seconds up to a time of the run, s."""
         heard = []
         while self._done_s + BLOCK_S <= until_s + 1e-9:
             depth = self._depth(self._done_s)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""True motion of the sonde and inputs of its sensors over a stretch of time, without any error of a sensor."""
+"""True motion of the sonde and true inputs of its sensors over an interval, without sensor errors."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class TrueInputs:
     Attributes
     ----------
     mat_nt, rate_t, position_n, velocity_n, md : ndarray
-        As in `Kinematics`.
+        Fields as in `Kinematics`.
     rate_it : ndarray, shape (n, 3)
-        Rate against inertial space, rad/s.
+        Rotation relative to inertial space, rad/s.
     f_t : list of ndarray, shape (n, 3)
         Specific force at each unit, m/s^2.
     drive : ndarray, shape (n, 2)
-        Speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without one.
+        Speed, rad/s, and torque, N m, of a top drive that obeys commands; shape (n, 0) without such a top drive.
     """
 
     mat_nt: Array
@@ -37,7 +37,7 @@ class TrueInputs:
     drive: Array
 
     def tail(self, count: int) -> TrueInputs:
-        """Keep the last samples."""
+        """Return the last samples."""
         return TrueInputs(
             self.mat_nt[-count:],
             self.rate_t[-count:],
@@ -50,7 +50,7 @@ class TrueInputs:
         )
 
     def joined(self, new: TrueInputs) -> TrueInputs:
-        """Append new samples."""
+        """Return these samples followed by new ones."""
         return TrueInputs(
             np.concatenate([self.mat_nt, new.mat_nt]),
             np.concatenate([self.rate_t, new.rate_t]),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of vibration in a scenario: shocks, random vibration, whirl, stick-slip and hunting toolface."""
+"""Vibration settings of a scenario: shocks, random vibration, whirl, stick-slip and hunting toolface."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import dataclasses
 
 from mwd_sensors.core.settings import setting
 
-# When a vibration acts: an envelope of the schedule.
+# Phases in which a vibration acts; each is an envelope of the schedule.
 WHEN = ("always", "rotating", "sliding", "drilling", "pumping", "moving")
-# Driven by the rotary speed of the phase, rad/s, and by whirl bursts: internal envelopes.
+# With two internal envelopes: rotary speed of the phase, rad/s, for stick-slip, and whirl bursts.
 ENVELOPES = (*WHEN, "stick_slip", "burst")
 
 _AXES = "along the hole axes x (down-hole), y, z (high side)"
@@ -18,7 +18,7 @@ _ANGLES = "about x (torsion), y, z (tilt)"
 
 @dataclasses.dataclass(frozen=True)
 class RandomVibration:
-    """Random vibration with a flat spectrum of acceleration (and of angular rate) in a band."""
+    """Random vibration whose acceleration (and angular rate) has a flat spectrum in a band."""
 
     band_hz: tuple[float, float] = setting(
         (8.0, 300.0), "lowest and highest frequency", unit="Hz", low=0.01, high=900.0
@@ -29,7 +29,7 @@ class RandomVibration:
     rate_deg_s: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), f"angular rate, root mean square {_ANGLES}", unit="deg/s", low=0.0, high=2000.0
     )
-    lines: int = setting(40, "sines for each channel", low=8, high=2000)
+    lines: int = setting(40, "number of sines per channel", low=8, high=2000)
     when: str = setting("drilling", "phases in which it acts", choices=WHEN)
 
     def __post_init__(self) -> None:
@@ -40,7 +40,7 @@ class RandomVibration:
 
 @dataclasses.dataclass(frozen=True)
 class Tone:
-    """One sine."""
+    """Vibration at one frequency."""
 
     frequency_hz: float = setting(0.3, "frequency", unit="Hz", low=0.01, high=900.0)
     acceleration_mps2: tuple[float, float, float] = setting(
@@ -54,38 +54,42 @@ class Tone:
 
 @dataclasses.dataclass(frozen=True)
 class PerTurn:
-    """Motion locked to the rotation: run-out, bit bounce, wobble of the speed."""
+    """Motion locked to the rotation: run-out, bit bounce, variation of the speed."""
 
     per_turn: int = setting(1, "cycles in one turn", low=1, high=24)
     displacement_mm: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0), f"amplitude {_AXES}", unit="mm", low=0.0, high=50.0
     )
     speed_fraction: float = setting(
-        0.0, "amplitude of the wobble of the rotary speed", unit="of the speed", low=0.0, high=1.0
+        0.0, "amplitude of the variation of the rotary speed", unit="of the speed", low=0.0, high=1.0
     )
     phase_deg: float = setting(0.0, "phase at toolface zero", unit="deg", low=-360.0, high=360.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class Whirl:
-    """Backward (or forward) whirl: the axis runs round the hole in bursts."""
+    """Backward (or forward) whirl: the tool axis moves around the hole in bursts."""
 
-    frequency_hz: float = setting(12.0, "turns of the axis round the hole", unit="Hz", low=0.1, high=100.0)
+    frequency_hz: float = setting(12.0, "revolutions of the axis around the hole", unit="Hz", low=0.1, high=100.0)
     acceleration_mps2: float = setting(30.0, "centripetal acceleration", unit="m/s^2", low=0.0, high=1000.0)
     burst_s: tuple[float, float] = setting((2.0, 5.0), "shortest and longest burst", unit="s", low=0.2, high=600.0)
     pause_s: tuple[float, float] = setting((1.0, 4.0), "shortest and longest pause", unit="s", low=0.2, high=600.0)
-    backward: bool = setting(True, "against the rotation")
+    backward: bool = setting(True, "whether the whirl is against the rotation")
 
 
 @dataclasses.dataclass(frozen=True)
 class Sweep:
-    """A sine whose frequency runs up and down linearly, as on a shaker (S3's vibration test)."""
+    """A sine whose frequency rises and falls linearly, as on a shaker (S3's vibration test)."""
 
     low_hz: float = setting(10.0, "frequency at the start", unit="Hz", low=0.5, high=900.0)
     high_hz: float = setting(150.0, "frequency at half the period", unit="Hz", low=0.5, high=900.0)
-    period_s: float = setting(332.0, "up and down again", unit="s", low=1.0, high=36000.0)
+    period_s: float = setting(332.0, "duration of one rise and fall", unit="s", low=1.0, high=36000.0)
     acceleration_mps2: tuple[float, float, float] = setting(
-        (0.0, 0.0, 50.0), f"amplitude {_AXES}; the sign is the phase", unit="m/s^2", low=-1000.0, high=1000.0
+        (0.0, 0.0, 50.0),
+        f"amplitude {_AXES}; a negative sign reverses the phase",
+        unit="m/s^2",
+        low=-1000.0,
+        high=1000.0,
     )
     rate_deg_s: tuple[float, float, float] = setting(
         (0.0, 0.0, 0.0),
@@ -94,37 +98,43 @@ class Sweep:
         low=0.0,
         high=2000.0,
     )
-    rate_phase_deg: float = setting(30.0, "of the rocking after the vibration", unit="deg", low=-360.0, high=360.0)
+    rate_phase_deg: float = setting(
+        30.0, "phase of the rocking after the vibration", unit="deg", low=-360.0, high=360.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)
 class Shocks:
-    """Hits of the wall: half-sine accelerations, each with approach and rebound: the tool stays in place."""
+    """Hits of the wall: half-sine accelerations with approach and rebound, so that the tool stays in place."""
 
-    rate_hz: float = setting(2.0, "mean number in a second", unit="Hz", low=0.001, high=50.0)
+    rate_hz: float = setting(2.0, "mean number per second", unit="Hz", low=0.001, high=50.0)
     peak_g: tuple[float, float] = setting(
         (50.0, 100.0), "smallest and largest peak", unit="standard gravity", low=0.1, high=5000.0
     )
     width_ms: tuple[float, float] = setting((0.5, 4.0), "shortest and longest half-sine", unit="ms", low=0.1, high=50.0)
-    clearance_mm: float = setting(15.0, "the tool moves no further than this", unit="mm", low=0.5, high=200.0)
-    axial_share: float = setting(0.3, "of the direction along the hole, root mean square", low=0.0, high=1.0)
+    clearance_mm: float = setting(15.0, "largest displacement of the tool", unit="mm", low=0.5, high=200.0)
+    axial_share: float = setting(0.3, "share of the direction along the hole, root mean square", low=0.0, high=1.0)
     when: str = setting("drilling", "phases in which they act", choices=WHEN)
 
 
 @dataclasses.dataclass(frozen=True)
 class StickSlip:
-    """The bit sticks and slips: the rotary speed varies between zero and twice its mean, or beyond."""
+    """Stick-slip of the bit: the rotary speed varies between zero and twice its mean, or beyond."""
 
-    frequency_hz: float = setting(0.2, "stick-slip cycles", unit="Hz", low=0.02, high=5.0)
+    frequency_hz: float = setting(0.2, "stick-slip cycles per second", unit="Hz", low=0.02, high=5.0)
     depth: float = setting(
-        1.0, "1: down to standstill; above: backward as well", unit="of the mean speed", low=0.0, high=3.0
+        1.0,
+        "amplitude of the speed; 1 reaches standstill, more turns backward",
+        unit="of the mean speed",
+        low=0.0,
+        high=3.0,
     )
-    sticky: bool = setting(False, "stands still for a part of the cycle, then runs 2.67 times the mean speed")
+    sticky: bool = setting(False, "whether it stands still for part of the cycle and then reaches 2.67 times the mean")
 
 
 @dataclasses.dataclass(frozen=True)
 class Hunting:
-    """Wandering of the toolface while sliding, from reactive torque."""
+    """Wandering of the toolface while sliding, caused by reactive torque."""
 
     toolface_deg: float = setting(8.0, "root mean square", unit="deg", low=0.0, high=180.0)
     band_hz: tuple[float, float] = setting((0.02, 0.3), "lowest and highest frequency", unit="Hz", low=0.001, high=20.0)
@@ -132,13 +142,13 @@ class Hunting:
 
 @dataclasses.dataclass(frozen=True)
 class Vibrations:
-    """All that shakes the sonde."""
+    """All vibration of the sonde."""
 
     random: tuple[RandomVibration, ...] = setting((), "random vibrations")
     tones: tuple[Tone, ...] = setting((), "sines")
     per_turn: tuple[PerTurn, ...] = setting((), "motion locked to the rotation")
     whirl: tuple[Whirl, ...] = setting((), "whirl in bursts while rotating")
-    sweeps: tuple[Sweep, ...] = setting((), "frequency sweeps; they act always")
+    sweeps: tuple[Sweep, ...] = setting((), "frequency sweeps, which always act")
     shocks: tuple[Shocks, ...] = setting((), "shocks")
     stick_slip: StickSlip | None = setting(None, "stick-slip while rotating")
     hunting: Hunting | None = setting(None, "wandering toolface while sliding")

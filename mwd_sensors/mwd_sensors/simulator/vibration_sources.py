@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Vibration of a sonde in its hole: displacements and small angles in closed form, so that they stay bounded.
+Vibration of a sonde in its hole as bounded displacements and small angles in closed form.
 
-Everything is a displacement first; velocity and acceleration are its exact derivatives. A random vibration is a sum
-of sines with random frequencies and phases in its band, which keeps the asked spectrum, integrates to a bounded
-displacement and needs no memory. Six channels: displacement along the hole axes x (down-hole), y, z (high side), m;
-tilt about y and about z, rad; torsion about x, rad. The hole axes are the tool's at toolface zero.
+Every vibration is first a displacement; velocity and acceleration are its exact derivatives. Random vibration is a sum
+of sines with random frequencies and phases in its band: it has the requested spectrum, integrates to a bounded
+displacement and needs no memory. The six channels are: displacement along the hole axes x (down-hole), y, z (high
+side), m; tilt about y and about z, rad; torsion about x, rad. The hole axes are the tool axes at toolface zero.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CHANNELS = 6
 
 
 class Lines(NamedTuple):
-    """Sines, sorted by envelope and channel; arrays of shape (k,): Hz, rad, and amplitude in m or rad."""
+    """Sines sorted by envelope and channel; arrays of shape (k,): frequency, Hz, phase, rad, amplitude, m or rad."""
 
     envelope: Indices
     channel: Indices
@@ -34,7 +34,7 @@ class Lines(NamedTuple):
 
 
 class PerTurnLines(NamedTuple):
-    """Sines of the angle of the string; arrays of shape (k,): channel, cycles in one turn, rad, and m or rad."""
+    """Sines of the string's angle; arrays of shape (k,): channel, cycles per turn, phase, rad, amplitude, m or rad."""
 
     channel: Indices
     per_turn: Indices
@@ -43,7 +43,7 @@ class PerTurnLines(NamedTuple):
 
 
 class SweepLines(NamedTuple):
-    """A frequency sweep; arrays of shape (6,): m/s^2 with power 2 or rad/s with power 1, and the phase, rad."""
+    """A frequency sweep; shape (6,): amplitude in m/s^2 (power 2) or rad/s (power 1), and phase, rad."""
 
     low_hz: float
     high_hz: float
@@ -54,7 +54,11 @@ class SweepLines(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Shocks in order of time; arrays of shape (k,), direction (k, 3): s, s, m/s^2, s, unit vector in hole axes."""
+    """
+    Shocks in order of time: time, s, width, s, peak, m/s^2, and lobe, s, shape (k,) each, and direction, shape (k, 3).
+
+    The lobe is the duration of approach and of rebound. The direction is a unit vector in hole axes.
+    """
 
     time: Array
     width: Array
@@ -64,7 +68,7 @@ class Hits(NamedTuple):
 
     @property
     def displacement(self) -> Array:
-        """Largest displacement of each, m, shape (k,)."""
+        """Largest displacement of each shock, m, shape (k,)."""
         impulse = 2.0 * self.peak * self.width / math.pi
         return np.asarray(impulse * self.lobe / 4.0 + self.peak * self.width**2 / math.pi**2)
 
@@ -100,7 +104,7 @@ def draw_lines(vibrations: Vibrations, rng: np.random.Generator) -> Lines:
     for whirl in vibrations.whirl:
         radius = whirl.acceleration_mps2 / (2.0 * math.pi * whirl.frequency_hz) ** 2
         phase = 2.0 * math.pi * rng.random()
-        # Turning from y to z is forward (clockwise looking down-hole).
+        # A rotation from y to z is forward (clockwise looking down-hole).
         lag = 0.5 * math.pi if whirl.backward else -0.5 * math.pi
         burst = ENVELOPES.index("burst")
         rows.append((burst, 1, whirl.frequency_hz, phase, radius))
@@ -124,7 +128,8 @@ _ANGLE_CHANNELS = (5, 3, 4)
 
 
 def _stick_slip(item: StickSlip) -> list[tuple[int, int, float, float, float]]:
-    # Rate / mean = 1 - d cos(w t), or its square brought to mean 1: 1 - 4/3 cos(w t) + 1/3 cos(2 w t), flat at zero.
+    # Rate / mean = 1 - d cos(w t). Sticky: its square scaled to mean 1, 1 - 4/3 cos(w t) + 1/3 cos(2 w t), flat at
+    # zero.
     omega = 2.0 * math.pi * item.frequency_hz
     harmonics = ((1, -4.0 / 3.0), (2, 1.0 / 3.0)) if item.sticky else ((1, -1.0),)
     envelope = ENVELOPES.index("stick_slip")
@@ -141,7 +146,7 @@ def draw_hits(
     """
     Draw the shocks of a whole run.
 
-    active: for each name of `WHEN`, the intervals (start, end), s, in which it holds fully.
+    active maps each name of `WHEN` to the intervals (start, end), s, in which its envelope is constant and above 0.5.
     """
     rows: list[list[float]] = []
     for item in shocks:
@@ -155,7 +160,8 @@ def draw_hits(
                 direction /= np.linalg.norm(direction)
                 impulse = 2.0 * peak * width / math.pi
                 room = item.clearance_mm * 1e-3 - peak * width**2 / math.pi**2
-                # Approach and rebound as long as the clearance allows, at most 0.1 s, at least the pulse itself.
+                # Approach and rebound last as long as the clearance allows, at most 0.1 s and at least as long as the
+                # pulse.
                 lobe = float(np.clip(4.0 * room / impulse, width, 0.1))
                 if start < t - lobe - width and t + lobe + width < end:
                     rows.append([t, width, peak, lobe, *direction])
@@ -168,15 +174,15 @@ def draw_hits(
 @compiled
 def add_lines(lines: Lines, envelopes: Array, start: float, dt: float, out: Array) -> None:
     """
-    Add sines, each times its envelope, to out.
+    Add sines, each multiplied by its envelope, to out.
 
-    envelopes, shape (e, 3, n), and out, shape (6, 3, n): value, rate, acceleration at start + k dt.
+    envelopes, shape (e, 3, n), and out, shape (6, 3, n), hold value, rate and acceleration at start + k dt.
     """
     count = len(lines.channel)
     omega = 2.0 * math.pi * lines.frequency_hz
     c, s, step_c, step_s = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
     for k in range(count):
-        # Whole turns are dropped before they cost digits.
+        # Whole turns are subtracted first, so that they do not cost digits.
         turns = lines.frequency_hz[k] * start
         angle = 2.0 * math.pi * (turns - math.floor(turns)) + lines.phase[k]
         c[k], s[k] = lines.amplitude[k] * math.cos(angle), lines.amplitude[k] * math.sin(angle)
@@ -187,7 +193,7 @@ def add_lines(lines: Lines, envelopes: Array, start: float, dt: float, out: Arra
         end = first + 1
         while end < count and lines.channel[end] == ch and lines.envelope[end] == e:
             end += 1
-        # While the string stands still, the lines of drilling add nothing.
+        # Lines whose envelope is zero in the whole block are skipped.
         active = np.any(envelopes[e] != 0.0)
         for i in range(out.shape[2] if active else 0):
             value, rate, acceleration = 0.0, 0.0, 0.0
@@ -208,7 +214,7 @@ def add_per_turn(lines: PerTurnLines, turn: Array, out: Array) -> None:
     """
     Add motion locked to the rotation: amplitude cos(per_turn * angle + phase).
 
-    turn, shape (3, n): angle turned, rad, its rate and acceleration. out as in `add_lines`.
+    turn, shape (3, n), is the string's angle, rad, with rate and acceleration. out is as in `add_lines`.
     """
     channel, per_turn, phase, amplitude = lines.channel, lines.per_turn, lines.phase, lines.amplitude
     for k in range(len(channel)):
@@ -225,9 +231,9 @@ def add_per_turn(lines: PerTurnLines, turn: Array, out: Array) -> None:
 @compiled
 def add_sweep(sweep: SweepLines, start: float, dt: float, out: Array) -> None:
     """
-    Add a triangular frequency sweep: -amplitude sin(phi + phase) / omega^power in each channel.
+    Add a triangular frequency sweep to out: -amplitude sin(phi + phase) / omega^power in each channel.
 
-    out as in `add_lines`.
+    out is as in `add_lines`.
     """
     low_hz, high_hz, period = sweep.low_hz, sweep.high_hz, sweep.period_s
     amplitude, power, phase = sweep.amplitude, sweep.power, sweep.phase
@@ -264,10 +270,10 @@ def add_sweep(sweep: SweepLines, start: float, dt: float, out: Array) -> None:
 @compiled
 def add_hits(hits: Hits, start: float, dt: float, out: Array) -> None:
     """
-    Add shocks: approach, half-sine, rebound; velocity and displacement are zero before and after.
+    Add shocks (approach, half-sine, rebound); velocity and displacement are zero before and after.
 
-    The acceleration is the mean over one step dt (the difference of the exact velocities), so that no pulse shorter
-    than a step is lost or overweighted. out as in `add_lines`.
+    The acceleration is the mean over one step dt (the difference of the exact velocities), so that a pulse that is
+    shorter than a step keeps its weight. out is as in `add_lines`.
     """
     n = out.shape[2]
     end = start + n * dt
@@ -292,14 +298,14 @@ def add_hits(hits: Hits, start: float, dt: float, out: Array) -> None:
 
 @compiled
 def _hit(u: float, width: float, peak: float, lobe: float) -> tuple[float, float]:
-    """Displacement, m, and velocity, m/s, at the time u, s, from the middle of a shock."""
+    """Return displacement, m, and velocity, m/s, at a time u, s, from the middle of a shock."""
     impulse = 2.0 * peak * width / math.pi
     half = 0.5 * width
     if abs(u) <= half:
         speed = peak * width / math.pi
         turn = math.pi * u / width
         return -0.25 * impulse * lobe - speed * width / math.pi * math.cos(turn), speed * math.sin(turn)
-    # By symmetry the rebound is the approach run backwards.
+    # By symmetry the rebound is the approach in reverse.
     v = lobe + half - abs(u)
     if v <= 0.0:
         return 0.0, 0.0

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Words on a carrier: blocks of whole words with header and CRC-16, coded, interleaved, as phases of BPSK, DPSK or QPSK.
+Send words on a carrier: blocks of words with header and CRC-16, coded, interleaved, modulated as BPSK, DPSK or QPSK.
 
-A block is sent as first half, marker of known symbols, second half: from the marker in its middle the receiver learns
-time, phase and channel, and neither end is far from it. Every block is as long as every other one and says itself
-which words it holds, so any of them can be the first that is heard.
+A block is sent as first half, marker of known symbols, second half. From the marker in the middle, which is close to
+both ends, the receiver estimates time, phase and channel. All blocks have the same length and each names the words that
+it holds, so that a receiver can start with any block.
 Sources: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008, sections 3.2 and 4.5; S. Crozier, New
 high-spread high-distance interleavers for turbo-codes, 2000 (relative prime interleaver).
 """
@@ -27,7 +27,7 @@ from mwd_sensors.telemetry.checksum import CRC_BYTES, START, holds, signed
 from mwd_sensors.telemetry.sequences import SequenceItem
 
 Complex = NDArray[np.complex128]
-# Aperiodic autocorrelation beside its peak is 2 at most: the best of all 20-symbol sequences of +-1.
+# The aperiodic autocorrelation outside its peak is at most 2, the lowest of all 20-symbol sequences of +1 and -1.
 _MARKER = 0x4D4E
 MARKER_SYMBOLS = 20
 KINDS = ("survey", "toolface")
@@ -38,25 +38,26 @@ _BITS_PER_SYMBOL = {"bpsk": 1, "dpsk": 1, "qpsk": 2}
 
 @dataclasses.dataclass(frozen=True)
 class Carrier:
-    """A carrier and what is laid on it."""
+    """A carrier, its modulation and the size of its blocks."""
 
     medium: str = setting(
         "mud",
-        "What carries it: pressure of the mud (siren, oscillator) or voltage in the earth.",
+        "Medium of the carrier: pressure of the mud (siren, oscillator) or voltage in the earth.",
         choices=("mud", "earth"),
     )
     modulation: str = setting(
         "qpsk",
-        "Phases: BPSK and QPSK need a steady phase; DPSK bears one that wanders, at some 2 dB more.",
+        "Modulation of the phase. BPSK and QPSK need a steady phase; DPSK tolerates a drifting one but needs about 2 "
+        "dB more.",
         choices=tuple(_BITS_PER_SYMBOL),
     )
     frequency_hz: float = setting(12.0, "Frequency of the carrier.", unit="Hz", low=0.5, high=200.0)
     symbol_rate_hz: float = setting(
-        2.5, "Symbols a second. A lower rate reaches deeper.", unit="Hz", low=0.1, high=50.0
+        2.5, "Symbols per second. A lower rate reaches greater depth.", unit="Hz", low=0.1, high=50.0
     )
     block_bits: int = setting(
         40,
-        "Bits of words in a block, a multiple of 8. Longer blocks lose less to marker and check, and come later.",
+        "Bits of words in a block, a multiple of 8. Longer blocks have less overhead (marker, check) and more delay.",
         unit="bit",
         low=16,
         high=240,
@@ -69,7 +70,7 @@ class Carrier:
         Raises
         ------
         ValueError
-            The block is no whole number of bytes, or the band reaches down to zero frequency.
+            The block is not a whole number of bytes, or the band reaches down to zero frequency.
         """
         if self.block_bits % 8:
             raise ValueError(f"block_bits: must be a multiple of 8, got {self.block_bits}")
@@ -80,28 +81,28 @@ class Carrier:
 
     @property
     def coded_bits(self) -> int:
-        """Bits of a block on air: header, words and check, coded."""
+        """Number of coded bits of a block: header, words and check."""
         return 2 * (8 * (_HEADER_BYTES + CRC_BYTES) + self.block_bits + convolution.MEMORY)
 
     @property
     def half(self) -> int:
-        """Symbols before the marker."""
+        """Number of symbols before the marker."""
         return self.coded_bits // _BITS_PER_SYMBOL[self.modulation] // 2 + (self.modulation == "dpsk")
 
     @property
     def block_symbols(self) -> int:
-        """Symbols of a block, marker included."""
+        """Number of symbols of a block, including the marker."""
         data = self.coded_bits // _BITS_PER_SYMBOL[self.modulation]
         return MARKER_SYMBOLS + data + (self.modulation == "dpsk")
 
     @property
     def block_s(self) -> float:
-        """Time on air of a block, s."""
+        """Duration of a block, s."""
         return self.block_symbols / self.symbol_rate_hz
 
 
 class BlockName(NamedTuple):
-    """Which words a block holds: kind and number of the sequence, and the block's place in it."""
+    """Identifies the words in a block: kind and number of the sequence, and position of the block in the sequence."""
 
     kind: str
     number: int
@@ -110,16 +111,17 @@ class BlockName(NamedTuple):
 
 @functools.cache
 def marker() -> Complex:
-    """Known symbols in the middle of a block, shape (20,): +1 or -1."""
+    """Return the known symbols in the middle of a block, shape (20,): +1 or -1."""
     return np.array([1.0 - 2.0 * (_MARKER >> k & 1) for k in reversed(range(MARKER_SYMBOLS))], dtype=complex)
 
 
 @functools.cache
 def interleaver(count: int) -> Indices:
     """
-    Coded bit that is sent at each place, shape (count,).
+    Return the index of the coded bit that is sent at each position, shape (count,).
 
-    Places a golden section of the block apart, so that a disturbance of many symbols hits bits far from each other.
+    Neighbouring positions are a golden section of the block apart, so that a long disturbance hits bits far from each
+    other.
     """
     step = round(count * (math.sqrt(5.0) - 1.0) / 2.0)
     while math.gcd(step, count) > 1:
@@ -129,7 +131,7 @@ def interleaver(count: int) -> Indices:
 
 @functools.cache
 def data_places(carrier: Carrier) -> Indices:
-    """Places of the symbols that carry coded bits, shape (n,); of DPSK those that differ from the symbol before."""
+    """Return the positions of symbols with coded bits, shape (n,); for DPSK each differs from the symbol before."""
     places = np.arange(carrier.block_symbols)
     inside = (places >= carrier.half) & (places < carrier.half + MARKER_SYMBOLS)
     return places[~inside & (places >= (carrier.modulation == "dpsk"))]
@@ -137,7 +139,7 @@ def data_places(carrier: Carrier) -> Indices:
 
 def blocks_of(items: tuple[SequenceItem, ...], capacity: int) -> tuple[tuple[SequenceItem, ...], ...]:
     """
-    Words of each block of a sequence: as many whole words as fit.
+    Split a sequence into blocks, each with as many whole words as fit.
 
     Raises
     ------
@@ -153,13 +155,13 @@ def blocks_of(items: tuple[SequenceItem, ...], capacity: int) -> tuple[tuple[Seq
         blocks[-1].append(item)
     if len(blocks) > MOST_BLOCKS:
         raise ValueError(
-            f"it needs {len(blocks)} blocks of {capacity} bits; {MOST_BLOCKS} is the most: raise block_bits"
+            f"the sequence needs {len(blocks)} blocks of {capacity} bits, more than {MOST_BLOCKS}: raise block_bits"
         )
     return tuple(tuple(block) for block in blocks)
 
 
 def packed(codes: Sequence[int], lengths: Sequence[int], capacity: int) -> bytes:
-    """Codes one after the other, most significant bit first, filled with zeros up to a number of bits."""
+    """Concatenate codes, most significant bit first, and fill up with zeros to `capacity` bits."""
     whole = 0
     for code, length in zip(codes, lengths, strict=True):
         whole = whole << length | code
@@ -167,7 +169,7 @@ def packed(codes: Sequence[int], lengths: Sequence[int], capacity: int) -> bytes
 
 
 def unpacked(data: bytes, lengths: Sequence[int]) -> tuple[int, ...]:
-    """Codes of `packed` bytes; what fills the end is not looked at."""
+    """Return the codes in bytes made by `packed`; the filling at the end is ignored."""
     whole, left = int.from_bytes(data, "big"), 8 * len(data)
     codes = []
     for length in lengths:
@@ -179,14 +181,14 @@ def unpacked(data: bytes, lengths: Sequence[int]) -> tuple[int, ...]:
 def block_bits(
     carrier: Carrier, name: BlockName, codes: Sequence[int], lengths: Sequence[int], start: int = START
 ) -> Indices:
-    """Header, words and check (from `start` on) of a block as bits, not yet coded; shape (24 + block_bits,)."""
+    """Return header, words and check of a block as bits before coding, shape (24 + block_bits,)."""
     header = KINDS.index(name.kind) << 7 | name.number << 4 | name.place
     data = signed(bytes([header]) + packed(codes, lengths, carrier.block_bits), start)
     return np.unpackbits(np.frombuffer(data, dtype=np.uint8)).astype(np.int64)
 
 
 def read_block(bits: Indices, start: int = START) -> tuple[BlockName, bytes] | None:
-    """Name and words of decoded bits; None where the check fails."""
+    """Return name and words of decoded bits, or None if the check fails."""
     data = np.packbits(np.asarray(bits, dtype=np.uint8)).tobytes()
     if not holds(data, start):
         return None
@@ -194,13 +196,13 @@ def read_block(bits: Indices, start: int = START) -> tuple[BlockName, bytes] | N
 
 
 def symbols(carrier: Carrier, bits: Indices) -> Complex:
-    """Symbols of a block, shape (block_symbols,), each of size 1; bits as `block_bits` gives them."""
+    """Return the symbols of a block, shape (block_symbols,), each of magnitude 1; bits as from `block_bits`."""
     coded = convolution.encode(bits)
     return mapped(carrier, coded[interleaver(len(coded))])
 
 
 def mapped(carrier: Carrier, sent: Indices) -> Complex:
-    """Symbols of interleaved coded bits; shape (block_symbols,)."""
+    """Return the symbols of interleaved coded bits, shape (block_symbols,)."""
     out = np.empty(carrier.block_symbols, dtype=complex)
     first = carrier.half
     out[first : first + MARKER_SYMBOLS] = marker()

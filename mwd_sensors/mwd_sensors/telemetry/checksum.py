@@ -12,19 +12,20 @@ START = 0xFFFF
 
 
 def crc16(data: bytes, start: int = START) -> int:
-    """CRC-16 of polynomial 0x1021 and start 0xFFFF (ITU-T V.41; "CRC-16/IBM-3740" in catalogues)."""
+    """Return the CRC-16 with polynomial 0x1021 and start 0xFFFF (ITU-T V.41; "CRC-16/IBM-3740" in catalogues)."""
     return binascii.crc_hqx(data, start)
 
 
 def signed(data: bytes, start: int = START) -> bytes:
     """
-    Bytes with their check behind them, high byte first.
+    Append the check to bytes, high byte first.
 
-    start: what tool and surface must have in common; the check holds only for a receiver with the same.
+    The check is valid only for a receiver with the same start value. A start value that depends on the configuration
+    therefore rejects data from a tool with another configuration.
     """
     return data + crc16(data, start).to_bytes(CRC_BYTES, "big")
 
 
 def holds(data: bytes, start: int = START) -> bool:
-    """Whether bytes end with their own check."""
+    """Return whether bytes end with a valid check."""
     return len(data) > CRC_BYTES and crc16(data[:-CRC_BYTES], start) == int.from_bytes(data[-CRC_BYTES:], "big")

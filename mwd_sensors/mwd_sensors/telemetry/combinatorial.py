@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Combinatorial pulse code: every way to place M equal pulses in a window is a code, ranked in lexicographic order.
+Combinatorial pulse code: each way to place M equal pulses in a window is a code, in lexicographic order.
 
-Of n slots M hold a leading edge, neighbours at least `SPACING_TU` apart, so there are C(n - (M - 1)(SPACING_TU - 1), M)
-codes (L. H. Rorden, US 4787093, 1988: the combinatorial number system). One M for each length of word is chosen:
-the shortest window that uses as many pulses as the pulse position code or fewer.
+M of n slots hold a leading edge, with at least `SPACING_TU` between neighbours, which gives
+C(n - (M - 1)(SPACING_TU - 1), M) codes (L. H. Rorden, US 4787093, 1988: the combinatorial number system). For each word
+length one M is chosen: the one with the shortest window that needs no more pulses than the pulse position code.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from mwd_sensors.core.arrays import Indices
 from mwd_sensors.telemetry.pulse_position import Pulses
 from mwd_sensors.telemetry.sequences import SequenceItem
 
-# A pulse is 2 TU wide; as many follow it before the next edge, so that the valve closes and the mud settles.
+# A pulse is 2 TU wide, followed by at least 2 TU without an edge, so that the valve closes and the mud settles.
 SPACING_TU = 4
-# From the last slot of an edge to the next word: the pulse and as much again.
+# Time from the last possible edge to the next word: the pulse and the same time again.
 _TAIL_TU = 4
-# A receiver weighs all codes of a word against each other.
+# A receiver compares all codes of a word with each other, which limits the length.
 MOST_BITS = 16
 
 
 def check(items: Sequence[SequenceItem]) -> None:
     """
-    Refuse what the code is not used for.
+    Raise ValueError for words that the code cannot send.
 
     Raises
     ------
@@ -45,12 +45,12 @@ def check(items: Sequence[SequenceItem]) -> None:
 @functools.cache
 def shape(bits: int) -> tuple[int, int]:
     """
-    Number of pulses and of slots for a word of so many bits.
+    Return the number of pulses and of slots for a word of this many bits.
 
     Raises
     ------
     ValueError
-        Fewer than 2 bits.
+        There are fewer than 2 bits.
     """
     if bits < 2:
         raise ValueError(f"bits: a word needs 2 or more, got {bits}")
@@ -68,9 +68,9 @@ def _slots(bits: int, pulses: int) -> int:
 @functools.cache
 def values(bits: int) -> Indices:
     """
-    How far each pulse of each code is moved from its first possible place, TU; shape (2^bits, pulses).
+    Return how far each pulse of each code is shifted from its first possible position, TU; shape (2^bits, pulses).
 
-    Rows are codes in order, which is that of the combinations; along a row no value is below the one before.
+    Rows are codes in order, which is the order of the combinations; the values of a row never decrease.
     """
     count, slots = shape(bits)
     free = slots - (count - 1) * (SPACING_TU - 1)
@@ -80,25 +80,25 @@ def values(bits: int) -> Indices:
 
 @functools.cache
 def odd(bits: int) -> Indices:
-    """Whether each code has an odd number of ones; shape (2^bits,), 0 or 1."""
+    """Return whether each code has an odd number of ones, 0 or 1; shape (2^bits,)."""
     return np.array([code.bit_count() & 1 for code in range(2**bits)])
 
 
 def encode(code: int, bits: int) -> Pulses:
     """
-    Leading edges of a word.
+    Return the pulses of a word.
 
     Parameters
     ----------
     code : int
-        Value with its parity bit, if it has one, as the last.
+        Value of the word; its last bit is the parity bit if the word has one.
     bits : int
-        Length, parity included.
+        Length of the word, including parity.
 
     Raises
     ------
     ValueError
-        The code does not fit the bits.
+        The code does not fit into the bits.
     """
     if not 0 <= code < 2**bits:
         raise ValueError(f"code: {code} does not fit {bits} bits")

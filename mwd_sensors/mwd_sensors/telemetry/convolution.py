@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Convolutional code of constraint length 7 and rate 1/2, polynomials 133 and 171 (octal), ended with zeros.
+Convolutional code of constraint length 7 and rate 1/2, polynomials 133 and 171 (octal), terminated with zeros.
 
 Source: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008, section 8.1; the code of CCSDS 131.0-B.
 """
@@ -14,13 +14,13 @@ import numpy as np
 from mwd_sensors.core.arrays import Indices
 
 POLYNOMIALS = (0o133, 0o171)
-MEMORY = 6  # bits that the encoder remembers; as many zeros end a block
+MEMORY = 6  # bits in the encoder's register; the same number of zeros ends a block
 STATES = 1 << MEMORY
 
 
 @functools.cache
 def outputs() -> Indices:
-    """Two coded bits of each step, first bit high; shape (states, 2): state before, input bit."""
+    """Return the two coded bits of each step, first bit high; shape (states, 2), indexed by state and input bit."""
     table = np.empty((STATES, 2), dtype=np.int64)
     for state in range(STATES):
         for bit in (0, 1):
@@ -32,9 +32,9 @@ def outputs() -> Indices:
 
 def encode(bits: Indices) -> Indices:
     """
-    Coded bits of a block.
+    Encode the bits of a block.
 
-    bits, shape (n,): 0 or 1. Returns shape (2 (n + MEMORY),): both bits of each step, the ending zeros included.
+    bits, shape (n,): 0 or 1. Returns shape (2 (n + MEMORY),): both bits of each step, including the zeros at the end.
     """
     table, state = outputs(), 0
     coded = np.empty((len(bits) + MEMORY, 2), dtype=np.int64)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Downlink: commands that the surface sends to the tool by changing flow or rotation.
+Downlink: commands from the surface to the tool by changes of flow or rotation.
 
-A command is 18 bits: counter, command, argument and a check. They go out as symbols (D-WIS ADCS interface: ramp, hold,
-amplitude) of two bits each, four levels between the drilling value and `depth` below it. Before them one symbol at the
-lowest level and one at the drilling value teach the tool the two ends of the scale; the drilling value ends the
-programme. A hold is two periods of the string's torsional oscillation, whose mean over it stick-slip does not change.
+A command has 18 bits: counter, command, argument and a check. It is sent as symbols (D-WIS ADCS interface: ramp, hold,
+amplitude) of two bits each, with four levels between the drilling value and `depth` below it. One symbol at the lowest
+level and one at the drilling value precede the data and show the tool the ends of the scale; the drilling value ends
+the command. A hold lasts two periods of the string's torsional oscillation, so that stick-slip does not change its
+mean.
 """
 
 from __future__ import annotations
@@ -23,57 +24,58 @@ _ARGUMENT_BITS, _COMMAND_BITS, _CHECK_BITS = 4, 3, 8
 ARGUMENTS = 1 << _ARGUMENT_BITS
 COUNTERS = 8
 ECHO_WORD = "DLnk"
-"""Word of the uplink that repeats the last command received, as `echo` has it; 0: none yet."""
+"""Word of the uplink that repeats the last received command (`Frame.echo`); 0 means that none was received."""
 
 _DATA_SYMBOLS = 9
 _LEAST = {ROTATION: 4.0, FLOW: 0.01}
-# Neighbouring levels differ in one bit, so that the likeliest error of a symbol is one bit, which the check finds.
+# Gray code: neighbouring levels differ in one bit, so that the most likely symbol error is one bit error.
 _GRAY = (0b00, 0b01, 0b11, 0b10)
-# Drilling value, lowest, drilling value, 9 symbols of data, drilling value.
+# A command is: drilling value, lowest level, drilling value, 9 symbols of data, drilling value.
 HEAD, TAIL = (LEVELS - 1, 0, LEVELS - 1), (LEVELS - 1,)
 
 
 @dataclasses.dataclass(frozen=True)
 class Downlink:
-    """How the tool is commanded. Surface and tool need the same."""
+    """Settings of the downlink; surface and tool need the same."""
 
     medium: str = setting(
-        ROTATION, "What is changed: the rotation of the string or the flow.", choices=(ROTATION, FLOW)
+        ROTATION, "Quantity that is changed: rotation of the string or flow.", choices=(ROTATION, FLOW)
     )
     ramp_s: float = setting(
         5.6,
-        "Time from one level to the next. Raise it for slow pumps or a soft top drive; each symbol takes longer.",
+        "Time to change from one level to the next. Raise it for slow pumps or a soft top drive; each symbol takes "
+        "longer.",
         unit="s",
         low=0.5,
         high=120.0,
     )
     hold_s: float = setting(
         11.2,
-        "Time a level is held: of rotation two torsional periods of the string, whatever its length (2 x 5.6 s at "
-        "3 km). Raising it finds weaker changes; each symbol takes longer.",
+        "Time for which a level is held; for rotation, two torsional periods of the string (2 x 5.6 s at 3 km). "
+        "Raising it makes weaker changes detectable; each symbol takes longer.",
         unit="s",
         low=1.0,
         high=240.0,
     )
     depth: float = setting(
         0.4,
-        "Lowest level below the drilling value, as a share of it; 0.4 suits rotation, 0.2 flow. Raise it where "
-        "commands are missed; the rig changes more, and flow must stay above the tool's threshold.",
+        "Distance of the lowest level below the drilling value, as a share of it; 0.4 suits rotation, 0.2 flow. "
+        "Raise it if commands are missed; the rig then changes more, and flow must stay above the tool's threshold.",
         low=0.02,
         high=0.9,
     )
     least: float = setting(
         0.0,
-        "Drilling value below which no command is sent or taken: rad/s of rotation, m^3/s of flow; 0: 4 rad/s or "
-        "0.01 m^3/s. Raise it where noise at a low value looks like commands.",
+        "Lowest drilling value at which commands are sent and accepted: rad/s of rotation, m^3/s of flow. 0 means 4 "
+        "rad/s or 0.01 m^3/s. Raise it if noise at a low value looks like commands.",
         unit="rad/s or m^3/s",
         low=0.0,
         high=100.0,
     )
     pulse_widths_s: tuple[float, ...] = setting(
-        (0.3, 0.5, 0.8, 1.0, 1.5), "Pulse widths to choose from.", unit="s", low=0.02, high=20.0
+        (0.3, 0.5, 0.8, 1.0, 1.5), "Pulse widths that a command can select.", unit="s", low=0.02, high=20.0
     )
-    carriers_hz: tuple[float, ...] = setting((), "Carriers to choose from.", unit="Hz", low=0.1, high=200.0)
+    carriers_hz: tuple[float, ...] = setting((), "Carriers that a command can select.", unit="Hz", low=0.1, high=200.0)
 
     def __post_init__(self) -> None:
         """
@@ -82,7 +84,7 @@ class Downlink:
         Raises
         ------
         ValueError
-            A table is longer than an argument can number.
+            A table has more entries than an argument can number.
         """
         for name in ("pulse_widths_s", "carriers_hz"):
             if len(getattr(self, name)) > ARGUMENTS:
@@ -90,23 +92,23 @@ class Downlink:
 
     @property
     def least_value(self) -> float:
-        """Drilling value from which commands are sent and taken, rad/s or m^3/s."""
+        """Lowest drilling value at which commands are sent and accepted, rad/s or m^3/s."""
         return self.least or _LEAST[self.medium]
 
     @property
     def symbol_s(self) -> float:
-        """Time of a symbol, s."""
+        """Duration of a symbol, s."""
         return self.ramp_s + self.hold_s
 
     @property
     def table_check(self) -> int:
-        """Start of the check: a command for another table of pulse widths or carriers is no command."""
+        """Start value of the check, computed from the tables: a command for other tables fails the check."""
         text = " ".join(f"{value:g}" for value in (*self.pulse_widths_s, -1.0, *self.carriers_hz))
         return _crc8(int.from_bytes(text.encode(), "big"), 8 * len(text), 0xFF)
 
 
 class Frame(NamedTuple):
-    """One command: counter 1 to 7 (0 is no command), number of the command in `COMMANDS`, argument 0 to 15."""
+    """One command: counter 1 to 7 (0 means no command), index of the command in `COMMANDS`, argument 0 to 15."""
 
     counter: int
     command: int
@@ -114,12 +116,12 @@ class Frame(NamedTuple):
 
     @property
     def echo(self) -> int:
-        """Code of the word by which the tool repeats it."""
+        """Code of the word with which the tool repeats the command."""
         return (self.counter << _COMMAND_BITS | self.command) << _ARGUMENT_BITS | self.argument
 
 
 def frame_of(echo: int) -> Frame | None:
-    """Command that an echo repeats; None: no command was received, or there is none of this code."""
+    """Return the command that an echo repeats, or None if no command was received or the code is not valid."""
     argument, rest = echo % ARGUMENTS, echo >> _ARGUMENT_BITS
     command, counter = rest % (1 << _COMMAND_BITS), rest >> _COMMAND_BITS
     if not 0 < counter < COUNTERS or command >= len(COMMANDS):
@@ -128,12 +130,12 @@ def frame_of(echo: int) -> Frame | None:
 
 
 def next_counter(counter: int) -> int:
-    """Counter that follows on one; 0 is left out."""
+    """Return the counter after this one; 0 is skipped."""
     return counter % (COUNTERS - 1) + 1
 
 
 class Symbol(NamedTuple):
-    """One symbol (D-WIS): time of its ramp, s, time it is held, s, and amplitude as share of the drilling value."""
+    """One symbol (D-WIS): duration of its ramp, s, of its hold, s, and amplitude as a share of the drilling value."""
 
     ramp_s: float
     hold_s: float
@@ -142,12 +144,12 @@ class Symbol(NamedTuple):
 
 def levels(frame: Frame, downlink: Downlink) -> tuple[int, ...]:
     """
-    Levels of a command in their order, 0 lowest to 3 drilling value, from the first that is sent to the last.
+    Return the levels of a command in order, from 0 (lowest) to 3 (drilling value).
 
     Raises
     ------
     ValueError
-        A counter, command or argument that has no code.
+        The counter, command or argument has no code.
     """
     if frame_of(frame.echo) != frame or not 0 <= frame.argument < ARGUMENTS:
         raise ValueError(f"frame: counter 1 to 7, command 0 to 5 and argument 0 to 15 are sent, got {tuple(frame)}")
@@ -158,7 +160,7 @@ def levels(frame: Frame, downlink: Downlink) -> tuple[int, ...]:
 
 
 def decode(data: tuple[int, ...], downlink: Downlink) -> Frame | None:
-    """Command of 9 levels of data; None where the check fails."""
+    """Return the command of 9 data levels, or None if the check fails."""
     bits = 0
     for level in data:
         bits = bits << 2 | _GRAY[level]
@@ -171,7 +173,7 @@ def decode(data: tuple[int, ...], downlink: Downlink) -> Frame | None:
 @dataclasses.dataclass(frozen=True)
 class Programme:
     """
-    Set-points of a command over time.
+    Set-points of a command as a function of time.
 
     Attributes
     ----------
@@ -182,16 +184,16 @@ class Programme:
 
     @property
     def duration_s(self) -> float:
-        """Time from the first ramp to the end of the last hold, s."""
+        """Duration from the first ramp to the end of the last hold, s."""
         return sum(one.ramp_s + one.hold_s for one in self.symbols)
 
     @property
     def lowest(self) -> float:
-        """Lowest set-point, share of the drilling value."""
+        """Lowest set-point as a share of the drilling value."""
         return min(one.amplitude for one in self.symbols)
 
     def at(self, time_s: float) -> float:
-        """Set-point, share of the drilling value, at a time after the start, s: linear on the ramps."""
+        """Return the set-point, share of the drilling value, at a time after the start, s; linear on the ramps."""
         before = 1.0
         for symbol in self.symbols:
             if time_s < symbol.ramp_s:
@@ -203,7 +205,7 @@ class Programme:
         return before
 
     def number_at(self, time_s: float) -> int:
-        """Symbol being sent, from 1; 0 before the start."""
+        """Return the number of the symbol being sent, from 1; 0 before the start."""
         if time_s < 0.0:
             return 0
         ends = itertools.accumulate(one.ramp_s + one.hold_s for one in self.symbols)
@@ -211,18 +213,18 @@ class Programme:
 
 
 def amplitude(level: float, downlink: Downlink) -> float:
-    """Level as a share of the drilling value."""
+    """Return the amplitude of a level as a share of the drilling value."""
     return 1.0 - downlink.depth * (LEVELS - 1 - level) / (LEVELS - 1)
 
 
 def programme(frame: Frame, downlink: Downlink) -> Programme:
     """
-    Set-points that send a command.
+    Return the set-points that send a command.
 
     Raises
     ------
     ValueError
-        As `levels`.
+        The errors of `levels`.
     """
     return Programme(
         tuple(Symbol(downlink.ramp_s, downlink.hold_s, amplitude(level, downlink)) for level in levels(frame, downlink))
@@ -230,7 +232,7 @@ def programme(frame: Frame, downlink: Downlink) -> Programme:
 
 
 def _crc8(value: int, bits: int, start: int) -> int:
-    """CRC-8 of polynomial 0x2F (AUTOSAR, CRC8H2F), which finds any three wrong bits of up to 119."""
+    """Return the CRC-8 with polynomial 0x2F (AUTOSAR CRC8H2F), which detects any three wrong bits of up to 119."""
     register = start
     for k in reversed(range(bits)):
         feedback = register >> 7 & 1 ^ value >> k & 1

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the words of a tool mean, by the names that kits use, and their units in SI: tool and surface agree here."""
+"""Meanings of words by the names that kits use, with their SI units; tool and surface share this table."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 
 class Meaning(NamedTuple):
-    """A measured quantity and its SI unit."""
+    """Measured quantity and its SI unit."""
 
     quantity: str
     unit: str
@@ -24,7 +24,7 @@ CONTINUOUS_INCLINATION, CONTINUOUS_AZIMUTH = "continuous_inclination", "continuo
 LATERAL_RMS, AXIAL_RMS, LATERAL_PEAK, AXIAL_PEAK = "lateral_rms", "axial_rms", "lateral_peak", "axial_peak"
 DOWNLINK = "downlink"
 
-# By the name in lower case. Azimuths are from magnetic north: a tool knows no other.
+# Key: name in lower case. Azimuths are relative to magnetic north, the only north that a tool knows.
 MEANINGS = {
     "inc": Meaning(INCLINATION, "rad"),
     "azm": Meaning(AZIMUTH, "rad"),
@@ -46,7 +46,7 @@ MEANINGS = {
     "dlnk": Meaning(DOWNLINK, ""),
 }
 TOOLFACES = (TOOLFACE, GRAVITY_TOOLFACE, MAGNETIC_TOOLFACE)
-# Units of words that have a meaning: the SI unit and the value of 1 in it. Others are used as they are (V, cps, s).
+# Units of words with a meaning -> (SI unit, SI value of 1 in the unit). Other units (V, cps, s) are used unchanged.
 _UNITS = {
     "rad": ("rad", 1.0),
     "deg": ("rad", math.pi / 180.0),
@@ -65,29 +65,29 @@ _UNITS = {
 
 
 def meaning_of(name: str) -> str:
-    """Quantity that a word of this name carries; empty where the name is not known."""
+    """Return the quantity of a word with this name, or an empty text if the name is not known."""
     found = MEANINGS.get(name.lower())
     return "" if found is None else found.quantity
 
 
 def factor(unit: str) -> float:
-    """SI value of 1 in the unit of a word; 1 for a unit that people use as it is (degC, V, cps, s)."""
+    """Return the SI value of 1 in the unit of a word; 1 for a unit that is used unchanged (degC, V, cps, s)."""
     return _UNITS.get(unit, ("", 1.0))[1]
 
 
 def si_unit(unit: str) -> str:
-    """SI unit that `factor` leads to."""
+    """Return the SI unit that `factor` converts to."""
     return _UNITS.get(unit, (unit, 1.0))[0]
 
 
 def check_unit(name: str, unit: str) -> None:
     """
-    Refuse a unit that does not measure what a word of this name means.
+    Raise ValueError for a unit that does not measure the quantity of a word with this name.
 
     Raises
     ------
     ValueError
-        The message lists the units that do.
+        The unit does not fit; the message lists the units that do.
     """
     found = MEANINGS.get(name.lower())
     fitting = [one for one, (si, _) in _UNITS.items() if found is not None and si == found.unit]

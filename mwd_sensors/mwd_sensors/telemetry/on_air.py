@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes on air: words that are sent together, as pulses, as phases of a carrier or as bytes of a line."""
+"""Signals that a tool transmits: groups of words as pulses, phases of a carrier or bytes on a line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 
 
 class Group(NamedTuple):
-    """Words that go on air together: kind ("survey", "toolface") and number of their sequence, place in it."""
+    """Words sent together: kind ("survey", "toolface") and number of their sequence, position in it, and the words."""
 
     kind: str
     number: int
@@ -25,18 +25,18 @@ class Group(NamedTuple):
 
 class Signal(NamedTuple):
     """
-    A group on air, on the clock of the tool.
+    Signal of a group of words, on the clock of the tool.
 
     Attributes
     ----------
     duration_s, period_s : float
-        How long it lasts, and when the next one may begin after its start.
+        Duration of the signal, and shortest time from its start to the start of the next signal.
     edges_s : tuple of float
-        Pulses: begin of each after the start.
+        For pulses: start of each, relative to the start of the signal.
     phases : tuple of float
-        Carrier: of each symbol, rad, 0 to 2 pi.
+        For a carrier: phase of each symbol, rad, 0 to 2 pi.
     octets : bytes
-        Serial line.
+        For a serial line: the bytes.
     """
 
     duration_s: float
@@ -48,7 +48,7 @@ class Signal(NamedTuple):
 
 def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]:
     """
-    Groups of one pass of a sequence: single words in pulses, blocks on a carrier, a whole frame on a line.
+    Split one pass of a sequence into groups: single words for pulses, blocks for a carrier, one frame for a line.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]
     kind : str
         "survey" or "toolface".
     number : int
-        Of the sequence; beyond the last one, the last one.
+        Number of the sequence; a number beyond the last one selects the last one.
     """
     sequences = tool.surveys if kind == "survey" else tool.toolfaces
     items = sequences[min(number, len(sequences) - 1)]
@@ -71,16 +71,16 @@ def groups(tool: ToolConfiguration, kind: str, number: int) -> tuple[Group, ...]
 
 def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: int = 0) -> Signal:
     """
-    Signal of a group.
+    Return the signal of a group.
 
     Parameters
     ----------
     tool : ToolConfiguration
     group : Group
     sent : sequence of int
-        Codes as they are sent, as `ToolConfiguration.sent` gives them: parity bit included.
+        Transmitted codes, including parity bits, as from `ToolConfiguration.sent`.
     counter : int
-        Of serial frames.
+        Counter of serial frames.
     """
     lengths = [item.length for item in group.items]
     if tool.code == "psk":
@@ -102,7 +102,7 @@ def signal(tool: ToolConfiguration, group: Group, sent: Sequence[int], counter: 
 
 
 def sync(tool: ToolConfiguration) -> Signal:
-    """Start of a transmission in pulses."""
+    """Return the sync that starts a transmission in pulses."""
     duration = tool.sync.length_tu * tool.tu_s
     return Signal(duration, duration, edges_s=tuple(edge * tool.tu_s for edge in tool.sync.edges_tu))
 

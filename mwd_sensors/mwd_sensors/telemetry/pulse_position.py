@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-M-ary pulse position code: a word is cut into packets of 3 and 2 bits, each packet is the place of one pulse.
+M-ary pulse position code: a word is split into packets of 3 and 2 bits, and each packet is the position of one pulse.
 
-All times are in units of TU, half a pulse width. A packet of 2 bits has its leading edge at TU 3 - v, one of 3 bits at
-TU 7 - v; the window is 4 or 8 TU, and 4 TU separate it from the next one: 4 TU a bit.
+All times are in units of TU, half a pulse width. The leading edge of a packet with value v is at TU 3 - v for 2 bits
+and at TU 7 - v for 3 bits. The window has 4 or 8 TU and is followed by 4 TU, so a bit takes 4 TU.
 Source: Erdos Miller, Mud pulse telemetry: M-ary encoding and decoding, 2017.
 """
 
@@ -16,7 +16,7 @@ GAP_TU = 4
 
 
 class Pulses(NamedTuple):
-    """Leading edges after the start, and the length of what they belong to; in TU."""
+    """Leading edges relative to the start, and total length, in TU."""
 
     edges: tuple[int, ...]
     length: int
@@ -24,46 +24,46 @@ class Pulses(NamedTuple):
 
 def packets(bits: int) -> tuple[int, ...]:
     """
-    Bits of the packets of a word, most significant first.
+    Return the number of bits of each packet of a word, most significant first.
 
-    Packets of 3 bits, where 3 does not divide the length one or two of 2 bits at the end.
+    Packets have 3 bits; one or two packets of 2 bits at the end make up lengths that 3 does not divide.
 
     Raises
     ------
     ValueError
-        Fewer than 2 bits: no packet holds one.
+        There are fewer than 2 bits, which no packet can hold.
     """
     if bits < 2:
-        raise ValueError(f"bits: a packet has 2 or 3 bits, a word of {bits} cannot be cut into such")
+        raise ValueError(f"bits: a packet has 2 or 3 bits, a word of {bits} bits cannot be split into packets")
     twos = -bits % 3
     return (3,) * ((bits - 2 * twos) // 3) + (2,) * twos
 
 
 def edge_tu(value: int, bits: int) -> int:
-    """Leading edge of a packet's pulse after the start of its window, TU."""
+    """Return the leading edge of a packet's pulse relative to the start of its window, TU."""
     return (1 << bits) - 1 - value
 
 
 def window_tu(bits: int) -> int:
-    """Window of a packet with the gap behind it, TU."""
+    """Return the length of a packet's window including the gap after it, TU."""
     return (1 << bits) + GAP_TU
 
 
 def encode(code: int, bits: int) -> Pulses:
     """
-    Leading edges of a word.
+    Return the pulses of a word.
 
     Parameters
     ----------
     code : int
-        Value with its parity bit, if it has one, as the last.
+        Value of the word; its last bit is the parity bit if the word has one.
     bits : int
-        Length, parity included.
+        Length of the word, including parity.
 
     Returns
     -------
     Pulses
-        Edges from the start of the word, and the time it takes, TU.
+        Edges from the start of the word, and the word's duration, TU.
     """
     edges, at, left = [], 0, bits
     for size in packets(bits):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Sequences: which words a tool sends one after the other, in the grammar that kits use.
+Parse and write sequences, the lists of words that a tool sends, in the grammar that kits use.
 
-`Inc:12:P Azm:12:P 3{2{aTFA:6:P} Gama:8:P}`: name, bits, P for a parity bit; a number before braces repeats what they
-hold. A name alone takes its bits from the table of words.
+`Inc:12:P Azm:12:P 3{2{aTFA:6:P} Gama:8:P}`: name, number of bits, and P for a parity bit. A number before braces
+repeats their content. A name without bits takes them from the table of words.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import NamedTuple
 from mwd_sensors.core.settings import unknown_key
 from mwd_sensors.telemetry.words import COMMON, MAX_BITS, Word
 
-# Words of one pass; beyond it a repeat count is a slip of the keyboard.
+# Most words in one pass; a higher repeat count is taken for a typing error.
 MAX_WORDS = 1000
 _TOKEN = re.compile(r"\s*(?:(\d+)\s*\{|(\})|([A-Za-z][A-Za-z0-9_]*)(?::(\d+))?(:[Pp])?(?=[\s}]|$))")
 
 
 class SequenceItem(NamedTuple):
-    """One word of a sequence: name, bits of the value, whether an even parity bit follows."""
+    """One word of a sequence: name, bits of the value, and whether a parity bit follows."""
 
     name: str
     bits: int
@@ -29,25 +29,25 @@ class SequenceItem(NamedTuple):
 
     @property
     def length(self) -> int:
-        """Bits on air."""
+        """Number of transmitted bits."""
         return self.bits + self.parity
 
 
 def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, ...]:
     """
-    Items of a sequence, repeats written out.
+    Parse a sequence and expand its repeats.
 
     Parameters
     ----------
     text : str
-        As `Inc:12:P 2{aTFA:6:P Gama:8:P}`.
+        Sequence, for example `Inc:12:P 2{aTFA:6:P Gama:8:P}`.
     words : mapping of str to Word
-        Names that may stand in it.
+        Names that may be used.
 
     Raises
     ------
     ValueError
-        Where the text breaks the grammar, names a word that is not in the table, or repeats without end.
+        The text breaks the grammar, names a word that is not in the table, or repeats too often.
     """
     levels: list[tuple[int, list[SequenceItem]]] = [(1, [])]
     at = 0
@@ -63,7 +63,7 @@ def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, 
             levels.append((int(repeat), []))
         elif closed:
             if len(levels) == 1:
-                raise ValueError(f"sequence: a closing brace too many before {text[found.end() :][:20]!r}")
+                raise ValueError(f"sequence: one closing brace too many before {text[found.end() :][:20]!r}")
             times, inner = levels.pop()
             levels[-1][1].extend(inner * min(times, MAX_WORDS + 1))
         else:
@@ -79,7 +79,7 @@ def parse(text: str, words: Mapping[str, Word] = COMMON) -> tuple[SequenceItem, 
 
 
 def written(items: tuple[SequenceItem, ...]) -> str:
-    """Text of a sequence; `parse` gives the items back. A word that is sent several times running is written once."""
+    """Return the text of a sequence, which `parse` reads back; a word repeated in a row is written with a count."""
     parts = []
     for item, count in _runs(items):
         one = f"{item.name}:{item.bits}{':P' if item.parity else ''}"

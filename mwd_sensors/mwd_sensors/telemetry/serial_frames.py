@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Frames of words on a serial line: binary (COBS, CRC-16) or lines of text.
+Encode and decode frames of words on a serial line, binary (COBS, CRC-16) or as lines of text.
 
-A binary frame is COBS of: kind, number and a fixed pattern (1 byte), counter (1), length of the words (1), words
-packed, CRC-16; a zero byte ends it. A line of text is `Inc=12.34,Azm=201.5`, with `*` and the CRC-16 in hex behind it
-where `check` is set. Source: S. Cheshire, M. Baker, Consistent overhead byte stuffing, IEEE/ACM Trans. Networking 7
+A binary frame is COBS of: kind, number and a fixed pattern (1 byte), counter (1), number of bytes of the words (1),
+packed words, CRC-16. A zero byte ends it. A line of text is `Inc=12.34,Azm=201.5`, followed by `*` and the CRC-16 in
+hex if `check` is set. Source: S. Cheshire, M. Baker, Consistent overhead byte stuffing, IEEE/ACM Trans. Networking 7
 (1999) 159.
 """
 
@@ -21,7 +21,7 @@ from mwd_sensors.telemetry.checksum import CRC_BYTES, START, crc16, holds, signe
 from mwd_sensors.telemetry.sequences import SequenceItem
 from mwd_sensors.telemetry.words import Word
 
-END = 0  # byte that ends a frame; COBS leaves no other
+END = 0  # byte that ends a frame; COBS data contains no other zero byte
 _PATTERN = 0b0101  # low half of the first byte
 _HEADER_BYTES = 3
 _LONGEST = 254
@@ -30,18 +30,18 @@ BITS_PER_BYTE = 10  # start, 8 data, stop
 
 @dataclasses.dataclass(frozen=True)
 class SerialLine:
-    """A serial line and its frames."""
+    """A serial line and the format of its frames."""
 
-    format: str = setting("binary", "Frames: binary with CRC-16, or lines of text.", choices=("binary", "ascii"))
-    check: bool = setting(
-        True, "Lines of text carry a CRC-16. Without it a wrong digit cannot be seen, only guessed from broken lines."
+    format: str = setting("binary", "Format of the frames: binary with CRC-16, or text.", choices=("binary", "ascii"))
+    check: bool = setting(True, "Whether lines of text carry a CRC-16. Without it wrong digits cannot be detected.")
+    baud: int = setting(
+        9600, "Speed of the line; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=50, high=4_000_000
     )
-    baud: int = setting(9600, "Speed; 8 data bits, no parity, 1 stop bit.", unit="bit/s", low=50, high=4_000_000)
-    period_s: float = setting(1.0, "From one frame to the next.", unit="s", low=0.0, high=3600.0)
+    period_s: float = setting(1.0, "Time from one frame to the next.", unit="s", low=0.0, high=3600.0)
 
 
 class Frame(NamedTuple):
-    """Content of a binary frame whose check holds: sequence, counter, words packed."""
+    """Content of a binary frame with a valid check: kind and number of the sequence, counter, packed words."""
 
     kind: str
     number: int
@@ -51,29 +51,29 @@ class Frame(NamedTuple):
 
 def check(items: Sequence[SequenceItem]) -> None:
     """
-    Refuse what no frame holds.
+    Raise ValueError for a sequence that is too long for a frame.
 
     Raises
     ------
     ValueError
-        The words of a sequence are longer than one COBS block, so that a frame has no fixed length.
+        The words are longer than one COBS block, so that a frame would not have a fixed length.
     """
     if _HEADER_BYTES + payload_bytes(items) + CRC_BYTES >= _LONGEST:
-        raise ValueError(f"{payload_bytes(items)} bytes are too many for a serial frame; {_LONGEST - 6} are the most")
+        raise ValueError(f"{payload_bytes(items)} bytes are too many for a serial frame; at most {_LONGEST - 6} fit")
 
 
 def payload_bytes(items: Sequence[SequenceItem]) -> int:
-    """Bytes of the words of a frame."""
+    """Return the number of bytes of the words in a frame."""
     return math.ceil(sum(item.length for item in items) / 8)
 
 
 def frame_bytes(items: Sequence[SequenceItem]) -> int:
-    """Bytes of a binary frame on the line, its end included."""
+    """Return the number of bytes of a binary frame on the line, including its end."""
     return _HEADER_BYTES + payload_bytes(items) + CRC_BYTES + 2
 
 
 def cobs(data: bytes) -> bytes:
-    """Bytes without a zero."""
+    """Encode bytes by consistent overhead byte stuffing, so that none is zero."""
     out = bytearray()
     for run in data.split(b"\0"):
         while len(run) >= _LONGEST:
@@ -84,7 +84,7 @@ def cobs(data: bytes) -> bytes:
 
 
 def uncobs(data: bytes) -> bytes | None:
-    """Bytes that `cobs` was given; None where these are no COBS bytes."""
+    """Decode bytes made by `cobs`; return None if they are not valid."""
     out, at = bytearray(), 0
     while at < len(data):
         code = data[at]
@@ -102,19 +102,19 @@ def encode(
     name: tuple[str, int], counter: int, codes: Sequence[int], items: Sequence[SequenceItem], start: int = START
 ) -> bytes:
     """
-    Binary frame of one pass of a sequence, its end included.
+    Encode one pass of a sequence as a binary frame, including its end.
 
     Parameters
     ----------
     name : (str, int)
-        "survey" or "toolface", and number of the sequence, below 8.
+        "survey" or "toolface", and the number of the sequence, below 8.
     counter : int
-        Rises by one with each frame; its low 8 bits are sent.
+        Number that rises by one with each frame; its low 8 bits are sent.
     codes : sequence of int
-        Of the words, parity bit included where they have one.
+        Codes of the words, including parity bits.
     items : sequence of SequenceItem
     start : int
-        Of the check.
+        Start value of the check.
     """
     first = KINDS.index(name[0]) << 7 | name[1] << 4 | _PATTERN
     size = payload_bytes(items)
@@ -123,7 +123,7 @@ def encode(
 
 
 def read(data: bytes, start: int = START) -> Frame | None:
-    """Content of the bytes between two ends; None where COBS, check, pattern or length do not fit."""
+    """Decode the bytes between two ends; return None if COBS, check, pattern or length is not valid."""
     plain = uncobs(data)
     if plain is None or not holds(plain, start) or len(plain) < _HEADER_BYTES + CRC_BYTES + 1:
         return None
@@ -135,19 +135,19 @@ def read(data: bytes, start: int = START) -> Frame | None:
 
 
 def written(item: SequenceItem, word: Word, code: int) -> str:
-    """Value of a code with the digits that its step needs: `Inc=12.34`."""
+    """Return name and value of a code with as many digits as its step needs, for example `Inc=12.34`."""
     digits = max(0, math.ceil(-math.log10(word.step(item.bits))) + 1)
     return f"{item.name}={word.value(code, item.bits):.{digits}f}"
 
 
 def encode_line(values: Sequence[str], check: bool) -> bytes:
-    """Line of text of values as `written` gives them."""
+    """Return a line of text with values written by `written`."""
     line = ",".join(values).encode("ascii")
     return line + (b"*%04X" % crc16(line) if check else b"") + b"\r\n"
 
 
 def read_line(line: bytes, check: bool) -> list[tuple[str, str]] | None:
-    """Names and values of a line of text without its end; None where the check or the form does not fit."""
+    """Return names and values of a line of text without its end, or None if check or format is not valid."""
     if check:
         line, star, given = line.rpartition(b"*")
         if not star or given != b"%04X" % crc16(line):

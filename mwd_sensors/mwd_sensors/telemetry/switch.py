@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flow or rotation as a tool takes it: on or off once it has held. The surface judges the rig's flow likewise."""
+"""Debounce of flow or rotation: on or off once it has held for a time. Tool and surface use the same rule."""
 
 from __future__ import annotations
 
 import dataclasses
 
 FLOW_HOLD_S = 2.0
-"""Time for which the flow usually has to hold before a tool takes it, s."""
+"""Usual time for which the flow must hold before a tool accepts the change, s."""
 
 
 @dataclasses.dataclass
 class Switch:
-    """Flow or rotation: a condition that counts once it has held for a time."""
+    """Flow or rotation state that changes only after the new condition has held for a time."""
 
-    hold_ns: int  #: time for which it has to hold
-    on: bool = False  #: the condition that counts
-    since_ns: int = 0  #: since when it has held, ns; the start of the holding time, not its end
+    hold_ns: int  #: time for which a new condition must hold, ns
+    on: bool = False  #: the accepted condition
+    since_ns: int = 0  #: start of the accepted condition, ns (the beginning of its holding time)
     _candidate_ns: int | None = None
 
     def update(self, stamp_ns: int, condition: bool) -> bool:
-        """Take the condition at a stamp; returns whether the one that counts has changed."""
+        """Process the condition at a stamp; return whether the accepted condition has changed."""
         if condition == self.on:
             self._candidate_ns = None
             return False

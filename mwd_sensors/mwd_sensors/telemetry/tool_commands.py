@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What the commands of a downlink change in a tool configuration: tool and surface compute it alike.
+Apply downlink commands to a tool configuration; tool and surface compute the same result.
 
-A tool starts with its tool.yaml; each command replaces one setting until the next command or power-up.
+A tool starts with its tool.yaml. Each command replaces one setting until the next command or power-up.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ _SEQUENCE, _PULSE_WIDTH, _CARRIER, _TOOLFACE_RATE, _SURVEY_NOW, _MUTE = range(le
 
 class ToolSettings(NamedTuple):
     """
-    Settings that commands change.
+    Settings that downlink commands change.
 
     Attributes
     ----------
     sequence : int
         Number of the survey and toolface sequence.
     pulse_width, carrier : int
-        Place in the tables of the downlink; -1: that of the tool configuration.
+        Index in the tables of the downlink; -1 keeps the value of the tool configuration.
     toolface_rate : int
-        Each toolface word of a sequence is measured and sent so many times running.
+        Number of times that each toolface word of a sequence is measured and sent in a row.
     mute : bool
-        Silent from the end of the next survey to the next flow-on or command.
+        True if the tool is silent from the end of the next survey to the next flow-on or command.
     """
 
     sequence: int = 0
@@ -41,7 +41,7 @@ class ToolSettings(NamedTuple):
     mute: bool = False
 
     def after(self, frame: Frame) -> ToolSettings:
-        """Return the settings that a command leads to."""
+        """Return the settings after a command."""
         changes: dict[int, dict[str, Any]] = {
             _SEQUENCE: {"sequence": frame.argument},
             _PULSE_WIDTH: {"pulse_width": frame.argument},
@@ -54,28 +54,31 @@ class ToolSettings(NamedTuple):
 
 def downlink_of(tool: ToolConfiguration) -> Downlink:
     """
-    Downlink of a tool.
+    Return the downlink settings of a tool.
 
     Raises
     ------
     ValueError
-        The tool takes no commands.
+        The tool accepts no commands.
     """
     if tool.downlink is None:
-        raise ValueError("downlink: this tool takes no commands; describe how it does in `downlink` of its tool.yaml")
+        raise ValueError(
+            "downlink: this tool accepts no commands; describe its downlink in `downlink` of its tool.yaml"
+        )
     return tool.downlink
 
 
 def applied(tool: ToolConfiguration, settings: ToolSettings) -> ToolConfiguration:
     """
-    Tool configuration in force.
+    Return the tool configuration in force after commands.
 
-    Where the transmission does not name its sequence, that chosen comes first: it is the one a receiver expects.
+    If the transmission does not identify its sequence, the selected sequence is put first, because a receiver expects
+    the first one.
 
     Raises
     ------
     ValueError
-        The tool cannot do that: a number beyond its sequences or tables, or a sequence that becomes too long.
+        The tool cannot do this: a number is beyond its sequences or tables, or a sequence becomes too long.
     """
     downlink = downlink_of(tool)
     changes: dict[str, Any] = {}
@@ -100,7 +103,7 @@ def applied(tool: ToolConfiguration, settings: ToolSettings) -> ToolConfiguratio
 
 def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]:
     """
-    Number and argument of a command that people name.
+    Return index and argument of a command that a user names.
 
     Parameters
     ----------
@@ -108,12 +111,12 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
     name : str
         One of `COMMANDS`.
     value : float
-        Number of the sequence, pulse width in s, carrier in Hz or times; without meaning for survey_now and mute.
+        Number of the sequence, pulse width in s, carrier in Hz, or number of repeats; ignored for survey_now and mute.
 
     Raises
     ------
     ValueError
-        No such command, or a value that the tool cannot be told.
+        The command does not exist, or the tool does not support the value.
     """
     downlink = downlink_of(tool)
     if name not in COMMANDS:
@@ -136,7 +139,7 @@ def command(tool: ToolConfiguration, name: str, value: float) -> tuple[int, int]
 
 
 def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
-    """Commands that a tool takes with the values to choose from, as people name them; no values: there is one."""
+    """Return the commands of a tool with the values that a user can choose; no values if there is only one."""
     downlink = downlink_of(tool)
     count = max(len(tool.surveys), len(tool.toolfaces))
     found: dict[str, tuple[float, ...]] = {
@@ -149,7 +152,7 @@ def choices(tool: ToolConfiguration) -> dict[str, tuple[float, ...]]:
 
 
 def about(tool: ToolConfiguration, frame: Frame) -> str:
-    """Name what a command does, in words."""
+    """Describe what a command does."""
     downlink = downlink_of(tool)
     name = COMMANDS[frame.command]
     if frame.command == _PULSE_WIDTH:

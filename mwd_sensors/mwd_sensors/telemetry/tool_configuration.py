@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The tool configuration (tool.yaml): all that the surface has to know of a tool to read what it sends.
+Tool configuration (tool.yaml): everything that the surface must know about a tool to decode its transmission.
 
-Kits differ in nothing that is not named here. Times on air follow from it.
+All differences between kits are settings here. Transmission times follow from them.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ _TOOLFACE = "3{2{aTFA:6:P} Gama:8:P aTFA:6:P Gama:8:P} RINC:11:P RAZM:11:P"
 
 @dataclasses.dataclass(frozen=True)
 class Sync:
-    """Pulses that mark the start of a transmission."""
+    """Pulse pattern that marks the start of a transmission."""
 
-    edges_tu: tuple[int, ...] = setting((0, 5, 15, 20, 30), "Leading edges after its start.", unit="TU", low=0)
-    length_tu: int = setting(40, "From its start to the first packet.", unit="TU", low=1)
+    edges_tu: tuple[int, ...] = setting((0, 5, 15, 20, 30), "Leading edges relative to its start.", unit="TU", low=0)
+    length_tu: int = setting(40, "Time from its start to the first packet.", unit="TU", low=1)
 
     def __post_init__(self) -> None:
         """
@@ -48,7 +48,8 @@ class Sync:
         Raises
         ------
         ValueError
-            Fewer than three edges (noise would look like it), edges out of order or overlapping, or too short a length.
+            There are fewer than three edges (noise would look like a sync), edges are out of order or overlap, or the
+            length is too short.
         """
         if len(self.edges_tu) < 3:
             raise ValueError(f"edges_tu: a sync needs three pulses or more, got {len(self.edges_tu)}")
@@ -60,39 +61,39 @@ class Sync:
 
 @dataclasses.dataclass(frozen=True)
 class ToolConfiguration:
-    """What a tool sends, and how."""
+    """Configuration of a tool's transmission."""
 
     code: str = setting(
         "mary",
-        "How words are sent: pulses (mary, combinatorial), phases of a carrier (psk) or a serial line (serial).",
+        "Code of the words: pulses (mary, combinatorial), phases of a carrier (psk) or a serial line (serial).",
         choices=(*PULSE_CODES, "psk", "serial"),
     )
-    pulse_width_s: float = setting(0.8, "Time a pulse lasts; 1 TU is half of it.", unit="s", low=0.02, high=20.0)
-    sync: Sync = setting(Sync, "Start of a transmission.")
-    carrier: Carrier = setting(Carrier, "Carrier and its blocks, of the code psk.")
-    serial: SerialLine = setting(SerialLine, "Line and frames, of the code serial.")
+    pulse_width_s: float = setting(0.8, "Duration of a pulse; 1 TU is half of it.", unit="s", low=0.02, high=20.0)
+    sync: Sync = setting(Sync, "Pulse pattern that starts a transmission.")
+    carrier: Carrier = setting(Carrier, "Carrier and its blocks, for the code psk.")
+    serial: SerialLine = setting(SerialLine, "Line and frames, for the code serial.")
     header_bits: int = setting(
-        0, "Bits behind the sync with the number of the sequence, from 0; 0: always the first.", low=0, high=6
+        0, "Bits after the sync with the number of the sequence, from 0; 0 bits always means the first.", low=0, high=6
     )
-    parity: str = setting("even", "Parity of words marked P; its bit comes last.", choices=("even", "odd"))
+    parity: str = setting("even", "Parity of words marked P; the parity bit comes last.", choices=("even", "odd"))
     missing_code: bool = setting(
         False,
-        "Whether the highest code of each word says that the tool has no measurement, and the other codes share the "
-        "range. Without it the tool sends 0, as many kits do, and the surface takes that for a value.",
+        "Whether the highest code of each word means that the tool has no measurement; the other codes then share the "
+        "range. Without it the tool sends 0 for a missing measurement, as many kits do, and the surface reads a value.",
     )
     flow_threshold_lpm: float = setting(
         600.0,
-        "Flow above which the tool takes the pumps for on. Raise it where the flow between connections stays high; a "
-        "tool without a wire is silent below it.",
+        "Flow above which the tool considers the pumps on. Raise it if some flow remains during connections. Except "
+        "on a wire, the tool is silent below it.",
         unit="l/min",
         low=1.0,
         high=20000.0,
     )
-    transmit_delay_s: float = setting(45.0, "From flow-on to the sync.", unit="s", low=0.0, high=3600.0)
-    downlink: Downlink | None = setting(None, "How the tool takes commands from the surface; none: it takes none.")
-    words: dict[str, Word] = setting({}, "Ranges of the words, by name; they replace those that kits commonly use.")
+    transmit_delay_s: float = setting(45.0, "Time from flow-on to the sync.", unit="s", low=0.0, high=3600.0)
+    downlink: Downlink | None = setting(None, "Downlink for commands from the surface; none if the tool accepts none.")
+    words: dict[str, Word] = setting({}, "Ranges of words by name; they replace the ranges that kits commonly use.")
     survey_sequences: tuple[str, ...] = setting((_SURVEY,), "Sent once after each flow-on.")
-    toolface_sequences: tuple[str, ...] = setting((_TOOLFACE,), "Sent behind the survey again and again.")
+    toolface_sequences: tuple[str, ...] = setting((_TOOLFACE,), "Sent repeatedly after the survey.")
 
     def __post_init__(self) -> None:
         """
@@ -101,8 +102,8 @@ class ToolConfiguration:
         Raises
         ------
         ValueError
-            A sequence that cannot be read, none at all, or more of a kind than the header can number; a word in a unit
-            that does not fit what its name means.
+            A sequence cannot be read, there is none, or there are more than the header can number; or the unit of a
+            word does not fit the quantity of its name.
         """
         for name, word in self.words.items():
             try:
@@ -113,7 +114,7 @@ class ToolConfiguration:
             texts = getattr(self, name)
             if not texts:
                 raise ValueError(f"{name}: at least one is needed")
-            # Without a header the first is sent always; the others may stand there unused.
+            # Without a header only the first sequence is sent; the others may stay in the file unused.
             if self.header_bits and len(texts) > 2**self.header_bits:
                 raise ValueError(f"{name}: {self.header_bits} header bits cannot number {len(texts)} sequences")
             for k, text in enumerate(texts):
@@ -126,7 +127,7 @@ class ToolConfiguration:
             raise ValueError("header_bits: no packet has 1 bit; use 2 or more, or 0")
 
     def _check_code(self, name: str) -> None:
-        """Refuse sequences that the code cannot send; name: of the setting that holds them."""
+        """Raise ValueError if the code cannot send the sequences of the setting `name`."""
         parsed = self.surveys if name == "survey_sequences" else self.toolfaces
         if self.code not in PULSE_CODES and len(parsed) > MOST_SEQUENCES:
             raise ValueError(f"{name}: {self.code} can number {MOST_SEQUENCES} sequences, got {len(parsed)}")
@@ -143,7 +144,7 @@ class ToolConfiguration:
 
     @functools.cached_property
     def table(self) -> Mapping[str, Word]:
-        """All words by name, the tool's own before the common ones."""
+        """All words by name; the tool's own words replace common ones."""
         words = {**COMMON, **self.words}
         return (
             {name: dataclasses.replace(word, reserved=True) for name, word in words.items()}
@@ -153,7 +154,7 @@ class ToolConfiguration:
 
     @functools.cached_property
     def table_check(self) -> int:
-        """Start of the checks of blocks and frames: with another table of words at the surface no check holds."""
+        """Start value of the checks; with another table of words at the surface every check fails."""
         rows = [
             f"{item.name}:{item.bits}:{item.parity}:{self.table[item.name].low:g}:{self.table[item.name].high:g}"
             f"{':missing' if self.table[item.name].reserved else ''}"
@@ -169,12 +170,12 @@ class ToolConfiguration:
 
     @property
     def flow_threshold(self) -> float:
-        """Flow above which the tool takes the pumps for on, m^3/s."""
+        """Flow above which the tool considers the pumps on, m^3/s."""
         return self.flow_threshold_lpm * LPM
 
     @property
     def medium(self) -> str:
-        """What carries the words: mud, earth or serial."""
+        """Medium of the transmission: mud, earth or serial."""
         return {"psk": self.carrier.medium, "serial": "serial"}.get(self.code, "mud")
 
     @property
@@ -184,17 +185,17 @@ class ToolConfiguration:
 
     @property
     def names_sequences(self) -> bool:
-        """Whether the surface can tell one sequence from another: by a header, or by what blocks and frames carry."""
+        """Whether the transmission identifies its sequence, by a header or in the blocks or frames."""
         return self.header_bits > 0 or self.code not in PULSE_CODES
 
     @property
     def symbol_s(self) -> float:
-        """Time of a symbol of a carrier or of a bit on a line, s; 0 for pulses."""
+        """Duration of a symbol of a carrier or of a bit on a line, s; 0 for pulses."""
         return {"psk": 1.0 / self.carrier.symbol_rate_hz, "serial": 1.0 / self.serial.baud}.get(self.code, 0.0)
 
     @property
     def shortest_s(self) -> float:
-        """Time unit of pulses, or what it would be of a carrier, s: the signal ends at 1.6 over it, Hz."""
+        """Time unit of pulses, s, or the equivalent for a carrier: the signal's band ends at 1.6 / shortest_s, Hz."""
         if self.code == "psk":
             return 1.6 / (self.carrier.frequency_hz + 2.0 * self.carrier.symbol_rate_hz)
         return self.tu_s
@@ -210,19 +211,19 @@ class ToolConfiguration:
         return tuple(sequences.parse(text, self.table) for text in self.toolface_sequences)
 
     def parity_bit(self, code: int) -> int:
-        """Bit that follows a word's value."""
+        """Return the parity bit of a word's value."""
         return code.bit_count() & 1 ^ (self.parity == "odd")
 
     def pulses(self, code: int, bits: int) -> Pulses:
-        """Pulses of a whole number of so many bits, parity included."""
+        """Return the pulses of a code with this many bits, including parity."""
         return PULSE_CODES[self.code](code, bits)
 
     def length_tu(self, items: tuple[SequenceItem, ...]) -> int:
-        """Time on air of a sequence without its sync and header, TU."""
+        """Return the duration of a sequence without its sync and header, TU."""
         return sum(self.pulses(0, item.length).length for item in items)
 
     def seconds(self, items: tuple[SequenceItem, ...]) -> float:
-        """Time on air of one pass of a sequence, s; of pulses without sync and header, which may be left out."""
+        """Return the duration of one pass of a sequence, s; for pulses without sync and header."""
         if self.code == "psk":
             return len(blocks_of(items, self.carrier.block_bits)) * self.carrier.block_s
         if self.code == "serial":
@@ -232,11 +233,11 @@ class ToolConfiguration:
 
     @property
     def head_s(self) -> float:
-        """Time on air of sync and header, s; 0 where each block or frame names itself."""
+        """Duration of sync and header, s; 0 if each block or frame identifies itself."""
         return (self.sync.length_tu + self.header_tu) * self.tu_s if self.code in PULSE_CODES else 0.0
 
     def sent(self, items: tuple[SequenceItem, ...], codes: tuple[int | None, ...]) -> tuple[int, ...]:
-        """Codes as they are sent: with the parity bit last where a word has one; None: the tool has no measurement."""
+        """Return the transmitted codes, with parity bits where words have one; None means a missing measurement."""
         return tuple(
             self._sent(item, max(self.table[item.name].missing(item.bits), 0) if code is None else code)
             for item, code in zip(items, codes, strict=True)
@@ -247,7 +248,7 @@ class ToolConfiguration:
 
     @property
     def header_tu(self) -> int:
-        """Time on air of the header, TU."""
+        """Duration of the header, TU."""
         return self.pulses(0, self.header_bits).length if self.header_bits else 0
 
 
@@ -255,16 +256,16 @@ def encode(
     tool: ToolConfiguration, items: tuple[SequenceItem, ...], codes: tuple[int | None, ...], number: int | None = None
 ) -> Pulses:
     """
-    Pulses of one pass of a sequence.
+    Return the pulses of one pass of a sequence.
 
     Parameters
     ----------
     tool : ToolConfiguration
     items : tuple of SequenceItem
     codes : tuple of int
-        Value of each word, without parity; None: no measurement.
+        Value of each word without parity; None for a missing measurement.
     number : int, optional
-        Of the sequence: sync and header come first. None: the pass follows another one without.
+        Number of the sequence, if sync and header come first; None for a pass without them.
 
     Returns
     -------
@@ -274,7 +275,7 @@ def encode(
     Raises
     ------
     ValueError
-        The codes are not as many as the words.
+        The numbers of codes and words differ.
     """
     edges: list[int] = []
     at = 0
@@ -294,12 +295,12 @@ def encode(
 
 def from_mapping(given: Mapping[str, Any]) -> ToolConfiguration:
     """
-    Build a configuration from the content of a YAML file; sequences may be a list or a table of names.
+    Build a configuration from the content of a YAML file; sequences may be a list or a table with names.
 
     Raises
     ------
     SettingsError
-        An unknown key, with its near misses, or a value that is not allowed.
+        A key is unknown (similar ones are suggested) or a value is not allowed.
     """
     if not isinstance(given, Mapping):
         raise settings.SettingsError(f"tool: expected a table of settings, got {given!r}")
@@ -319,14 +320,14 @@ def read(path: Path) -> ToolConfiguration:
     Raises
     ------
     ValueError
-        The file is no YAML, or says what no tool can do; the message names file and key.
+        The file is not YAML or describes an impossible tool; the message names file and key.
     OSError
         The file cannot be read.
     """
     try:
         given = load_yaml(read_text(path, budgets.YAML)) or {}
     except yaml.YAMLError as error:
-        raise ValueError(f"{path}: no YAML: {error}") from error
+        raise ValueError(f"{path}: not YAML: {error}") from error
     try:
         return from_mapping(given)
     except ValueError as error:
@@ -335,12 +336,12 @@ def read(path: Path) -> ToolConfiguration:
 
 def read_several(paths: Iterable[Path]) -> tuple[ToolConfiguration, ...]:
     """
-    Read the configurations of the links of one tool, for a node: errors quote nothing of the files.
+    Read the configurations of the links of one tool for a node; errors do not quote the files.
 
     Raises
     ------
     ValueError
-        A file cannot be used, or two of them are of one link.
+        A file cannot be used, or two files describe the same link.
     """
     tools: dict[str, ToolConfiguration] = {}
     for path in paths:
@@ -354,17 +355,17 @@ def read_several(paths: Iterable[Path]) -> tuple[ToolConfiguration, ...]:
 
 def starting(code: str) -> ToolConfiguration:
     """
-    Configuration of a code to begin with: sequences as kits have them.
+    Return a first configuration for a code, with the sequences that kits use.
 
     Raises
     ------
     SettingsError
-        There is no such code.
+        The code does not exist.
     """
     plain = from_mapping({"code": code, "missing_code": True})
     if code in PULSE_CODES:
         return plain
-    # A check of the whole block or frame makes the parity of each word needless.
+    # The check of the whole block or frame makes parity bits unnecessary.
     surveys, toolfaces = (
         tuple(sequences.written(tuple(item._replace(parity=False) for item in items)) for items in kind)
         for kind in (plain.surveys, plain.toolfaces)
@@ -373,5 +374,5 @@ def starting(code: str) -> ToolConfiguration:
 
 
 def text(tool: ToolConfiguration) -> str:
-    """YAML of a configuration; `read` gives it back."""
+    """Return the YAML of a configuration, which `read` reads back."""
     return str(yaml.safe_dump(settings.to_mapping(tool), sort_keys=False, allow_unicode=True, width=110))

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Words: how one measured value becomes a whole number of some bits, and back, with the sigma that the rounding adds.
+Words: convert a measured value to an integer of some bits and back, with the sigma that rounding adds.
 
-A word that wraps (a direction) has 2^bits steps round the circle; another one reaches both ends of its range with
-2^bits - 1 steps. The value of a step is its middle, so rounding errs by step / sqrt(12) (uniform distribution).
-Where the highest code says that the tool has no measurement, the others share the range: one step less.
+A word that wraps (a direction) has 2^bits steps around the circle. Any other word reaches both ends of its range with
+2^bits - 1 steps. The value of a code is the middle of its step, so the rounding error is step / sqrt(12) (uniform). If
+the highest code means that the tool has no measurement, there is one step less.
 """
 
 from __future__ import annotations
@@ -19,21 +19,24 @@ MAX_BITS = 24
 
 @dataclasses.dataclass(frozen=True)
 class Word:
-    """Range of one measured value. Numbers stay in the unit given, as people and configurations write them."""
+    """Range of one measured value. Numbers stay in the given unit, as users write them."""
 
-    bits: int = setting(0, "Length of the word; 0: the sequence gives it.", low=0, high=MAX_BITS)
+    bits: int = setting(0, "Length of the word; 0 if the sequence gives it.", low=0, high=MAX_BITS)
     low: float = setting(0.0, "Value of the code 0.")
-    high: float = setting(1.0, "Value of the highest code; of a word that wraps, the value that equals low again.")
+    high: float = setting(1.0, "Value of the highest code; for a word that wraps, the value that is the same as low.")
     unit: str = setting("", "Unit of low and high.")
-    wraps: bool | None = setting(None, "Whether high and low are the same direction; omit: a full circle in deg wraps.")
-    logarithmic: bool = setting(False, "Whether the steps are equal ratios instead of equal differences: for sigmas.")
+    wraps: bool | None = setting(
+        None, "Whether high and low are the same direction; by default a full circle in deg wraps."
+    )
+    logarithmic: bool = setting(False, "Whether steps are equal ratios instead of equal differences (used for sigmas).")
     sigma: float = setting(
         0.0,
-        "1 sigma of the tool's own measurement, in the unit of the word. It is added to the rounding; 0 where unknown.",
+        "1 sigma of the tool's own measurement, in the unit of the word. It is added to the rounding error; 0 if "
+        "unknown.",
         low=0.0,
     )
     reserved: bool = setting(
-        False, "Whether the highest code says that the tool has no measurement; `missing_code` sets it of all words."
+        False, "Whether the highest code means that the tool has no measurement; `missing_code` sets it for all words."
     )
 
     def __post_init__(self) -> None:
@@ -43,33 +46,33 @@ class Word:
         Raises
         ------
         ValueError
-            high does not lie above low, or the word is a single bit.
+            high is not above low, or the word has a single bit.
         """
         if not self.high > self.low:
-            raise ValueError(f"high: must lie above low ({self.low:g}), got {self.high:g}")
+            raise ValueError(f"high: must be above low ({self.low:g}), got {self.high:g}")
         if self.logarithmic and not self.low > 0.0:
-            raise ValueError(f"low: a word with equal ratios begins above 0, got {self.low:g}")
+            raise ValueError(f"low: must be above 0 for a logarithmic word, got {self.low:g}")
         if self.bits == 1:
-            raise ValueError("bits: no pulse code has a packet of 1 bit; use 2 or more")
+            raise ValueError("bits: no pulse code can send a single bit; use 2 or more")
 
     @property
     def circular(self) -> bool:
-        """Whether the value wraps."""
+        """Return whether the value wraps."""
         return self.unit == "deg" and self.high - self.low == 360.0 if self.wraps is None else self.wraps
 
     def missing(self, bits: int = 0) -> int:
-        """Code that says that the tool has no measurement; -1 where none does."""
+        """Return the code that means "no measurement", or -1 if the word has none."""
         return (1 << (bits or self.bits)) - 1 if self.reserved else -1
 
     def codes(self, bits: int = 0) -> int:
-        """How many codes stand for values."""
+        """Return the number of codes that represent values."""
         return (1 << (bits or self.bits)) - self.reserved
 
     def step(self, bits: int = 0) -> float:
         """
-        Distance between neighbouring codes, in the unit of the word; bits: 0 takes the word's own.
+        Return the distance between neighbouring codes, in the unit of the word; bits = 0 uses the word's own length.
 
-        Of a logarithmic word the largest distance, that at its upper end.
+        For a logarithmic word it is the largest distance, at the upper end.
         """
         count = self.codes(bits)
         if self.logarithmic:
@@ -78,7 +81,7 @@ class Word:
 
     def code(self, value: float, bits: int = 0) -> int:
         """
-        Nearest code of a value; a value beyond the range has the code of the nearer end.
+        Return the nearest code of a value; a value outside the range gets the code of the nearer end.
 
         Raises
         ------
@@ -96,12 +99,12 @@ class Word:
 
     def value(self, code: int, bits: int = 0) -> float:
         """
-        Value of a code, in the unit of the word; nan of the code that says that there is none.
+        Return the value of a code, in the unit of the word; NaN for the code that means "no measurement".
 
         Raises
         ------
         ValueError
-            The code does not fit the bits.
+            The code does not fit into the bits.
         """
         count = self.codes(bits)
         if not 0 <= code < 1 << (bits or self.bits):
@@ -114,23 +117,23 @@ class Word:
 
     def sigma_of(self, bits: int = 0, rate: float = 0.0, age_s: float = 0.0) -> float:
         """
-        1 sigma of a word that was received right, in the unit of the word.
+        Return 1 sigma of a correctly received word, in the unit of the word.
 
-        sqrt(sensor^2 + step^2 / 12 + (rate age)^2): measurement, rounding, and the change since.
+        It is sqrt(sensor^2 + step^2 / 12 + (rate age)^2): measurement, rounding, and change since the measurement.
 
         Parameters
         ----------
         bits : int
-            Length; 0 takes the word's own.
+            Length; 0 uses the word's own.
         rate : float
-            1 sigma of the change of the value, unit / s.
+            1 sigma of the rate of change of the value, unit / s.
         age_s : float
             Time since the measurement, s.
         """
         return math.sqrt(self.sigma**2 + self.step(bits) ** 2 / 12.0 + (rate * age_s) ** 2)
 
 
-# What kits commonly send, by the names that their configurations use; `words` of a tool configuration overrides it.
+# Words that kits commonly send, by the names in their configurations; `words` of a tool configuration replaces them.
 COMMON = {
     "Inc": Word(12, 0.0, 180.0, "deg"),
     "Azm": Word(12, 0.0, 360.0, "deg"),
@@ -149,9 +152,9 @@ COMMON = {
     "ARMS": Word(11, 0.0, 204.7, "g"),
     "LMxG": Word(11, 0.0, 2047.0, "g"),
     "AMxG": Word(11, 0.0, 2047.0, "g"),
-    # Of this project's own tool: what it knows of its errors.
+    # Words of this project's own tool: the sigmas of its survey.
     "sInc": Word(4, 0.01, 10.0, "deg", logarithmic=True),
     "sAzm": Word(4, 0.01, 180.0, "deg", logarithmic=True),
-    # What the tool received last by downlink: counter, command and argument.
+    # Last command received by downlink: counter, command and argument.
     "DLnk": Word(10, 0.0, 1023.0, ""),
 }

@@ -164,5 +164,5 @@ def test_a_place_has_coordinates_and_scale_in_its_map_grid():
     # Three degrees away the scale is larger: k0 (1 + cos^2(lat) dlon^2 / 2).
     away = earth.map_grid(math.radians(60.0), math.radians(2.9), "EPSG:32630")
     assert away.scale == pytest.approx(0.9996 * (1.0 + 0.25 * math.radians(5.9) ** 2 / 2.0), abs=2e-5)
-    with pytest.raises(ValueError, match="is no map grid"):
+    with pytest.raises(ValueError, match="is not a map grid"):
         earth.map_grid(0.7, 1.9, "EPSG:4326")

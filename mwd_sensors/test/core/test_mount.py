@@ -56,7 +56,7 @@ def test_a_quarter_turn_given_in_numbers_exchanges_axes_to_the_bit():
         ("1,0,0", "write one of"),
         ("1,0,0,1", "length 1"),
         ("1,0,0,0,1,0,0,0,-1", "right-handed"),
-        ("1,0,0,0,2,0,0,0,1", "rows of length 1"),
+        ("1,0,0,0,2,0,0,0,1", "rows must have length 1"),
         ("nan,0,0,1", "length 1"),
     ],
 )

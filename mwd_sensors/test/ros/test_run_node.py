@@ -31,7 +31,7 @@ def test_a_secured_node_without_keystore_ends_with_one_sentence():
 def test_what_a_secured_node_lacks_is_named_and_an_unsecured_one_keeps_its_own_error(tmp_path):
     assert security_refusal({}, "any") == ""
     assert security_refusal({**SECURE, "ROS_SECURITY_STRATEGY": "Permissive"}, "any") == ""
-    assert "no folder" in security_refusal({**SECURE, "ROS_SECURITY_KEYSTORE": str(tmp_path / "none")}, "any")
+    assert "not a folder" in security_refusal({**SECURE, "ROS_SECURITY_KEYSTORE": str(tmp_path / "none")}, "any")
     held = {**SECURE, "ROS_SECURITY_KEYSTORE": str(tmp_path)}
     assert "plugins" in security_refusal(held, "This Fast DDS version doesn't have the security libraries")
     denied = security_refusal(held, "rt/well_1/imu/mag topic not found in allow rule\nat line 7")

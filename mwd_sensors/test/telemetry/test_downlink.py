@@ -105,7 +105,7 @@ def test_a_command_the_tool_cannot_obey_is_refused_with_what_it_can(name, value,
 
 
 def test_a_tool_without_a_downlink_takes_no_commands_and_its_file_says_so():
-    with pytest.raises(ValueError, match="takes no commands"):
+    with pytest.raises(ValueError, match="accepts no commands"):
         command(ToolConfiguration(), "survey_now", 0)
     assert "downlink: null" in text(ToolConfiguration())
     assert applied(TOOL, ToolSettings()).tu_s == TOOL.tu_s

@@ -69,5 +69,5 @@ def test_a_mistake_is_refused_with_its_key(change, complaint):
 
 def test_a_broken_file_is_named(tmp_path):
     (tmp_path / "tool.yaml").write_text("code: [")
-    with pytest.raises(ValueError, match=r"tool\.yaml: no YAML"):
+    with pytest.raises(ValueError, match=r"tool\.yaml: not YAML"):
         read(tmp_path / "tool.yaml")

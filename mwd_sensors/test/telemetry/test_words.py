@@ -49,7 +49,7 @@ def test_sigma_grows_with_the_sensor_and_the_age():
 def test_impossible_words_are_refused():
     with pytest.raises(ValueError, match="high"):
         Word(12, 10.0, 10.0)
-    with pytest.raises(ValueError, match="1 bit"):
+    with pytest.raises(ValueError, match="single bit"):
         Word(1, 0.0, 1.0)
     with pytest.raises(ValueError, match="no code for nan"):
         COMMON["Inc"].code(float("nan"))

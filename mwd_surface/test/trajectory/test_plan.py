@@ -106,5 +106,5 @@ def test_a_plan_file_that_never_ends_is_refused_at_once(tmp_path):
     pipe = tmp_path / "plan.csv"
     os.mkfifo(pipe)
     for path in (pipe, Path("/dev/zero")):
-        with pytest.raises(ListFileError, match="no regular file"):
+        with pytest.raises(ListFileError, match="not a regular file"):
             read_plan(path)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The default gravity method: an error-state filter bounded by the tool's small velocity."""
+"""Default gravity method: an error-state filter that relies on the tool's small velocity."""

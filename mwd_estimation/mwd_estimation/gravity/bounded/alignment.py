@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Start of the bounded filter: the first attitude from the mean force, and what a new start keeps.
+Start of the bounded filter: first attitude from the mean force, and what a restart keeps.
 
-Bias, scale and lever arm of the sensors outlive a start. Where only the roll was lost the inclination does too.
+Bias, scale and lever arm of the sensors survive a restart. If only the roll was lost, the inclination survives too.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, POS, SCA
 from mwd_sensors.core.arrays import Vector
 from mwd_sensors.core.compiled import compiled
 
-START_TIME = 0.3  # s, over which forces are averaged
-CORRELATED = 0.05  # s, for which the scatter of the force lasts
+START_TIME = 0.3  # s, time over which forces are averaged
+CORRELATED = 0.05  # s, correlation time of the scatter of the force
 START_SIGMA = 0.06  # rad, least sigma of the first tilt
-START_SPEED = 0.5  # m/s, and as much more for each g of scatter
-START_PLACE = 0.1  # m
+START_SPEED = 0.5  # m/s, sigma of the velocity at a start; its variance doubles for a force scatter of 1 g
+START_PLACE = 0.1  # m, sigma of the displacement
 KEPT_SIGMA = 0.05  # rad, added to the sigma of an inclination that is only kept
-LOST_AFTER = 1.0  # s, from which on the mean force shows whether the attitude is lost
-LOST_FORCE2 = 25.0  # (m/s^2)^2, square of the mean force that is not gravity, from which on it is
-WHITE2 = 9.0  # times the density of white force: what its mean may have by chance
-LIKE_GRAVITY = 0.5  # m/s^2, by which the mean force may differ from gravity and still be it
+LOST_AFTER = 1.0  # s, averaging time after which the mean force can show that the attitude is lost
+LOST_FORCE2 = 25.0  # (m/s^2)^2, square of the mean non-gravity force above which the attitude is lost
+WHITE2 = 9.0  # factor on the density of white force: squared mean that white noise may cause by chance
+LIKE_GRAVITY = 0.5  # m/s^2, largest difference in length between gravity and a mean force that counts as gravity
 
 
 @compiled
 def begin(s: Record) -> None:
-    """Attitude, velocity and position start anew; what was learnt of the sensors stays."""
+    """Restart attitude, velocity and position; keep what was learnt about the sensors."""
     mechanisation.clear_sums(s.sums)
     for j in range(ERRORS):
         for m in range(ERRORS):
@@ -55,7 +55,7 @@ def begin(s: Record) -> None:
 
 @compiled
 def begin_roll(s: Record) -> None:
-    """As `begin` where only the roll is lost: the rates across the axis keep the inclination."""
+    """Restart after losing only the roll: the rates across the axis still give the inclination."""
     down, tilt = s.C[2, 0], clipping.split_tilt(s)
     begin(s)
     s.kept_down, s.kept_tilt = down, tilt
@@ -63,7 +63,7 @@ def begin_roll(s: Record) -> None:
 
 @compiled
 def forget_motion(s: Record) -> None:
-    """Velocity, position and what is followed of them are not known."""
+    """Reset velocity and position and the averages derived from them, because the motion is not known."""
     motion = s.motion
     motion.force_time = 0.0
     for j in range(3):
@@ -75,7 +75,7 @@ def forget_motion(s: Record) -> None:
 
 @compiled
 def unknown_motion(s: Record, scatter: float) -> None:
-    """Covariance of velocity and position at a start; scatter: of the force, over gravity, squared."""
+    """Set the covariance of velocity and position at a start; scatter: variance of the force over gravity squared."""
     for j in range(3):
         for m in range(ERRORS):
             s.P[VEL + j, m] = s.P[m, VEL + j] = s.P[POS + j, m] = s.P[m, POS + j] = 0.0
@@ -86,14 +86,15 @@ def unknown_motion(s: Record, scatter: float) -> None:
 @compiled
 def average(p: Params, s: Record, dt: float, f: Vector, clips: bool) -> bool:
     """
-    Add a force, m/s^2, to the mean, in axes that the gyro carries; True when the attitude was found.
+    Add a force, m/s^2, to the mean, in axes carried by the gyro; return True when the attitude has been found.
 
-    clips: the x gyro is beyond its range. It does not carry the axes over such a sample, so that the mean begins anew.
+    clips means that the x gyro is beyond its range. It cannot carry the axes over such a sample, so the mean is
+    restarted.
     """
     step, C, turn2 = max(dt, 1e-3), s.C, s.last_w[0] ** 2
     if clips:
         s.age = s.mean_power = s.mean[0] = s.mean[1] = s.mean[2] = 0.0
-    # The pull of the circle that the sensor runs, as far as it was learnt, is no gravity.
+    # Subtract the centripetal force of the sensor's circle, as far as its lever arm is known.
     fx, fy, fz = f[0], f[1] + turn2 * s.lever[0], f[2] + turn2 * s.lever[1]
     s.age += step
     for j in range(3):
@@ -109,14 +110,14 @@ def average(p: Params, s: Record, dt: float, f: Vector, clips: bool) -> bool:
 
 @compiled
 def direction(s: Record) -> float:
-    """Set gravity to the mean force so far, in the tool axes of now; returns the sigma of inclination, rad."""
+    """Set gravity to the mean force so far, in the present tool axes; return the sigma of inclination, rad."""
     C, mean, g = s.C, s.mean, s.g_t
     norm = max(math.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2), 1e-9)
     for j in range(3):
         g[j] = -(C[0, j] * mean[0] + C[1, j] * mean[1] + C[2, j] * mean[2]) / norm
     if s.kept_tilt == 0.0:
         return math.pi
-    # Only the roll is sought.
+    # The inclination was kept; only the roll is taken from the mean force.
     g[0] = min(max(s.kept_down, -1.0), 1.0)
     side = math.sqrt((1.0 - g[0] ** 2) / max(g[1] ** 2 + g[2] ** 2, 1e-18))
     g[1] *= side
@@ -126,18 +127,18 @@ def direction(s: Record) -> float:
 
 @compiled
 def _start(p: Params, s: Record) -> None:
-    """First attitude from the mean force and its error from its scatter."""
+    """Set the first attitude from the mean force, and its error from the scatter of the force."""
     P = s.P
     mx, my, mz = s.mean[0] / s.age, s.mean[1] / s.age, s.mean[2] / s.age
     size = math.sqrt(mx * mx + my * my + mz * mz)
     scatter = max(0.0, s.mean_power / s.age - size * size) / p.gravity**2
     turned = 0.5 * s.age * (math.sqrt(P[BIAS, BIAS]) + math.sqrt(P[SCALE, SCALE]) * abs(s.last_w[0]))
-    # A mean that is not one g long holds an acceleration that did not average out, likely across gravity as well.
+    # A mean that is not one g long contains an acceleration that did not average out, probably also across gravity.
     off = size / p.gravity - 1.0
     tilt = min(scatter * CORRELATED / s.age + START_SIGMA**2 + off * off + turned * turned, 1.0)
     g = s.g_t
     if s.kept_tilt > 0.0:
-        # Two inclinations, that of the mean and the one kept, by their variances.
+        # Weighted mean of two inclinations, from the mean force and the kept one.
         mean = math.acos(min(max(-(s.C[0, 0] * mx + s.C[1, 0] * my + s.C[2, 0] * mz) / size, -1.0), 1.0))
         share = s.kept_tilt / (s.kept_tilt + tilt)
         inclination = share * mean + (1.0 - share) * math.acos(g[0])
@@ -164,10 +165,10 @@ def _start(p: Params, s: Record) -> None:
 @compiled
 def attitude_lost(p: Params, s: Record) -> bool:
     """
-    Whether the mean force is as long as gravity, and half of gravity away from where gravity should be.
+    Return whether the mean force is as long as gravity but points far away from the estimated gravity.
 
-    So it is where the tool was turned in a data gap. A mean force of another length is one of the tool: vibration that
-    point samples fold down to zero.
+    This happens if the tool was rotated during a data gap. A mean force of another length is a real force on the tool,
+    or vibration that point samples alias to zero frequency.
     """
     force = s.motion.force
     level = force[0] ** 2 + force[1] ** 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clipping: velocity that a cut-off shock hides, and roll while the x gyro is beyond its range."""
+"""Clipping: velocity lost in shocks that were cut off, and roll while the x gyro is beyond its range."""
 
 from __future__ import annotations
 
@@ -11,39 +11,39 @@ from mwd_estimation.gravity.bounded.state import BIAS, ERRORS, MISSING, SLOPE, T
 from mwd_sensors.core.arrays import Array, Vector
 from mwd_sensors.core.compiled import compiled
 
-HIDDEN = 0.0014  # s of clipping that a sample must be able to show before it counts as a shock
-UNUSUAL = 2.2  # times the usual acceleration
-CHANCE = 0.0023  # share of samples of Gaussian vibration that is beyond it (chi-square of 3)
-LOST = 1.0  # velocity lost for each velocity shown: 1.0 to 1.9 on simulated shocks beyond 4, 8 and 16 g
-USUAL_TIME = 0.3  # s, memory of the usual acceleration
-SHOCK_POWER = 1e4  # (m/s^2)^2, the most of a shock that enters it
-SHOCK_MEMORY = 10.0  # s, over which shocks are counted
-QUIET = 0.05  # least usual square of an innovation that the gate is a multiple of
-LEAST_EXPECTED = 1e-6  # shocks in one update: fewer are none
+HIDDEN = 0.0014  # s, clipped time from which a sample's mean force counts as a shock
+UNUSUAL = 2.2  # factor on the usual acceleration above which a sample is unusual
+CHANCE = 0.0023  # share of samples of Gaussian vibration above that (chi-square with 3 degrees of freedom)
+LOST = 1.0  # lost velocity per shown velocity: 1.0 to 1.9 on simulated shocks beyond 4, 8 and 16 g
+USUAL_TIME = 0.3  # s, averaging time of the usual acceleration
+SHOCK_POWER = 1e4  # (m/s^2)^2, largest contribution of a shock to the usual acceleration
+SHOCK_MEMORY = 10.0  # s, time over which shocks are counted
+QUIET = 0.05  # least usual square of an innovation, of which the gate is a multiple
+LEAST_EXPECTED = 1e-6  # expected shocks per update below which no gate is set
 SLOPE_LAG, CURVE_LAG = 0.03, 0.1  # s, low-passes of the slope of the x rate and of its curvature
 CLIP_SLOPE = 15.0  # rad/s^2, error of that slope when clipping begins
 CLIP_BRIDGE = 4.0  # s, longest clipping that is bridged
-CLIP_TILT = 9.0  # rad^2, variance of the tilt at the end of clipping from which on roll is lost
-CLIP_LOST = 3.0  # rad/s, missing rate at the end of clipping that shows roll astray
-NEVER = 1e30  # gate that no innovation passes
+CLIP_TILT = 9.0  # rad^2, variance of the tilt at the end of clipping above which roll is lost
+CLIP_LOST = 3.0  # rad/s, missing rate at the end of clipping above which roll is lost
+NEVER = 1e30  # gate that no innovation exceeds
 
 
 @compiled
 def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag: bool) -> None:
     """
-    Count shocks, and make the velocity uncertain by what each may have hidden.
+    Count shocks, and increase the variance of the velocity by what each of them may have hidden.
 
-    A force far above the usual may be a shock whose tip was cut off before the sensor averaged it. Velocity is lost
-    then, mostly along the force that is shown: that goes into its variance at once.
+    A force far above the usual may be a shock whose peak was cut off before the sensor averaged it. The lost velocity
+    is mostly along the shown force, so its variance is increased in that direction at once.
 
-    flag: the unit says so of this sample. It is believed however little the sample shows.
+    flag means that the unit reports clipping in this sample; it is trusted even if the sample shows a small force.
     """
     s.since_shock += dt
     s.shocks -= dt / SHOCK_MEMORY * s.shocks
     clipped = flag or track.clips(f, p.accel_range)
     unusual = power > UNUSUAL**2 * s.power + 100.0
     if clipped or unusual:
-        # A sample that is a mean of dt shows no less than the share of it that was clipped.
+        # A sample that is a mean over dt shows at least the share of it that was clipped.
         shown = p.accel_range * min(HIDDEN / max(dt, 1e-4), 0.9)
         if clipped or power > shown * shown:
             if (flag or unusual) and s.since_shock > 0.1:
@@ -61,19 +61,19 @@ def follow_shocks(p: Params, s: Record, dt: float, f: Vector, power: float, flag
                     if m == 2:
                         am += p.gravity
                     s.P[VEL + j, VEL + m] += lost * aj * am
-    # A shock counts little in the usual acceleration, strong vibration counts whole.
+    # A shock adds little to the usual acceleration, strong vibration adds fully.
     s.power += min(1.0, dt / USUAL_TIME) * (min(power, SHOCK_POWER + 4.0 * s.power) - s.power)
 
 
 @compiled
 def jump_gate(s: Record) -> float:
     """
-    Square of an innovation over its variance that shows a velocity lost in a shock that did not stand out.
+    Return the squared innovation over its variance that reveals a velocity lost in a hidden shock.
 
-    It is taken for one where chance makes an innovation as large less often than shocks come: a normal one has a square
-    beyond x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). Assumed: as many shocks do
-    not stand out as do, less those that are vibration by chance, and they come at random, with a probability of
-    1 - exp(-n T) of one or more within a time T.
+    The gate is where chance makes an innovation as large less often than hidden shocks occur. A normal innovation
+    exceeds x times its variance with a probability of at most exp(-x / 2) (Chernoff's bound). It is assumed that hidden
+    shocks are as frequent as visible ones, less those that are vibration by chance, and occur at random: the
+    probability of at least one within a time T is 1 - exp(-n T).
     """
     expected = (s.shocks / SHOCK_MEMORY - CHANCE / max(s.period, 1e-4)) * s.sums.time
     if expected < LEAST_EXPECTED:
@@ -83,7 +83,7 @@ def jump_gate(s: Record) -> float:
 
 @compiled
 def split_tilt(s: Record) -> float:
-    """Take the tilt that changes inclination out of the covariance; returns its variance, rad^2."""
+    """Remove the tilt that changes inclination from the covariance; return its variance, rad^2."""
     P = s.P
     norm = math.sqrt(max(s.C[0, 0] ** 2 + s.C[1, 0] ** 2, 1e-9))
     ax, ay = s.C[0, 0] / norm, s.C[1, 0] / norm
@@ -99,7 +99,7 @@ def split_tilt(s: Record) -> float:
 
 @compiled
 def join_tilt(s: Record, variance: float) -> None:
-    """Put a tilt that changes inclination into the covariance; variance in rad^2."""
+    """Add a tilt that changes inclination to the covariance; variance in rad^2."""
     P = s.P
     ax, ay = s.C[0, 0], s.C[1, 0]
     norm2 = max(ax * ax + ay * ay, 1e-9)
@@ -119,19 +119,20 @@ def _forget_from(P: Array, first: int, last: int) -> None:
 @compiled
 def follow_rate(p: Params, s: Record, dt: float, wx: float, flag: bool) -> bool:
     """
-    Follow the slope of the x rate, and the missing rate while the gyro clips; True if roll is lost at the end of that.
+    Follow the slope of the x rate and, while the gyro clips, the missing rate; return True if roll is lost at its end.
 
-    The missing rate is a state that starts with the slope the rate had. What is known of the sensors and of inclination
-    is set aside meanwhile, lest a roll gone astray spoil it: the gyros across the axis keep it.
+    The missing rate is a state that starts with the last slope of the rate. The covariances of the sensor errors and of
+    the inclination are set aside meanwhile, so that a wrong roll cannot spoil them; the gyros across the axis keep the
+    inclination.
 
-    flag: the unit says that the x gyro was beyond its range within this sample.
+    flag means that the unit reports the x gyro beyond its range in this sample.
     """
     c = s.clipping
     if flag or abs(wx) >= track.AT_RANGE * p.gyro_range:
         if c.sign == 0.0:
             _begin_clipping(s)
         c.sign = 1.0 if wx > 0.0 else -1.0
-        # It bends back as it did before.
+        # Assume that the rate bends back with the curvature it had before.
         s.slope -= c.sign * max(-c.sign * c.curve, 0.0) * dt
         s.missing += s.slope * dt
         c.time += dt
@@ -156,7 +157,7 @@ def _begin_clipping(s: Record) -> None:
             c.kept[j, m] = P[BIAS + j, BIAS + m]
     _forget_from(P, BIAS, ERRORS)
     s.missing = 0.0
-    # The low-passed slope is late by its time constant.
+    # Correct the delay of the low-passed slope.
     s.slope = c.slope + SLOPE_LAG * c.curve
     P[SLOPE, SLOPE] = CLIP_SLOPE**2
     c.tilt = split_tilt(s)
@@ -165,7 +166,7 @@ def _begin_clipping(s: Record) -> None:
 @compiled
 def _end_clipping(s: Record) -> bool:
     P, c = s.P, s.clipping
-    # When the gyro is back nothing is missing: if the state shows otherwise it is wrong, and roll with it.
+    # After clipping the missing rate must be zero; if the state says otherwise, it is wrong and so is the roll.
     lost = abs(s.missing) > CLIP_LOST or c.time > CLIP_BRIDGE
     _forget_from(P, BIAS, ERRORS)
     for j in range(MISSING - BIAS):
@@ -178,6 +179,6 @@ def _end_clipping(s: Record) -> bool:
 
 @compiled
 def clear(s: Record) -> None:
-    """Note that the x gyro does not clip."""
+    """Reset the state of clipping."""
     c = s.clipping
     s.missing = s.slope = c.sign = c.time = c.tilt = c.slope = c.curve = 0.0

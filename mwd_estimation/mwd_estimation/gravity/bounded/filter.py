@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Velocity-bounded error-state Kalman filter: gravity from the fact that a sonde in its hole goes nowhere.
+Velocity-bounded error-state Kalman filter: gravity, using that a sonde in its hole stays in place.
 
-Rates carry the attitude, forces carry velocity and position in a level frame of arbitrary heading; what integrates to a
-position that runs away is tilt (or an error of a sensor that acts like tilt), what does not is vibration, however
-strong. Every sample moves the nominal values (`mechanisation`); the covariance moves and the position is measured once
-in `TICK` (`noise`, `measurement`, `scale`). Theory and limits: ``docs/methods/bounded_gravity_filter.md``.
+Rates propagate the attitude, forces propagate velocity and position in a level frame of arbitrary heading. A tilt (or a
+sensor error that acts like tilt) integrates to a position that runs away; vibration, however strong, does not. Every
+sample moves the nominal values (`mechanisation`). Once per `TICK` the covariance is propagated and the position is
+measured as zero (`noise`, `measurement`, `scale`). Theory and limits: ``docs/methods/bounded_gravity_filter.md``.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from mwd_sensors.core.compiled import compiled
 
 __all__ = ["Log", "Params", "State", "initial", "run", "run_logged"]
 
-TICK = 0.03  # s between updates of the covariance
-CLIPPED_TICK = 0.015  # s, while the x gyro clips: the circle of the sensor turns by more than a radian in TICK
+TICK = 0.03  # s, time between updates of the covariance
+CLIPPED_TICK = 0.015  # s, the same while the x gyro clips: the sensor's circle turns by more than a radian in TICK
 _GAP, _INITIALISING = int(Status.GAP), int(Status.INITIALISING)
 _CLIPPED, _NEAR_VERTICAL, _ALIASED = int(Status.CLIPPED), int(Status.NEAR_VERTICAL), int(Status.ALIASED)
 _ACCEL_FLAG, _AXIAL_FLAG, _CROSS_FLAG = clip_flags.ACCEL, clip_flags.AXIAL_GYRO, clip_flags.CROSS_GYRO
@@ -51,17 +51,17 @@ def run(
     ----------
     params : Params
     state : State
-        Changed in place; blocks of any length give the same numbers.
+        State of the filter, changed in place; the result does not depend on how the samples are cut into blocks.
     stamp_ns : array_like of int64, shape (n,)
     gyro_t, accel_t : array_like, shape (n, 3)
         Angular rate, rad/s, and specific force (up at rest), m/s^2, in tool axes.
     clipped : array_like of uint8, shape (n,), optional
-        What the unit says of each sample, bits of `core.clip_flags`.
+        Clip flags that the unit reports for each sample, bits of `core.clip_flags`.
 
     Raises
     ------
     ValueError
-        Shapes that do not match.
+        Shapes do not match.
     """
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), Log.room(0))
@@ -75,7 +75,7 @@ def run_logged(
     accel_t: ArrayLike,
     clipped: ArrayLike | None = None,
 ) -> tuple[Track, Log]:
-    """As `run`, and all that a smoother needs to go back over the block."""
+    """Follow gravity like `run`, and also return the log that a smoother needs for the block."""
     stamps, gyro, accel = track.sample_arrays(stamp_ns, gyro_t, accel_t)
     log = Log.room(len(stamps))
     return _follow(params, state, (stamps, gyro, accel, clip_flags.given(clipped, len(stamps))), log), log
@@ -127,7 +127,7 @@ def _run(
 
 @compiled
 def _publish(s: Record) -> int:
-    """Set gravity, and its sigmas before there is an attitude; returns status bits."""
+    """Set gravity, and its sigmas while there is no attitude; return status bits."""
     if s.started:
         for j in range(3):
             s.g_t[j] = s.C[2, j]
@@ -141,7 +141,7 @@ def _publish(s: Record) -> int:
 
 @compiled
 def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log: Log) -> None:
-    """Begin, or go on after a data gap of dt s at whose end the rates are w."""
+    """Start, or continue after a data gap of dt s; w are the rates at the end of the gap."""
     known = s.started and s.clipping.sign == 0.0
     if verdict == track.FIRST or not known or not 0.0 < dt < p.max_bridged_gap_s:
         alignment.begin(s)
@@ -156,7 +156,7 @@ def _resume(p: Params, s: Record, verdict: int, dt: float, w: Array, i: int, log
 
 @compiled
 def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int) -> float:
-    """One admitted sample with its `clip_flags`; returns the magnitude of the force that is not gravity, m/s^2."""
+    """Process one accepted sample with its `clip_flags`; return the magnitude of the non-gravity force, m/s^2."""
     power = mechanisation.mechanise(p, s, dt, w, f)
     if s.started:
         clipping.follow_shocks(p, s, dt, f, power, flags & _ACCEL_FLAG != 0)
@@ -178,7 +178,7 @@ def _take(p: Params, s: Record, dt: float, w: Vector, f: Vector, flags: int) -> 
 
 @compiled
 def _update(p: Params, s: Record, w: Array, i: int, log: Log) -> None:
-    """Carry the covariance over the sums, add noise, measure, and empty the sums; w: rates at the end."""
+    """Propagate the covariance, add noise, measure, correct, and clear the sums; w: latest rate, rad/s, shape (3,)."""
     size = STEADY if s.clipping.sign == 0.0 else ERRORS
     s.settled += s.sums.time
     if size == ERRORS:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How the bounded filter goes over a data gap: by the rates on either side of it, as far as those can be trusted.
+Bridge data gaps of the bounded filter with the rates on either side, as far as those can be trusted.
 
-Between two known rates the lost ones are taken for a random walk tied at both ends: the angle is that of the mean rate,
-its variance q T^3 / 12, equation (7), with q how much rates have changed lately. How the tool vibrated meanwhile is not
-known: velocity and position begin anew; attitude and all that was learnt of the sensors stay.
+The lost rates are modelled as a random walk tied to the known rates at both ends. The angle is then that of the mean
+rate, with the variance q T^3 / 12, equation (7), where q is how much rates have changed recently. Vibration during the
+gap is not known, so velocity and position restart; attitude and the errors of the sensors are kept.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ from mwd_estimation.gravity.bounded.state import BIAS, STEADY, TILT, Record
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-GAP_NS = 250_000_000  # a step as long is a gap; so is half of it where it stands out
-STANDS_OUT = 4.0  # times the usual step
-MORE = 4.0  # times the random walk: oscillating rates change by more over a gap than a walk does
-LOST_ROLL = 0.25  # rad^2, variance of the roll from which on it counts as lost
+GAP_NS = 250_000_000  # a longer step is a gap; half of it is one if it is much longer than the usual step
+STANDS_OUT = 4.0  # factor on the usual step for that
+MORE = 4.0  # factor on the random walk: oscillating rates change more over a gap than a walk does
+LOST_ROLL = 0.25  # rad^2, variance of the roll above which it counts as lost
 
 
 @compiled
 def stands_out(s: Record, dt: float) -> bool:
-    """Whether a step of dt s is a gap though it is shorter than `GAP_NS`."""
+    """Return whether a step of dt s is a gap although it is shorter than `GAP_NS`."""
     return bool(2e9 * dt > GAP_NS and s.period > 0.0 and dt > STANDS_OUT * s.period)
 
 
 @compiled
 def bridge(p: Params, s: Record, T: float, w: Array) -> bool:
     """
-    Carry the attitude over a gap of T s, at whose end the rates are w, rad/s; False where the roll is lost.
+    Carry the attitude over a gap of T s; return False if the roll is lost.
 
-    The sums must be empty. Inclination is carried either way.
+    w are the rates after the gap, rad/s. The sums must be empty. The inclination is carried in either case.
     """
     P, C = s.P, s.C
     mean = 0.5 * (w + s.last_w)
-    # Down is known to the axes before the gap; without a force nothing else moves.
+    # Propagate by the mean rate without a force, so that velocity and position do not move.
     mechanisation.mechanise(p, s, T, mean, mean * 0.0)
     s.sums.force[0] = s.sums.force[1] = s.sums.force[2] = 0.0
     mechanisation.propagate(P, s.sums, STEADY)
     mechanisation.clear_sums(s.sums)
     cube, square = MORE * T * T * T / 12.0, T * T / 12.0
-    # When a rate changed between two that differ is not known.
+    # If the rates before and after differ, it is not known when they changed.
     turned = (w[1] - s.last_w[1]) ** 2 + (w[2] - s.last_w[2]) ** 2
     across = s.rate_walk[1] * cube + turned * square + p.gyro_noise**2 * T
     along = s.rate_walk[0] * cube + (w[0] - s.last_w[0]) ** 2 * square

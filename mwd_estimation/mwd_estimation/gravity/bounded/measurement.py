@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Measurement of the bounded filter: the point of the tool that stays has no displacement along either level axis.
+Measurement of the bounded filter: the resting point of the tool has zero displacement along every tool axis.
 
-The sensor is `lever` away from that point. What integrates to a displacement that runs away is tilt or an error of a
-sensor that acts like tilt; what does not is vibration.
+The sensor is `lever` away from that point. A tilt, or a sensor error that acts like tilt, integrates to a displacement
+that runs away; vibration does not.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from mwd_estimation.gravity.bounded.state import (
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-JUMP_TIME = 0.06  # s, after which a velocity lost in a shock shows as a displacement
+JUMP_TIME = 0.06  # s, time after which a velocity lost in a shock shows as a displacement
 
 
 @compiled
 def hole_direction(s: Record) -> tuple[float, float]:
-    """Level unit vector along the hole; any at a vertical tool."""
+    """Return the level unit vector along the hole; any direction for a vertical tool."""
     dx, dy = s.C[0, 0], s.C[1, 0]
     norm = math.sqrt(dx * dx + dy * dy)
     if norm < 1e-9:
@@ -45,10 +45,11 @@ def hole_direction(s: Record) -> tuple[float, float]:
 @compiled
 def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
     """
-    One scalar update along a tool axis, equation (4); adds to `correction` and returns the whitened innovation.
+    Update with one scalar measurement along a tool axis, equation (4); return the whitened innovation.
 
-    noise: variance of the white displacement, m^2. An innovation whose square is more than `gate` times its variance is
-    taken for a velocity lost in a shock: velocity and displacement along that axis become as uncertain as it is large.
+    The result is added to `correction`. noise is the variance of the white displacement, m^2. An innovation whose
+    square is above `gate` times its variance is treated as a velocity lost in a shock: the variances of velocity and
+    displacement along that axis are increased accordingly.
     """
     P, C, e, PH, lever = s.P, s.C, s.correction, s.work, LEVER + axis - 1
     hx, hy = tilt_sensitivity(s, axis)
@@ -82,10 +83,10 @@ def update(s: Record, size: int, axis: int, noise: float, gate: float) -> float:
 @compiled
 def tilt_sensitivity(s: Record, axis: int) -> tuple[float, float]:
     """
-    Return how the displacement along a tool axis depends on the two tilts, m.
+    Return the sensitivity of the displacement along a tool axis to the two tilts, m.
 
-    A tilt moves the sensor as far as it is away from the point that stays: by the lever arm. The position as it is
-    carried would not do in its place, because its noise would be counted as information about the tilt.
+    A tilt moves the sensor by the lever arm between the sensor and the resting point. The estimated position must not
+    be used instead, because its noise would count as information about the tilt.
     """
     C, lx, ly, lz = s.C, 0.0, 0.0, 0.0
     if axis == 0:
@@ -99,7 +100,7 @@ def tilt_sensitivity(s: Record, axis: int) -> tuple[float, float]:
 
 @compiled
 def log_measured(s: Record, axis: int, measured: Array, gain: Array) -> None:
-    """Write the row of H of the last measurement, along a tool axis, and its gain, each of shape (STEADY,)."""
+    """Write the last measurement's row of H along a tool axis, and its gain, each of shape (STEADY,)."""
     for j in range(STEADY):
         measured[j] = 0.0
         gain[j] = s.work[j] / s.spread
@@ -112,7 +113,7 @@ def log_measured(s: Record, axis: int, measured: Array, gain: Array) -> None:
 
 @compiled
 def symmetrise(P: Array, size: int) -> None:
-    """Take out what rounding leaves between the two halves of a covariance, lest it grow."""
+    """Make a covariance exactly symmetric, so that rounding errors do not grow."""
     for j in range(size):
         for m in range(j):
             P[m, j] = P[j, m]
@@ -120,7 +121,7 @@ def symmetrise(P: Array, size: int) -> None:
 
 @compiled
 def _lose_velocity(s: Record, axis: int, y: float) -> None:
-    """Make displacement and velocity along a tool axis uncertain by y, m, in the covariance and its product."""
+    """Increase the uncertainty of displacement and velocity along a tool axis by y, m, in P and in the product P h'."""
     P, C, PH, rate = s.P, s.C, s.work, 1.0 / JUMP_TIME
     for j in range(3):
         for m in range(3):
@@ -135,12 +136,11 @@ def _lose_velocity(s: Record, axis: int, y: float) -> None:
 
 @compiled
 def correct(s: Record, size: int) -> None:
-    """Put the correction into the nominal values: exp(tilt and change of heading) from the left, the rest by adding."""
+    """Apply the correction to the nominal values: the attitude by exp() from the left, the rest by addition."""
     C, e, yaw = s.C, s.correction, 0.0
     if s.clipping.seen:
-        # What a clipped gyro missed was about the tool axis: the heading, which is free, turns with it, and so it does
-        # when the force puts that right. A turn about the level axis alone would add half its square to the
-        # inclination.
+        # A clipped gyro loses rotation about the tool axis. The free heading then turned as well, and must turn back
+        # with the correction. A correction about the level axis alone would add half its square to the inclination.
         yaw = (e[TILT] * C[0, 0] + e[TILT + 1] * C[1, 0]) * C[2, 0] / max(C[0, 0] ** 2 + C[1, 0] ** 2, 0.01)
     a, b, c = 0.5 * e[TILT], 0.5 * e[TILT + 1], 0.5 * yaw
     qx, qy, qz, qw = s.q[0], s.q[1], s.q[2], s.q[3]
@@ -156,7 +156,7 @@ def correct(s: Record, size: int) -> None:
         s.pos[j] += e[POS + j]
         s.bias[j] += e[BIAS + j]
     if s.clipping.seen:
-        # The level frame has turned with the heading.
+        # The level frame turns with the heading.
         cosine, sine = math.cos(yaw), math.sin(yaw)
         for v in (s.vel, s.pos):
             v[0], v[1] = cosine * v[0] - sine * v[1], sine * v[0] + cosine * v[1]
@@ -172,7 +172,7 @@ def correct(s: Record, size: int) -> None:
 
 @compiled
 def sound(s: Record) -> bool:
-    """Return whether variances are positive and all is finite."""
+    """Return whether all values are finite and all variances positive."""
     total = s.q[0] + s.q[1] + s.q[2] + s.q[3] + s.scale + s.missing + s.slope + s.down + s.lever[0] + s.lever[1]
     total += s.askew[0] + s.askew[1]
     for j in range(3):

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Mechanisation of the bounded filter: attitude, velocity and position from one sample, and what an update needs of it.
+Mechanisation of the bounded filter: propagate attitude, velocity and position, and collect the sums for an update.
 
-Errors live in a level frame of arbitrary heading (attitude, velocity, position) and in the tool (sensors). Samples move
-the nominal values and add to the sums; the covariance moves once for each update (`propagate`). Numbers of equations,
-here and in the modules beside this one, are those of ``docs/methods/bounded_gravity_filter.md``.
+Errors of attitude, velocity and position are in a level frame of arbitrary heading, sensor errors in tool axes. Each
+sample moves the nominal values and is added to the sums; the covariance is propagated once per update (`propagate`).
+Equation numbers, here and in the other modules of this folder, are those of ``docs/methods/bounded_gravity_filter.md``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 @compiled
 def set_matrix(s: Record) -> None:
-    """Matrix C, tool to level, of the quaternion."""
+    """Set the matrix C, tool to level, from the quaternion."""
     a, b, c, d = s.q[0], s.q[1], s.q[2], s.q[3]
     s.C[0, 0], s.C[0, 1], s.C[0, 2] = 1 - 2 * (b * b + c * c), 2 * (a * b - c * d), 2 * (a * c + b * d)
     s.C[1, 0], s.C[1, 1], s.C[1, 2] = 2 * (a * b + c * d), 1 - 2 * (a * a + c * c), 2 * (b * c - a * d)
@@ -57,7 +57,7 @@ def rotate(s: Record, px: float, py: float, pz: float) -> None:
     ay = qw * py - qx * pz + qy * c + qz * px
     az = qw * pz + qx * py - qy * px + qz * c
     aw = qw * c - qx * px - qy * py - qz * pz
-    # One Newton step holds the unit norm: the product of two unit quaternions is off by rounding only.
+    # One Newton step restores the unit norm, which is off by rounding only.
     unit = 1.5 - 0.5 * (ax * ax + ay * ay + az * az + aw * aw)
     s.q[0], s.q[1], s.q[2], s.q[3] = unit * ax, unit * ay, unit * az, unit * aw
     set_matrix(s)
@@ -66,9 +66,10 @@ def rotate(s: Record, px: float, py: float, pz: float) -> None:
 @compiled
 def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     """
-    Move the nominal values and the sums by one sample, equations (1) and (2); returns the squared acceleration.
+    Propagate nominal values and sums by one sample, equations (1) and (2); return the squared acceleration.
 
-    w: measured rate, rad/s; f: measured specific force, m/s^2, of the interval of dt seconds that ends at the sample.
+    w is the measured rate, rad/s, and f the measured specific force, m/s^2, of the interval of dt s that ends at the
+    sample.
     """
     scaled = w[0] - s.bias[0]
     seen = scaled * (1.0 - s.scale)
@@ -83,8 +84,9 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
     if p.sampled:
         px += 0.5 * (s.last_w[0] - w[0]) * dt
     rotate(s, px, py, pz)
-    # A force over the interval is turned to its end by what the unit itself did not turn it: one that integrates did so
-    # by the rate it read, one that averages did not. A mean over a turn of 2 h is short by sin(h) / h.
+    # Turn a mean force to the end of the interval, except by what the unit has turned it already: a unit that
+    # integrates does so with its measured rate, one that averages does not. The mean over a rotation of 2 h is short by
+    # sin(h) / h.
     h = 0.0 if p.sampled else 0.5 * dt * ((w[0] if p.coning == 0.0 else 0.0) - seen)
     keep = 1.0 - h * h / 3.0
     fy, fz = keep * f[1] - h * f[2], keep * f[2] + h * f[1]
@@ -115,7 +117,7 @@ def mechanise(p: Params, s: Record, dt: float, w: Vector, f: Vector) -> float:
 
 @compiled
 def clear_sums(sums: Sums) -> None:
-    """Begin the sums of the next update."""
+    """Clear the sums for the next update."""
     sums.time = sums.turn = sums.jump = 0.0
     for j in range(3):
         sums.force[j] = sums.velocity[j] = sums.position[j] = 0.0
@@ -127,7 +129,7 @@ def clear_sums(sums: Sums) -> None:
 
 @compiled
 def move(s: Record) -> None:
-    """Velocity and position at the end of the interval of the sums."""
+    """Move velocity and position to the end of the interval of the sums."""
     for j in range(3):
         s.pos[j] += s.vel[j] * s.sums.time + s.sums.position[j]
         s.vel[j] += s.sums.velocity[j]
@@ -136,11 +138,11 @@ def move(s: Record) -> None:
 @compiled
 def turn_heading(s: Record) -> None:
     """
-    P <- F P F' for the turn of the level frame over the sums while the x gyro clips; before `move`.
+    Apply P <- F P F' for the rotation of the level frame while the x gyro clips; call it before `move`.
 
-    The error of the missing rate turns the tool about its axis, and with it the heading. No error carries the heading,
-    which is free: the level frame turns instead, under the velocity and the displacement of the circling sensor,
-    velocity' = velocity - turn [down x mean velocity], and the displacement likewise.
+    An error of the missing rate turns the tool about its axis and with it the heading. The heading is free and has no
+    error state. Instead the level frame turns under the velocity and displacement of the circling sensor: velocity' =
+    velocity - turn [down x mean velocity], and the same for the displacement.
     """
     T = s.sums.time
     vx, vy = s.vel[0] + s.sums.position[0] / T, s.vel[1] + s.sums.position[1] / T
@@ -151,7 +153,7 @@ def turn_heading(s: Record) -> None:
 
 @compiled
 def _turn_columns(P: Array, T: float, upright: float, circle: tuple[float, float, float, float]) -> None:
-    """P <- F P; circle: mean velocity and displacement, level x and y."""
+    """Apply P <- F P; circle: mean velocity and displacement along level x and y."""
     vx, vy, x, y = circle
     for j in range(ERRORS):
         turn = upright * T * (P[MISSING, j] + 0.5 * T * P[SLOPE, j])
@@ -164,11 +166,11 @@ def _turn_columns(P: Array, T: float, upright: float, circle: tuple[float, float
 @compiled
 def propagate(P: Array, sums: Sums, size: int) -> None:
     """
-    P <- F P F' over the sums since the last update, equation (3); noise is added by the caller.
+    Propagate the covariance, P <- F P F', over the sums since the last update, equation (3); the caller adds the noise.
 
     tilt' = tilt - int(C) bias - int(C e_x w_x) scale - int(C e_yz w_x) askew;
     velocity' = velocity + [mean of both tilts x] force + T down;
-    position' = position + T velocity and a half step of what the first half of that adds.
+    position' = position + T velocity + half a step of the change of velocity due to the first half of these terms.
     """
     _carry_columns(P, sums, size)
     _carry_columns(P.T, sums, size)
@@ -176,7 +178,7 @@ def propagate(P: Array, sums: Sums, size: int) -> None:
 
 @compiled
 def _carry_columns(P: Array, sums: Sums, size: int) -> None:
-    """P <- F P."""
+    """Apply P <- F P, column by column."""
     T = sums.time
     h = 0.5 * T
     fx, fy, fz = 0.5 * sums.force[0], 0.5 * sums.force[1], 0.5 * sums.force[2]
@@ -186,7 +188,7 @@ def _carry_columns(P: Array, sums: Sums, size: int) -> None:
     k00, k01, k10, k11 = sums.askew[0, 0], sums.askew[0, 1], sums.askew[1, 0], sums.askew[1, 1]
     clipped = size > MISSING
     if not clipped:
-        # Vibration has no mean: only gravity is sure to act through the tilt for the whole interval.
+        # Vibration has no mean, so only gravity acts reliably through the tilt over the whole interval.
         fx, fy, fz = 0.0, 0.0, -h * STANDARD_GRAVITY
     for j in range(size):
         x, y = P[TILT, j], P[TILT + 1, j]

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Covariance scale of the bounded filter: its corrections of the tilt against the variance expected of them.
+Covariance scale of the bounded filter: compare its tilt corrections with their expected variance.
 
-The noises have reserve, because motion is not white and gains need only their ratios. An update that finds as much as
-it should corrects the tilt by a variance of what the covariance shrinks by. Corrections are low-passed by the filter's
-own time, that in which noise adds as much as the variance of the tilt, and their power, weighted as in equation (10),
-is the factor of the covariance. What no innovation shows is added: calibration, a cone of the gyros across the axis
-while the tool rotates, travel along a curve.
+The noises are inflated, because motion is not white and gains depend only on ratios. An update corrects the tilt by a
+variance equal to the decrease of the covariance, if the covariance is right. The corrections are low-passed with the
+filter's own time constant, in which noise adds as much as the variance of the tilt. Their power, weighted as in
+equation (10), is the factor on the covariance. Errors that no innovation shows are added: calibration, a cone of the
+cross-axis gyros while the tool rotates, and travel along a curve.
 """
 
 from __future__ import annotations
@@ -19,48 +19,50 @@ from mwd_estimation.gravity.bounded.params import Params
 from mwd_estimation.gravity.bounded.state import ASKEW, BIAS, DOWN, SCALE, TILT, Record, Scale
 from mwd_sensors.core.compiled import compiled
 
-OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time
-OWN_AGE = 0.25  # the most of it for each time since the start, which had more to find out than what is steady
-# Least expected variance of a correction over what an interval adds to the tilt; after clipping, that which is judged.
+OWN_LEAST, OWN_MOST = 0.3, 20.0  # s, limits of the filter's own time constant
+OWN_AGE = 0.25  # growth of its upper limit per time since the start, when corrections are larger than in steady state
+# Least expected variance of a correction relative to what an interval adds to the tilt; and after clipping, the
+# relative decrease of the inclination's variance above which corrections are evaluated.
 LEAST_CORRECTION, SHARE_AFTER_CLIP = 0.3, 0.5
-SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, memory of the power, and so many times the filter's own time more
-# After a start the memory is no longer than a second and the square of the time over this, s: that forgets the
-# corrections that find the sensors, which take some ten seconds, and not those behind them. The power must be the mean
-# of several of the filter's own times: from two the reciprocal of the scale, and with it the error over sigma, has no
-# finite mean.
+SCALE_TIME, SCALE_OWN = 4.0, 3.0  # s, averaging time of the power, plus this many times the filter's own time constant
+# After a start the averaging time is at most SCALE_YOUNG plus the square of (time since the start / SCALE_SETTLED), s.
+# This forgets the corrections of the first ten seconds, which find the sensor errors, but not the later ones. The power
+# must average several of the filter's own time constants: with only two, the reciprocal of the scale, and with it the
+# ratio of error to sigma, has no finite mean.
 SCALE_YOUNG, SCALE_SETTLED = 1.0, 12.0
 BAND = 4.0  # weight of the middle of the filter's band, equations (8) and (10)
-USUAL_TIME = 10.0  # s, memory of the usual innovation
-ROTATING = 1.5  # rad/s, mean rate about the axis beyond which the filter cannot follow what is fixed in the tool
-HALF = 0.5  # of the variance of calibration: biases; the other half is scales and axes out of square
-BIAS_SHARE = 0.4  # of the carried sigmas of gyro bias and misalignment, which are 2.5 times those of the tool
-LEAST_PRIOR = 1e-18  # variance, of sensors that are said to have no error
-CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, memory of the axis; rad/s, rate of its turning above that of any hole
+USUAL_TIME = 10.0  # s, averaging time of the usual innovation
+ROTATING = 1.5  # rad/s, mean rate about the axis above which errors fixed in the tool cannot be followed
+HALF = 0.5  # share of biases in the calibration variance; the rest is scale and non-orthogonality
+BIAS_SHARE = 0.4  # tool's sigma of gyro bias and misalignment over the filter's, which is inflated 2.5 times
+LEAST_PRIOR = 1e-18  # least variance, for sensors that are declared to have no error
+CURVE_TIME, CURVE_MOST = 5.0, 0.01  # s, averaging time of the axis; rad/s, faster than any hole turns the tool
 
 
 @compiled
 def tilts(s: Record) -> tuple[float, float]:
-    """Variances of the tilt that changes inclination and of the one that changes toolface, rad^2."""
+    """Return the variances of the tilt that changes inclination and of the one that changes toolface, rad^2."""
     P = s.P
     dx, dy = hole_direction(s)
-    # Tilt that changes inclination: an acceleration along the hole cannot be told from it.
+    # The tilt that changes inclination cannot be distinguished from an acceleration along the hole.
     along = P[TILT, TILT] * dy * dy - 2.0 * P[TILT, TILT + 1] * dx * dy + P[TILT + 1, TILT + 1] * dx * dx
     return along, P[TILT, TILT] + P[TILT + 1, TILT + 1] - along
 
 
 @compiled
 def follow_corrections(s: Record, turn: float, along: float, across: float) -> None:
-    """Follow the scales over one update; along, across: variances of the tilts before it; turn: what they grew by."""
+    """Follow the scales over one update; along, across: tilt variances before it; turn: variance added to each."""
     found = s.innovations
     dx, dy = hole_direction(s)
     tilt, aside = tilts(s)
     if s.clipping.sign == 0.0:
-        # An inclination that was set aside while the x gyro clipped is at first not corrected: that says nothing.
+        # An inclination that was set aside during clipping is not corrected at first; this says nothing about the
+        # scale.
         if along - tilt > SHARE_AFTER_CLIP * turn or not s.clipping.seen:
             _follow(s, found.along, max(along - tilt, LEAST_CORRECTION * turn), tilt / turn, dy, -dx)
         _follow(s, found.across, max(across - aside, LEAST_CORRECTION * turn), aside / turn, dx, dy)
-    # Vibration that counts as dense as neighbouring samples say has no reserve. Where it stops counting, corrections
-    # that were found small beside such a noise say nothing of the covariance that its absence leaves.
+    # Noise taken fully from neighbouring samples is not inflated, so the scale is at least that share. Corrections that
+    # were small compared with such a noise say nothing about the covariance once the noise is gone.
     whole = noise.whole(s)
     found.along.power, found.across.power = max(found.along.power, whole), max(found.across.power, whole)
     for j in range(2):
@@ -69,7 +71,7 @@ def follow_corrections(s: Record, turn: float, along: float, across: float) -> N
 
 @compiled
 def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float, ny: float) -> None:
-    """Follow the power of the corrections about n, over `updates`, equation (8); expected: their variance, rad^2."""
+    """Follow the power of the corrections about n over `updates`, equation (8); expected: their variance, rad^2."""
     T = s.sums.time
     own = max(min(updates * T, OWN_MOST, OWN_LEAST + OWN_AGE * s.settled), OWN_LEAST)
     share, unit = min(T / own, 1.0), 1.0 / math.sqrt(expected)
@@ -89,11 +91,11 @@ def _follow(s: Record, found: Scale, expected: float, updates: float, nx: float,
 @compiled
 def _cone(p: Params, s: Record, rotating: float) -> float:
     """
-    Variance of the axis that a tool seems to rotate about, mean of y and z, rad^2.
+    Return the variance of the axis about which the tool seems to rotate, mean of y and z, rad^2.
 
-    Gyros across the axis that are out of line, or have a bias, see the tool rotate about another axis than its own. A
-    lasting speed hides much of that, and no innovation shows it. P / P0 of the error at switch-on is left of it, with
-    the tool's sigma; the rest of P is noise of what was found, and has the scale of inclination.
+    Cross-axis gyros with misalignment or bias see the tool rotate about a wrong axis. A constant speed hides much of
+    this error, and no innovation shows it. The part of P that still comes from the error at switch-on is scaled to the
+    tool's sigma; the rest of P is noise of the estimate and gets the scale of inclination.
     """
     P, total, slow = s.P, 0.0, rotating / math.copysign(max(s.turning, 1e-3), s.last_w[0])
     scale2, bias2 = max(p.scale_sigma**2, LEAST_PRIOR), max(p.bias_sigma**2, LEAST_PRIOR)
@@ -113,7 +115,7 @@ def _cone(p: Params, s: Record, rotating: float) -> float:
 
 @compiled
 def _heading_rate(s: Record) -> float:
-    """Variance of the rate about the vertical that the bias of the gyros feigns, (rad/s)^2."""
+    """Return the variance of the rate about the vertical due to the gyro bias, (rad/s)^2."""
     total = 0.0
     for j in range(3):
         for m in range(3):
@@ -123,22 +125,22 @@ def _heading_rate(s: Record) -> float:
 
 @compiled
 def floors(p: Params, s: Record) -> tuple[float, float]:
-    """Variances that no innovation shows, of the inclination and of the tilt across the hole, rad^2, equation (11)."""
+    """Return the variances that no innovation shows, of inclination and of tilt across the hole, rad^2, eq. (11)."""
     C, turn2 = s.C, s.turning**2
     across2 = C[0, 0] ** 2 + C[1, 0] ** 2
     upright2 = min(C[2, 0] ** 2, 1.0)
     rotating = turn2 / (turn2 + ROTATING**2)
-    # Accelerometers that show another gravity than the place has are in error by as much across it as well.
+    # If the accelerometers show a gravity other than the local one, they have the same error across gravity.
     shown2 = s.down**2 - s.P[DOWN, DOWN] - p.gravity_sigma**2
     floor = max(p.calibration_sigma**2, shown2 / p.gravity**2)
     askew = rotating * _cone(p, s, rotating)
-    # The pull of the circle that the sensor runs is across the axis. A share of it seems to lie along the axis, where
-    # rotation does not average it out: that acts along the hole by the sine of inclination.
+    # The centripetal force of the sensor's circle is across the axis. Misalignment puts a share of it along the axis,
+    # where rotation does not average it out; it acts on the inclination with the sine of inclination.
     pull2 = turn2 * turn2 * (s.lever[0] ** 2 + s.lever[1] ** 2) / p.gravity**2
-    # Rotation averages out what is fixed across the axis, but for a turn of the accelerometers about it.
+    # Rotation averages out errors that are fixed across the axis, except a rotation of the accelerometers about it.
     along = floor * (1.0 - rotating * (1.0 - HALF * across2)) + askew + (HALF * floor + askew) * pull2 * across2
     aside = floor * (1.0 - rotating * (1.0 - 0.5 * HALF * across2)) + askew * upright2
-    # On its way along a curve the tool is accelerated across the hole.
+    # A tool that moves along a curved hole is accelerated across the hole.
     bx, by = (C[0, 0] - s.slow_axis[0]) / CURVE_TIME, (C[1, 0] - s.slow_axis[1]) / CURVE_TIME
     rate2 = bx * bx + by * by
     share = (p.axial_speed / p.gravity) ** 2 * min(1.0, CURVE_MOST**2 / max(rate2, 1e-12)) / max(across2, 1e-6)
@@ -150,7 +152,7 @@ def floors(p: Params, s: Record) -> tuple[float, float]:
 
 @compiled
 def publish(p: Params, s: Record) -> None:
-    """Sigma of inclination and of toolface by equation (9), rad, at most pi, until the covariance changes again."""
+    """Set the sigmas of inclination and toolface, equation (9), rad, at most pi; valid until the next update."""
     tilt, aside = tilts(s)
     along, across = s.innovations.along.power, s.innovations.across.power
     floor_along, floor_aside = floors(p, s)

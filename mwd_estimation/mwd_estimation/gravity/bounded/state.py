@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-State of the bounded filter: the record that its kernels change, and the places of the errors in its covariance.
+State of the bounded filter: the record that its kernels change, and the order of the errors in its covariance.
 
-`Log` traces it for the smoother: a record for each update of the covariance.
+`Log` is the trace for the smoother: one record for each update of the covariance.
 """
 
 from __future__ import annotations
@@ -20,116 +20,116 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# Errors, true minus estimate: tilt about the level x and y axes; velocity and displacement in level axes (x, y, down);
-# gyro bias in tool axes; scale of the x gyro; share of the x rate that the y and z gyros read; lever arm along y and z;
-# vertical force; and while the x gyro clips the rate it misses and the slope of that rate.
+# Order of the errors (true minus estimate): tilt about level x and y; velocity and displacement in level axes (x, y,
+# down); gyro bias in tool axes; scale of the x gyro; share of the x rate that the y and z gyros read; lever arm along y
+# and z; vertical force; and, while the x gyro clips, the rate it misses and the slope of that rate.
 TILT, VEL, POS, BIAS, SCALE, ASKEW, LEVER, DOWN, MISSING, SLOPE = 0, 2, 5, 8, 11, 12, 14, 16, 17, 18
-STEADY, ERRORS = 17, 19  # number of errors that are always carried, and while the x gyro clips
-DOWN_SIGMA = 0.05  # m/s^2, gravity's magnitude as the sensor shows it: the Earth's spread and a raw sensor's scale
+STEADY, ERRORS = 17, 19  # number of errors that are always carried, and of all errors (while the x gyro clips)
+DOWN_SIGMA = 0.05  # m/s^2, sigma of the gravity magnitude that the sensor shows: spread on Earth, scale of a raw sensor
 
 
 class Sums:
     """Integrals over the samples since the last update."""
 
     time: float
-    """s"""
+    """Duration, s."""
     bias: Annotated[Array, 2, 3]
-    """Level rows of C, s."""
+    """Integral of the level rows of C, s."""
     scale: Annotated[Array, 2]
-    """Level components of the x rate, rad."""
+    """Integral of the level components of the x rate, rad."""
     askew: Annotated[Array, 2, 2]
-    """Level rows of C, y and z, times the x rate, rad."""
+    """Integral of the level rows of C (columns y and z) times the x rate, rad."""
     force: Annotated[Array, 3]
-    """Specific force in level axes, m/s."""
+    """Integral of the specific force in level axes, m/s."""
     velocity: Annotated[Array, 3]
-    """Acceleration in level axes, m/s."""
+    """Integral of the acceleration in level axes, m/s."""
     position: Annotated[Array, 3]
-    """Integral of that, m."""
+    """Integral of `velocity`, m."""
     turn: float
-    """Variance that errors in proportion to the rates add to the tilt, rad^2."""
+    """Variance added to the tilt by errors proportional to the rates, rad^2."""
     jump: float
-    """Variance that missing samples add to the velocity, (m/s)^2."""
+    """Variance added to the velocity by missing samples, (m/s)^2."""
 
 
 class Motion:
-    """What is followed of the motion since the last start."""
+    """Averages of the motion since the last start."""
 
     force: Annotated[Array, 3]
-    """Mean specific force of some seconds, level axes, m/s^2."""
+    """Mean specific force over some seconds, level axes, m/s^2."""
     force_time: float
-    """Time since that mean began, at a start or behind a data gap, s."""
+    """Time since that mean was started, at a start or after a data gap, s."""
     slow_acceleration: Annotated[Array, 3]
-    """Low-passed acceleration, which the first high-pass takes out, m/s^2."""
+    """Low-passed acceleration, which the first high-pass removes, m/s^2."""
     velocity: Annotated[Array, 3]
-    """Behind two high-passes, m/s."""
+    """Velocity behind two high-passes, m/s."""
     position: Annotated[Array, 3]
     """Displacement behind three high-passes, m."""
     arm: Annotated[Array, 3, 3]
-    """Lever arm in level axes behind the same high-passes: what each of them takes out, m."""
+    """What each of the same three high-passes removes from the lever arm in level axes, m."""
     along: float
     """Mean square displacement along the hole, m^2."""
     across: float
-    """Across it."""
+    """Mean square displacement across the hole, m^2."""
     white: float
-    """Part of them that white force explains, m^2."""
+    """Part of both that white force explains, m^2."""
     folded_aside: float
     """Mean square displacement across the hole over a longer time, m^2."""
     folded: float
-    """What white force would leave over that time, from differences of neighbours, m^2."""
+    """Mean square displacement that white force would cause over that time, from neighbouring samples, m^2."""
     rough: float
-    """Density of the force, were it white, from differences of neighbours, (m/s^2)^2 s."""
+    """Density of the force if it is white, from differences of neighbouring samples, (m/s^2)^2 s."""
 
 
 class Scale:
-    """Covariance scale in one direction: corrections of the tilt against the variance expected of them."""
+    """Covariance scale in one direction: tilt corrections compared with their expected variance."""
 
     low: Annotated[Array, 3, 2]
-    """Corrections over their expected sigma, low-passed once, twice and three times by the filter's own time."""
+    """Corrections over their expected sigma, low-passed one to three times with the filter's own time constant."""
     power: float
-    """Their power by equation (8), 1 expected: the scale."""
+    """Power of the corrections by equation (8), expected 1: the scale."""
 
 
 class Innovations:
-    """Innovations since the last start."""
+    """Statistics of the innovations since the last start."""
 
     along: Scale
-    """Along the hole: of inclination."""
+    """Scale along the hole, for inclination."""
     across: Scale
-    """Across the hole: of toolface."""
+    """Scale across the hole, for toolface."""
     usual: float
     """Usual square of one innovation."""
 
 
 class Clipping:
-    """The x gyro beyond its range."""
+    """State while the x gyro is beyond its range."""
 
     sign: float
-    """Of the clipped rate; 0: not clipped."""
+    """Sign of the clipped rate; 0 if it is not clipped."""
     time: float
-    """s"""
+    """Duration of clipping, s."""
     seen: bool
-    """Whether it was so since the last start."""
+    """Whether clipping has occurred since the last start."""
     tilt: float
-    """Variance of the tilt that changes inclination, set aside, rad^2."""
+    """Variance of the tilt that changes inclination, set aside during clipping, rad^2."""
     slope: float
-    """Low-passed slope of the x rate before, rad/s^2."""
+    """Low-passed slope of the x rate before clipping, rad/s^2."""
     curve: float
-    """Low-passed change of that, rad/s^3."""
+    """Low-passed change of that slope, rad/s^3."""
     kept: Annotated[Array, MISSING - BIAS, MISSING - BIAS]
-    """Covariance of the sensors' errors, set aside."""
+    """Covariance of the sensor errors, set aside during clipping."""
 
 
 class Record:
-    """All that the kernels change."""
+    """State of the filter that the kernels change."""
 
     q: Annotated[Array, 4]
     """Quaternion tool to level (x, y, z, w); the heading is arbitrary."""
     C: Annotated[Array, 3, 3]
-    """The same as a matrix."""
+    """The same rotation as a matrix."""
     vel: Annotated[Array, 3]
     """Velocity of the sensor, level axes (x, y, down), m/s."""
     pos: Annotated[Array, 3]
-    """Displacement of the sensor, m."""
+    """Displacement of the sensor, level axes, m."""
     bias: Annotated[Array, 3]
     """Gyro bias, tool axes, rad/s."""
     scale: float
@@ -137,23 +137,23 @@ class Record:
     askew: Annotated[Array, 2]
     """Share of the x rate that the y and z gyros read."""
     lever: Annotated[Array, 2]
-    """Sensor from the point that stays, y and z, m. Along the axis nothing shows it: a tool swings too little."""
+    """Sensor position relative to the resting point, y and z, m. Its axial part is not observable."""
     down: float
     """Error of the vertical force: gravity's magnitude and the accelerometers' scale, m/s^2."""
     missing: float
-    """Rate that a clipping x gyro misses, rad/s."""
+    """Rate that a clipping x gyro does not show, rad/s."""
     slope: float
-    """Slope of that, rad/s^2."""
+    """Slope of the missing rate, rad/s^2."""
     P: Annotated[Array, ERRORS, ERRORS]
     """Covariance of the errors."""
     correction: Annotated[Array, ERRORS]
-    """Errors that the last update found."""
+    """Errors found by the last update."""
     work: Annotated[Array, ERRORS]
-    """Covariance of the errors with the last measurement."""
+    """Covariance of the errors with the last measurement, P h'."""
     innovation: float
-    """Last measurement less what was expected of it, m."""
+    """Innovation of the last measurement, m."""
     spread: float
-    """Variance of that, m^2."""
+    """Variance of that innovation, m^2."""
     sums: Sums
     motion: Motion
     innovations: Innovations
@@ -161,19 +161,19 @@ class Record:
     started: bool
     """Whether there is an attitude."""
     epoch: int
-    """Number of starts and bridged gaps: no smoothing from one to the other."""
+    """Number of starts and bridged gaps; smoothing does not cross from one to the next."""
     age: float
-    """Time since the start began, s."""
+    """Time since the start of averaging, s."""
     settled: float
     """Time since the first attitude, s."""
     mean: Annotated[Array, 3]
-    """Integral of the force in level axes while starting, m/s."""
+    """Integral of the force in level axes during a start, m/s."""
     mean_power: float
-    """Integral of its square."""
+    """Integral of the squared force during a start."""
     kept_down: float
-    """Cosine of the inclination that a new start of the roll keeps."""
+    """Cosine of the inclination that a restart of the roll keeps."""
     kept_tilt: float
-    """Its variance, rad^2; 0: none is kept."""
+    """Variance of the kept inclination, rad^2; 0 if none is kept."""
     last_w: Annotated[Array, 3]
     """Rates of the last sample, rad/s."""
     last_f: Annotated[Array, 3]
@@ -187,19 +187,19 @@ class Record:
     slow_axis: Annotated[Array, 2]
     """Low-passed level direction of the tool axis."""
     rate_walk: Annotated[Array, 2]
-    """Growth of the variance of the rates along and across the axis, (rad/s)^2/s."""
+    """Growth rate of the variance of the rates along and across the axis, (rad/s)^2/s."""
     power: float
     """Usual square of the acceleration, (m/s^2)^2."""
     since_shock: float
-    """s"""
+    """Time since the last shock, s."""
     shocks: float
-    """Shocks of the last seconds, counted down exponentially."""
+    """Number of recent shocks, decaying exponentially."""
     g_t: Annotated[Array, 3]
-    """Gravity that is published, unit vector down, tool axes."""
+    """Published gravity, unit vector down, tool axes."""
     sigma_inclination: float
-    """Published, rad."""
+    """Published sigma of inclination, rad."""
     sigma_toolface: float
-    """Published, rad."""
+    """Published sigma of toolface, rad."""
 
 
 RECORD = dtype_of(Record)
@@ -207,7 +207,7 @@ RECORD = dtype_of(Record)
 
 @dataclasses.dataclass
 class State:
-    """All that changes: clock and motion common to all methods, and the record of the filter, shape (1,)."""
+    """State of the method: clock and motion common to all methods, and the record of the filter, shape (1,)."""
 
     clock: Any
     motion: Any
@@ -220,7 +220,7 @@ class State:
 
 @compiled
 def forget(p: Params, s: Record) -> None:
-    """Set errors of the sensors to what is known of them at switch-on, and of all else nothing."""
+    """Reset the sensor errors to their values and sigmas at switch-on, and clear the rest of the covariance."""
     for j in range(ERRORS):
         for m in range(ERRORS):
             s.P[j, m] = 0.0
@@ -237,7 +237,7 @@ def forget(p: Params, s: Record) -> None:
 
 
 def initial(params: Params) -> State:
-    """State before the first sample."""
+    """Return the state before the first sample."""
     record = np.zeros(1, dtype=RECORD)
     s = record[0]
     s.g_t[:] = np.nan
@@ -248,42 +248,42 @@ def initial(params: Params) -> State:
 
 
 class Update:
-    """One update of the covariance."""
+    """Trace of one update of the covariance, for the smoother."""
 
     sample: int
-    """Sample of the block at which it was made."""
+    """Index of the sample at which the update was made."""
     epoch: int
-    """Number of the start it belongs to; -1 while the x gyro clips."""
+    """Epoch of the update (`Record.epoch`); -1 while the x gyro clips."""
     sums: Sums
     measured: Annotated[Array, 3, STEADY]
     """Rows of the measurement matrix H, one for each tool axis."""
     gain: Annotated[Array, 3, STEADY]
-    """Their gains."""
+    """Gains of the three measurements."""
     innovation: Annotated[Array, 3]
-    """Their innovations, m."""
+    """Innovations of the three measurements, m."""
     spread: Annotated[Array, 3]
     """Variances of the innovations, m^2."""
     correction: Annotated[Array, 2]
-    """Tilt put into the attitude, rad."""
+    """Tilt applied to the attitude, rad."""
     tilt: Annotated[Array, 2, STEADY]
     """Covariance of the tilt with all errors after the measurements."""
     factors: Annotated[Array, 2]
-    """Of the covariance, along the hole and across it."""
+    """Factors on the covariance, along and across the hole."""
     floors: Annotated[Array, 2]
-    """Variances to be added, rad^2."""
+    """Variances to add, rad^2."""
 
 
 UPDATE = dtype_of(Update)
 
 
 class Log(NamedTuple):
-    """Trace of a block."""
+    """Trace of a block of samples."""
 
-    entries: NDArray[np.int64]  #: int64, shape (1,); updates written
-    updates: Any  #: structured ndarray of `Update`, shape (m,); room for them; none: no trace is kept
-    north_t: Array  #: shape (n, 3); first level axis in tool axes, sample by sample
+    entries: NDArray[np.int64]  #: int64, shape (1,); number of updates written
+    updates: Any  #: structured ndarray of `Update`, shape (m,); an empty one keeps no trace
+    north_t: Array  #: shape (n, 3); first level axis in tool axes at each sample
 
     @classmethod
     def room(cls, samples: int) -> Log:
-        """Room for a block of so many samples, each of which may end in an update."""
+        """Return an empty log for a block of this many samples, each of which may end in an update."""
         return cls(np.zeros(1, dtype=np.int64), np.zeros(samples, dtype=UPDATE), np.zeros((samples, 3)))
