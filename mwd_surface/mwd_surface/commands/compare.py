@@ -35,10 +35,8 @@ def compare(
     Show the differences of two runs, by station and over all samples. Exit status 0: within the limits; 1: not.
 
     Without limits, every printed digit counts. A golden folder contains its own limits, each with its reason; given
-    alone,
-    its bag is processed and compared with its stored results. A recording is processed with the settings of the
-    expected
-    run.
+    alone, its bag is processed and compared with its stored results. A recording is processed with the settings of the
+    expected run.
 
     \b
     Examples:

@@ -41,8 +41,7 @@ def decode(
 
     Each word has a confidence (the probability that its code is right) and a sigma (its error if it is right). A word
     below 0.99 (survey) or 0.95 (toolface) is erased and shows its alternatives. The same samples give the same words
-    from
-    every file format.
+    from every file format.
 
     \b
     Examples:

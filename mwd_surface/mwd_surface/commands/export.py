@@ -54,8 +54,7 @@ def export(
     Write the surveys of a run or a recording for other programs and people.
 
     csv, las and witsml contain the definitive survey, raw_csv every survey with its six axes. The numbers in all of
-    them
-    are rounded once and agree. Files are written completely or not at all. timeseries is one row per second of a
+    them are rounded once and agree. Files are written completely or not at all. timeseries is one row per second of a
     recording: depth, rig data, attitude with sigmas; .csv or .parquet. A recording without attitude is processed first,
     with the settings in it. The input options are only for timeseries; a list of surveys is read unchanged.
 

@@ -50,8 +50,7 @@ def forecast(
     Forecast surveys along a plan: sigmas, limits of quality control, no-go directions of the axial correction.
 
     Writes DIR/forecast.csv and DIR/forecast.png. Pass rate: how often a healthy tool keeps gravity, field and dip
-    within
-    the limits of its code, with the given interference and no correction.
+    within the limits of its code, with the given interference and no correction.
 
     \b
     Examples:

@@ -37,8 +37,7 @@ def inspect(
     Inspect a recording: topics, rates, units, signs, mount, gaps, clocks, and missing data for each result.
 
     Prints the `mwd process` command for the recording. With the place (--lat, --lon), signs and axes of the
-    magnetometer
-    are also found.
+    magnetometer are also found.
 
     \b
     Examples:

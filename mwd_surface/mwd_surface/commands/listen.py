@@ -35,8 +35,7 @@ def listen(
     Decode the signal of an MWD tool live, without ROS, and print each word when it is received.
 
     words.csv and surveys.csv are written when words become final, at the end of each pass of a sequence; words written
-    are
-    safe in a power failure.
+    are safe in a power failure.
 
     \b
     Examples:

@@ -88,11 +88,10 @@ def path(
 
     Writes DIR/path.csv and DIR/surveys.json, which `mwd report DIR` and `mwd export DIR` read. Reads tables and .xlsx,
     LAS 2 and 3, WITSML 1.3 to 2.1, P7/17 and Petrel .dev, recognised by the content of the file. Columns, units and
-    north
-    are found by their names ("MD (usft)", azi_grid ...) and in the head of the list; a word that is not understood is
-    quoted, and every assumption is a remark in path, report and exports. A list that contradicts itself is refused with
-    the
-    likely cause. The error model needs a place or a field. With --against: DIR/comparison.csv and DIR/comparison.png.
+    north are found by their names ("MD (usft)", azi_grid ...) and in the head of the list; a word that is not
+    understood is quoted, and every assumption is a remark in path, report and exports. A list that contradicts itself
+    is refused with the likely cause. The error model needs a place or a field. With --against: DIR/comparison.csv and
+    DIR/comparison.png.
 
     \b
     Examples:

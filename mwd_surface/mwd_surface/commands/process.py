@@ -76,11 +76,10 @@ def process(
     """
     Compute attitude and surveys from a recording.
 
-    Writes DIR/attitude.csv (one line per IMU sample), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and
-    `mwd report DIR`), DIR/faults.csv (sensor faults and their times) and DIR/config.yaml (the settings used). The
-    results equal those of the live graph. A recording of the surface node contains the settings it was made with
-    (place,
-    tool, well, sensor to bit); options override them. --format mcap writes a copy of the recording with the estimates,
+    Writes DIR/attitude.csv (one line per IMU sample), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and `mwd
+    report DIR`), DIR/faults.csv (sensor faults and their times) and DIR/config.yaml (the settings used). The results
+    equal those of the live graph. A recording of the surface node contains the settings it was made with (place, tool,
+    well, sensor to bit); options override them. --format mcap writes a copy of the recording with the estimates,
     DIR/merged.
 
     \b

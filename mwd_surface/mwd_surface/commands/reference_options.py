@@ -151,8 +151,7 @@ def placed_settings(
     Return settings of the estimator from the options of a command.
 
     `place` comes from `place_changes`, `tool` from `tool_changes`; `start` are the settings that apply if neither file
-    nor
-    option sets them.
+    nor option sets them.
 
     Raises
     ------

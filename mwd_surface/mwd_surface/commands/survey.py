@@ -44,12 +44,11 @@ def survey(
     """
     Compute surveys from a table of six-axis readings, each with its verdict and the reasons.
 
-    Columns are found by name and unit (grav_axial_mps2, mag_tran1_nT, b_ref_nT, decl_used_deg ...); options replace
-    the values of the table. A station without a reference remains magnetic and uncorrected, and is marked as such.
-    The rows of a run (columns run, bha, tool; without them the whole table) are analysed together, because the errors
-    of
-    string and sensors are the same in all of them. A row can then be revised; its first value, from the rows before it
-    only, is kept in addition.
+    Columns are found by name and unit (grav_axial_mps2, mag_tran1_nT, b_ref_nT, decl_used_deg ...); options replace the
+    values of the table. A station without a reference remains magnetic and uncorrected, and is marked as such. The rows
+    of a run (columns run, bha, tool; without them the whole table) are analysed together, because the errors of string
+    and sensors are the same in all of them. A row can then be revised; its first value, from the rows before it only,
+    is kept in addition.
 
     \b
     Examples:

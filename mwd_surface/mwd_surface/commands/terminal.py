@@ -23,8 +23,7 @@ class PrintableStream:
     Standard output or error that escapes control characters.
 
     Names of topics and files, and data from peers, may contain control sequences for a terminal. Colours of our own
-    text
-    pass on a terminal. The bar of `progress`, which moves the cursor, does not use this stream.
+    text pass on a terminal. The bar of `progress`, which moves the cursor, does not use this stream.
     """
 
     _COLOUR = re.compile(r"(\x1b\[[0-9;]*m)")

@@ -36,8 +36,8 @@ def definitive_csv(table: SurveyTable) -> str:
     Return the definitive survey: head block, column names, one line per station; the projection to the bit is last.
 
     The column `station` gives the kind of station: tie-on, assumed (a first station that nobody gave), survey,
-    projected.
-    The column `coordinates` is "assumed" if depths and positions rest on an assumption, which the head block names.
+    projected. The column `coordinates` is "assumed" if depths and positions rest on an assumption, which the head block
+    names.
 
     Text is UTF-8 when encoded; lines end with a newline.
     """

@@ -32,9 +32,8 @@ def las(table: SurveyTable) -> str:
     Return the file as text (UTF-8 when encoded).
 
     VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; GYSH and AXCO give the
-    composition
-    of the azimuth. KIND is the kind of station: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed (a first station
-    that nobody gave); the last curve, ASMD, is 1 if depths and positions rest on an assumption.
+    composition of the azimuth. KIND is the kind of station: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed (a
+    first station that nobody gave); the last curve, ASMD, is 1 if depths and positions rest on an assumption.
     """
     import lasio
 

@@ -16,8 +16,7 @@ def safe_name(*parts: str) -> str:
     Return one file name without folder or ending.
 
     Letters lose their marks if they have a plain form (Å -> A); every other character except letters, digits, dot,
-    minus
-    and underscore becomes an underscore. Never empty, hidden, reserved or longer than 80 characters.
+    minus and underscore becomes an underscore. Never empty, hidden, reserved or longer than 80 characters.
     """
     words = []
     for part in parts:

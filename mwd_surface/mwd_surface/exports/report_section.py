@@ -27,10 +27,8 @@ class Sheet:
     One table: heading, column titles and units, and rows of texts.
 
     marks: of each row, "" or the reason why it is highlighted ("projected", "not used", "by hand"). words: numbers of
-    the
-    columns that hold text and are aligned left. tints: of single cells, by row and column: a key of `TINTS`. legend:
-    below
-    the table, the meaning of tints and marks.
+    the columns that hold text and are aligned left. tints: of single cells, by row and column: a key of `TINTS`.
+    legend: below the table, the meaning of tints and marks.
     """
 
     heading: str

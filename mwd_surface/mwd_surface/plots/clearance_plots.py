@@ -55,8 +55,7 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
     Draw the other wells around the hole: direction from north (toolface + azimuth), distance from the centre.
 
     radius: largest distance drawn, m; if omitted, it shows every well at its nearest. Numbers along the lines are
-    measured
-    depths of the drilled well.
+    measured depths of the drilled well.
     """
     from matplotlib.figure import Figure
 

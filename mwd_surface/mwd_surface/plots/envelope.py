@@ -30,8 +30,7 @@ class Envelope:
     bins : int
     circle : float
         If positive, the values are angles with this period. They are unwrapped to the turn nearest to the first value
-        of
-        their column, so that a line does not jump where it passes north.
+        of their column, so that a line does not jump where it passes north.
 
     Raises
     ------
@@ -92,8 +91,7 @@ class Envelope:
         Return one column as a line to draw: seconds from the start of the span, and values.
 
         A bin with several samples gives its lowest and highest value at one time; a nan interrupts the line where
-        samples are
-        missing or an angle wraps.
+        samples are missing or an angle wraps.
         """
         filled = np.flatnonzero(self._count)
         seconds = np.asarray((self._at[filled] - self._start) * 1e-9, dtype=float)

@@ -23,8 +23,7 @@ def forecast_figure(found: Forecast, chart: tuple[Array, Array, Array] | None) -
     Draw a forecast.
 
     chart: true azimuths, inclinations and sigmas of the corrected azimuth from `correction_map`; None if the tool code
-    has
-    no such correction.
+    has no such correction.
     """
     from matplotlib.figure import Figure
 

@@ -236,7 +236,7 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
 
 
 def _vertical_scale(name: str, stations: _Stations, tortuosity: float) -> Array:
-    """Return the factor from errors next to the vertical to their limit, per station, shape (n,)."""
+    """Return the factor by which errors decrease near the vertical, per station, shape (n,); 1 elsewhere."""
     s_inc = np.sin(stations.inclination)
     scale = np.ones(s_inc.size)
     if name.startswith("SAGE"):

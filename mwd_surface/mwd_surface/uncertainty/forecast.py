@@ -6,7 +6,6 @@ Sigmas are those of the tool code at each attitude. The single-station correctio
 sibling code with that correction (+AX). Its azimuth is lost where the hole is nearly horizontal east-west, because the
 field along the tool then carries the same information as the field across it. Limits are those of the verdict by tool
 code.
-the field along the tool says the same as the field across it (S0). Limits are those of the verdict by tool code.
 """
 
 from __future__ import annotations
