@@ -99,7 +99,7 @@ def test_a_six_axis_table_is_judged_without_ros(installed, tmp_path):
 def test_what_needs_ros_says_so_in_one_sentence(installed, tmp_path, words):
     said, status = python(installed, tmp_path, MWD, *words)
     assert status != 0
-    assert "is not installed for this Python: `mwd doctor` says how to get it" in said
+    assert "is not installed for this Python: `mwd doctor` shows how to install it" in said
     assert len(said.strip().splitlines()) == 1
 
 

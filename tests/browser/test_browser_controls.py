@@ -71,7 +71,7 @@ def test_a_depth_typed_in_feet_goes_out_in_metres_with_the_wish_to_replace(brows
         click(browser, "[data-keep=row-4]")
         browser.find_element(By.CSS_SELECTOR, "[data-keep=depth]").send_keys("deep")
         click(browser, "[data-keep=accept]")
-        wait(browser, lambda: "deep is no number of ft" in text(browser, ".judging"))
+        wait(browser, lambda: '"deep" is not a number (ft)' in text(browser, ".judging"))
         assert rig.calls == []
         box = browser.find_element(By.CSS_SELECTOR, "[data-keep=depth]")
         box.clear()

@@ -79,7 +79,7 @@ def test_the_controllers_of_the_page_run_with_the_parameters_of_the_page(tmp_pat
                 tmp_path / f"{title}.log"
             ).read_text()
             said[title] = (tmp_path / f"{title}.log").read_text()
-    assert "top drive and pumps are the driller's" in said["ROS"]
-    assert "top drive and pumps are the driller's" in said["OPC UA"]
+    assert "the driller controls top drive and pumps" in said["ROS"]
+    assert "the driller controls top drive and pumps" in said["OPC UA"]
     assert "done" in said["Modbus"]
     assert graph.log(surface).count("granted by toolpusher") == 3

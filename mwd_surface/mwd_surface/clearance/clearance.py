@@ -3,12 +3,13 @@
 Clearance between two wells by the separation rule of the ISCWSA.
 
 Separation factor (S. J. Sawaryn and others, "Well-Collision-Avoidance Separation Rule", SPE Drilling & Completion 34,
-2019, SPE 187073): the distance between the centres less both radii and a surface margin, over k times the
-pedal-curve radius of both wells' covariances, with the uncertainty of the projection ahead. The geometry is that of
-`welleng`, which reproduces the ISCWSA's standard set of well paths. The errors of two wells count as independent.
+2019, SPE 187073): the distance between the centres minus both radii and a surface margin, divided by k times the
+pedal-curve radius of both wells' covariances, including the uncertainty of the projection ahead. The geometry is that
+of `welleng`, which reproduces the ISCWSA's standard set of well paths. The errors of the two wells are taken as
+independent.
 
-The library looks from points of one well for the nearest point of the other one. Both wells are taken in turn, so that
-the least factor does not depend on which of them is called the offset well.
+For points of one well the library finds the nearest point of the other well. Both wells are used as the first one in
+turn, so that the least factor does not depend on which of them is called the offset well.
 """
 
 from __future__ import annotations
@@ -28,21 +29,21 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-# Spacing of the points at which two wells are compared; between them the library looks for the least factor, m.
+# Spacing of the points at which two wells are compared, m; between them the library searches for the least factor.
 _STEP = 30.0
-# Distance of a point next to each end of a well, m: the library looks for a minimum on both sides of a point only.
+# Distance of an extra point from each end of a well, m, because the library finds minima only between points.
 _AT_END = 0.02
-# Shortest length over which a dogleg is judged, m: angles of stations closer together differ by their noise.
+# Shortest length over which a dogleg is checked, m: angles of closer stations differ by noise.
 _DOGLEG_LENGTH = 10.0
-# Variance added to every position, m^2: across its first station a hole is known exactly, and a variance that rounding
-# makes negative has no square root. Ten micrometres squared.
+# Variance added to every position, (10 um)^2 in m^2: across its first station a hole is exact, and rounding could make
+# its variance negative.
 _ROUNDING = 1e-10
-# Nearer than this two wells at the same measured depth are one hole, m.
+# Distance below which two wells at the same measured depth count as one hole, m.
 _SAME_HOLE = 0.05
 
 
 class Level(enum.IntEnum):
-    """What a separation factor asks for."""
+    """Action that a separation factor requires."""
 
     CLEAR = 0
     WARNING = 1
@@ -54,38 +55,38 @@ class ClearanceRule:
     """The separation rule and its levels; the defaults are the paper's for wells where a collision endangers people."""
 
     k: float = setting(
-        3.5, "Factor on the combined 1 sigma of both wells; a larger one keeps wells further apart", low=1.0, high=10.0
+        3.5, "Factor on the combined 1 sigma of both wells. Raising it keeps wells farther apart", low=1.0, high=10.0
     )
     surface_margin_m: float = setting(
-        0.3, "Distance that is kept even where both wells are known exactly", unit="m", low=0.0, high=10.0
+        0.3, "Distance that is kept even if both positions are exact", unit="m", low=0.0, high=10.0
     )
     projection_sigma_m: float = setting(
         0.5, "1 sigma of the hole ahead of the last survey until the next one", unit="m", low=0.0, high=10.0
     )
     warning_factor: float = setting(
-        1.25, "Separation factor below which a warning is raised; a larger one warns earlier", low=1.0, high=20.0
+        1.25, "Separation factor below which a warning is raised. Raising it warns earlier", low=1.0, high=20.0
     )
     stop_factor: float = setting(
         1.0, "Separation factor below which drilling must stop; the rule allows no less than 1", low=1.0, high=20.0
     )
     farthest_km: float = setting(
         10.0,
-        "Distance between two wells, or of the first station from its wellhead, above which positions are taken as "
-        "wrong; raise it to confirm that the wells really lie so far apart",
+        "Distance between two wells, or of the first station from its wellhead, above which positions count as wrong. "
+        "Raise it to confirm that the wells really are so far apart",
         unit="km",
         low=1.0,
         high=1e5,
     )
     largest_dogleg_deg_30m: float = setting(
         30.0,
-        "Dogleg severity above which a list is taken as wrong; raise it to confirm a hole that really turns so sharply",
+        "Dogleg severity above which a list counts as wrong. Raise it to confirm a hole that really turns so sharply",
         unit="deg/30 m",
         low=5.0,
         high=540.0,
     )
 
     def level(self, factor: float) -> Level:
-        """Level of a separation factor; one that is not a number is never clear."""
+        """Return the level of a separation factor; NaN is never clear."""
         if not factor >= self.stop_factor:
             return Level.STOP
         return Level.WARNING if factor < self.warning_factor else Level.CLEAR
@@ -94,10 +95,10 @@ class ClearanceRule:
 @dataclasses.dataclass(frozen=True)
 class NotCompared:
     """
-    Part of a well that a clearance does not cover.
+    Part of a well that is not covered by a clearance.
 
-    well: its name. from_md, to_md: measured depths, m. reason: why. shared: the user said that both wells are the same
-    hole there, so that nothing is missing.
+    well: name of the well. from_md, to_md: measured depths, m. reason: why it is not covered. shared: whether the user
+    stated that both wells are the same hole there, so that nothing is missing.
     """
 
     well: str
@@ -107,7 +108,7 @@ class NotCompared:
     shared: bool = False
 
     def remark(self) -> Remark:
-        """Return which part was not compared and why."""
+        """Return a remark on the part that was not compared and the reason."""
         text = f"{self.well} was not compared from {self.from_md:.0f} to {self.to_md:.0f} m: {self.reason}"
         return Remark(RemarkKind.NOT_COMPARED, text, {"from_md": self.from_md, "to_md": self.to_md})
 
@@ -115,28 +116,28 @@ class NotCompared:
 @dataclasses.dataclass(frozen=True)
 class Clearance:
     """
-    Distance from a well to another, along the first.
+    Distance from one well to another, along the first.
 
     Attributes
     ----------
     name : str
-        Of the other well.
+        Name of the other well.
     md : ndarray, shape (n,)
-        Measured depth along the first well, m: its stations, points between, and where the factor is least. It does not
-        decrease; a depth may come twice with two points of the other well.
+        Measured depth along the first well, m: its stations, points between them, and the minimum of the factor. It
+        does not decrease; a depth may occur twice with two points of the other well.
     offset_md : ndarray, shape (n,)
-        Of the nearest point of the other well, m.
+        Measured depth of the nearest point of the other well, m.
     distance, allowed : ndarray, shape (n,)
-        Between the centres, and the least the rule allows at factor 1, m.
+        Distance between the centres, and the least distance that the rule allows at factor 1, m.
     factor : ndarray, shape (n,)
-        Separation factor; negative where the holes overlap.
+        Separation factor; negative if the holes overlap.
     toolface : ndarray, shape (n,)
         Direction to the other well, across the first, from its high side clockwise looking down, rad.
     bearing : ndarray, shape (n,)
-        The same direction from the north of the wells: toolface + azimuth, rad, as travelling cylinders are drawn.
+        The same direction from the north of the wells, toolface + azimuth, rad, as used in travelling-cylinder plots.
     rule : ClearanceRule
     not_compared : tuple of NotCompared
-        Parts of both wells that lie above the compared paths.
+        Parts of both wells above the compared paths.
     """
 
     name: str
@@ -161,7 +162,7 @@ class Clearance:
         return self.rule.level(float(self.factor[self.least]))
 
     def between(self, start: float, end: float) -> Clearance | None:
-        """Return the part of the first well between two measured depths, m; None where there is none."""
+        """Return the part of the first well between two measured depths, m; None if it is empty."""
         part = (self.md >= start) & (self.md <= end)
         if not np.any(part):
             return None
@@ -173,7 +174,7 @@ class Clearance:
         return dataclasses.replace(self, **arrays)
 
     def sentence(self) -> str:
-        """Where the other well is nearest by the rule, in a sentence."""
+        """Describe in a sentence where the other well is nearest by the rule."""
         k = self.least
         limit = {
             Level.STOP: f", below {self.rule.stop_factor:g}",
@@ -189,24 +190,24 @@ def clearance(
     reference: UncertainWell, offset: UncertainWell, rule: ClearanceRule, shared_to: float | None = None
 ) -> Clearance:
     """
-    Clearance from one well to another, by the separation rule.
+    Return the clearance from one well to another by the separation rule.
 
     Parameters
     ----------
     reference : UncertainWell
-        The well that is drilled; the result is along it.
+        Well being drilled; the result is along it.
     offset : UncertainWell
-        The other one, in the same axes and from the same origin.
+        Other well, in the same axes and from the same origin.
     rule : ClearanceRule
     shared_to : float, optional
-        Measured depth down to which both are the same hole, m: a sidetrack and its parent. Both are then compared
-        below, from a point taken as known to both.
+        Measured depth down to which both are the same hole, m, for a sidetrack and its parent. They are then compared
+        below it, with the position at that depth taken as exact.
 
     Raises
     ------
     ValueError
-        Axes of two norths, wells in the same place without shared_to, what `check_plausible` refuses, wells farther
-        apart than the rule takes as possible, or what `UncertainWell.covariance` refuses.
+        The axes refer to different norths, the wells are in the same place without shared_to, they are farther apart
+        than the rule allows, or `check_plausible` or `UncertainWell.covariance` refuses them.
     """
     if reference.north != offset.north:
         raise ValueError(
@@ -225,10 +226,10 @@ def clearance(
     nearest = float(np.min(ahead.distance_cc))
     if nearest > 1000.0 * rule.farthest_km:
         raise ValueError(
-            f"{offset.name} lies {nearest / 1000.0:.0f} km from {reference.name}: the place of its wellhead or the "
+            f"{offset.name} lies {nearest / 1000.0:.0f} km from {reference.name}: the position of its wellhead or the "
             f"coordinates of its list are wrong. Correct them, leave the well out, or confirm it by rule.farthest_km"
         )
-    # The points that decide, seen from the other well: they may lie between those seen from this one.
+    # Add the decisive points found from the other well: they may lie between the points of this one.
     kept = sorted({int(np.argmin(back.sf)), int(np.argmin(back.distance_cc)), *_minima(back.sf)})
     rows = [_rows(ahead, ahead.ref, ahead.off), _rows(back, back.off, back.ref)[kept]]
     table = np.concatenate(rows)
@@ -238,13 +239,13 @@ def clearance(
 
 def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
     """
-    Refuse a well whose list is probably read wrongly.
+    Refuse a well whose list was probably read wrongly.
 
     Raises
     ------
     ValueError
-        Its first station lies farther from the origin of the map than `farthest_km`, or it turns more sharply above its
-        last survey than `largest_dogleg_deg_30m`; the message says where and how to confirm it.
+        The first station lies farther from the map origin than `farthest_km`, or the well turns more sharply above its
+        last survey than `largest_dogleg_deg_30m`; the message says where, and how to confirm it.
     """
     away = math.hypot(*well.positions[0, :2])
     if away > 1000.0 * rule.farthest_km:
@@ -254,7 +255,7 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
         )
     angle = mc.dogleg(well.inclination[:-1], well.azimuth[:-1], well.inclination[1:], well.azimuth[1:])
     severity = np.degrees(angle) / np.maximum(np.diff(well.md), _DOGLEG_LENGTH) * 30.0
-    # From the bit to the plan ahead no hole is drilled: the path may have a corner there.
+    # The path between bit and plan ahead is not drilled and may have a corner.
     severity = severity[well.md[1:] <= well.surveyed]
     k = int(np.argmax(severity)) if severity.size else 0
     if severity.size and severity[k] > rule.largest_dogleg_deg_30m:
@@ -266,7 +267,7 @@ def check_plausible(well: UncertainWell, rule: ClearanceRule) -> None:
 
 
 def _above(well: UncertainWell, shared_to: float | None) -> tuple[NotCompared, ...]:
-    """Part of a well above the path that is compared."""
+    """Return the part of a well above the compared path."""
     if shared_to is not None:
         return (NotCompared(well.name, 0.0, shared_to, "both wells are the same hole there", shared=True),)
     first = float(well.md[0])
@@ -282,12 +283,12 @@ def _compared(first: Any, second: Any, rule: ClearanceRule) -> Any:
 
 
 def _minima(factor: Array) -> list[int]:
-    """Indices of the factors that are smaller than both neighbours."""
+    """Return the indices of factors that are smaller than both neighbours."""
     return [int(k) + 1 for k in np.flatnonzero((factor[1:-1] < factor[:-2]) & (factor[1:-1] < factor[2:]))]
 
 
 def _rows(found: Any, here: Any, there: Any) -> Array:
-    """Columns of `Clearance` from md to bearing, shape (n, 7); here, there: the points of the first and second well."""
+    """Return the columns of `Clearance` from md to bearing, shape (n, 7); here, there: points of both wells."""
     inc, azi = np.asarray(here.inc_rad, dtype=float), np.asarray(here.azi_grid_rad, dtype=float)
     to_other = np.column_stack([there.n, there.e, there.tvd]) - np.column_stack([here.n, here.e, here.tvd])
     high = np.column_stack([np.cos(inc) * np.cos(azi), np.cos(inc) * np.sin(azi), -np.sin(inc)])
@@ -298,7 +299,7 @@ def _rows(found: Any, here: Any, there: Any) -> Array:
 
 
 def nearest_first(found: Sequence[Clearance]) -> list[Clearance]:
-    """Return clearances with the smallest separation factor first."""
+    """Return clearances sorted by their smallest separation factor."""
     return sorted(found, key=lambda c: float(c.factor[c.least]))
 
 
@@ -318,13 +319,13 @@ def _check_apart(reference: UncertainWell, offset: UncertainWell) -> None:
 
 
 def _library_survey(well: UncertainWell) -> Any:
-    """Well as the library has it, with points at most `_STEP` apart; covariances between stations are linear."""
+    """Return the well as a library object with points at most `_STEP` apart; covariances are interpolated linearly."""
     from welleng.survey import Survey, SurveyHeader
 
     covariance = well.covariance()
     ends = np.array([well.md[0] + _AT_END, well.md[-1] - _AT_END])
     md = np.unique(np.concatenate([well.md, np.arange(well.md[0], well.md[-1], _STEP), ends]))
-    # Points closer than a centimetre to a station would only repeat it.
+    # Skip points within a centimetre of a station, which would only repeat it.
     md = md[np.concatenate([[True], np.diff(md) > 0.01])]
     inc, azi, positions = mc.interpolate(well.md, well.inclination, well.azimuth, well.positions, md)
     k = np.clip(np.searchsorted(well.md, md, side="right") - 1, 0, well.md.size - 2)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Wells near the one that is drilled: a YAML file names their lists, wellheads, hole sizes and error models.
+Offset wells near the well being drilled: a YAML file names their lists, wellheads, hole sizes and error models.
 
-Any list or plan that the importer reads serves. Positions count from the wellhead of the well that is drilled; azimuths
-from another north are turned to that of the well.
+Any list or plan that the importer can read may be used. Positions are relative to the wellhead of the well being
+drilled; azimuths from another north are converted to that of the well.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from mwd_surface.uncertainty.error_terms import ErrorReference
 from mwd_surface.uncertainty.programme import Programme, ProgrammeStations, read_programme
 from mwd_surface.uncertainty.uncertain_well import UncertainWell
 
-# Usual distance between surveys, m; and one beyond which the hole between is said to be hardly known.
+# Usual distance between surveys, m; and distance beyond which the hole between surveys is hardly known.
 _SPACING = 30.0
 _WIDE = 150.0
-# Wells whose wellheads lie farther apart are not neighbours: one of the positions is wrong, m.
+# Distance between wellheads beyond which one of the positions must be wrong, m.
 _FAR = 20_000.0
-# Two positions given for one wellhead contradict each other if they differ by more, m.
+# Difference above which two positions given for one wellhead contradict each other, m.
 _ASTRAY = 5.0
 
 
 class OffsetWellError(ValueError):
-    """An offset well that cannot be used; the message names it and says why."""
+    """Raised for an offset well that cannot be used; the message names it and says why."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,28 +50,28 @@ class OffsetWell(ListSettings):
     """
     One offset well, and how its list is read.
 
-    name: as it is shown. file: its list or plan; relative to the file that names it.
+    name: name for display. file: its list or plan, relative to the file that names it.
     """
 
     name: str
     file: str
     north_m: float | None = setting(
         None,
-        "wellhead of the offset well north of this wellhead; left out: by the map coordinates of both lists, or 0",
+        "wellhead of the offset well north of this wellhead; if left out, from the map coordinates of both lists, or 0",
         unit="m",
     )
-    east_m: float | None = setting(None, "wellhead of the offset well east of this wellhead; as north_m", unit="m")
+    east_m: float | None = setting(None, "wellhead of the offset well east of this wellhead; see north_m", unit="m")
     tvd_m: float = setting(0.0, "depth datum of the offset well below that of this one", unit="m")
     hole_diameter_m: float = setting(
-        0.31, "diameter of its hole, or of the casing where there is one", unit="m", low=0.0, high=5.0
+        0.31, "diameter of its hole, or of its casing if there is one", unit="m", low=0.0, high=5.0
     )
     code: str = setting("MWD+SRGM", "tool code of the whole well")
-    programme: str = setting("", "file of its survey programme; it replaces the code")
+    programme: str = setting("", "file of its survey programme; it replaces code")
     wellhead_sigma_m: float = setting(
         0.0, "1 sigma of its wellhead relative to this one, in north and east", unit="m", low=0.0
     )
     planned: bool = setting(
-        False, "the file is a plan: its errors are those of surveys every 30 m, not of the stations of the plan"
+        False, "whether the file is a plan: its errors are those of surveys every 30 m, not at the stations of the plan"
     )
     shared_to_m: float | None = setting(
         None, "measured depth down to which both wells are the same hole, for a sidetrack", unit="m", low=0.0
@@ -81,16 +81,20 @@ class OffsetWell(ListSettings):
 @dataclasses.dataclass(frozen=True)
 class OffsetWells:
     """
-    The file: all offset wells of a well, and how they are judged.
+    Content of the file: all offset wells of a well, and the rule by which they are judged.
 
-    name, folder: of the file.
+    name, folder: name and folder of the file.
     """
 
     wells: tuple[OffsetWell, ...]
     rule: ClearanceRule = setting(ClearanceRule, "the separation rule and its levels")
     hole_diameter_m: float = setting(0.31, "diameter of the hole that is drilled", unit="m", low=0.0, high=5.0)
     ahead_m: float = setting(
-        300.0, "how far ahead of the bit the plan is compared; further takes longer", unit="m", low=0.0, high=20000.0
+        300.0,
+        "length of plan ahead of the bit that is compared; raising it takes longer",
+        unit="m",
+        low=0.0,
+        high=20000.0,
     )
     name: str = ""
     folder: str = ""
@@ -103,7 +107,7 @@ def read_offset_wells(path: Path) -> OffsetWells:
     Raises
     ------
     OffsetWellError
-        A file that cannot be read, is no YAML table of `wells`, or has unknown keys or two wells of one name.
+        The file cannot be read, is not a YAML table with `wells`, or has unknown keys or two wells of the same name.
     """
     try:
         table = read_yaml(path)
@@ -132,15 +136,15 @@ def offset_well(
     wellhead: tuple[float, float] | None = None,
 ) -> UncertainWell:
     """
-    Return an offset well in the axes of the well that is drilled; its remarks are those about its list.
+    Return an offset well in the axes of the well being drilled; its remarks are those about its list.
 
-    north: of those axes. reference: the local field, which is that of the well. wellhead: northing and easting of the
-    well that is drilled, m, where its list has them.
+    north: north of those axes. reference: local field, the same as the well's. wellhead: northing and easting of the
+    well being drilled, m, if its list has them.
 
     Raises
     ------
     OffsetWellError
-        Its list or its programme cannot be used.
+        The list or the programme of the offset well cannot be used.
     """
     try:
         plan = read_plan(folder / Path(offset.file).expanduser(), given=offset.given())
@@ -159,7 +163,7 @@ def offset_well(
     to_true = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}
     own = plan.north or north.name.lower()
     if not plan.north:
-        text = f"offset well {offset.name}: its list does not say from which north its azimuths are: {own} is assumed"
+        text = f"offset well {offset.name}: its list does not name the north of its azimuths: {own} is assumed"
         remarks = (*remarks, Remark(RemarkKind.NORTH_ASSUMED, text))
     turn = to_true[own] - to_true[north.name.lower()]
     azimuth = wrap_tau(plan.azimuth + turn)
@@ -186,11 +190,11 @@ def clearances(
     well: UncertainWell, offsets: OffsetWells, quoting: bool = True
 ) -> tuple[list[Clearance], tuple[Remark, ...]]:
     """
-    Return the clearance to each offset well, the nearest by the rule first, and every remark about them.
+    Return the clearance to each offset well, nearest by the rule first, and all remarks about them.
 
-    Remarks say which wells or parts of them are not compared and why, what was assumed when their lists were read, and
-    which have stations so far apart that the hole between is hardly known. quoting: whether a remark may quote a file
-    that cannot be read.
+    Remarks name the wells or parts that are not compared and why, assumptions made when reading their lists, and wells
+    with stations so far apart that the hole between is hardly known. quoting: whether a remark may quote a file that
+    cannot be read.
 
     Raises
     ------
@@ -209,7 +213,7 @@ def clearances(
         except ValueError as error:
             text = str(error) if offset.name in str(error) else f"offset well {offset.name}: {error}"
             if not quoting and error.__cause__ is not None:
-                # Its list or programme cannot be read.
+                # The list or programme of the offset well cannot be read, so the message must not quote it.
                 text = f"offset well {offset.name}: {without_contents(offset.file, error, '`mwd clearance`')}"
             remarks.append(Remark(RemarkKind.NOT_COMPARED, text))
             continue
@@ -218,7 +222,7 @@ def clearances(
 
 
 def _turned(position: Array, turn: float) -> Array:
-    """Return a position in axes whose north lies `turn` rad anticlockwise of its own, shape (3,), m."""
+    """Return a position, shape (3,), m, in axes whose north lies `turn` rad anticlockwise of its own north."""
     level = complex(position[0], position[1]) * np.exp(1j * turn)
     return np.array([level.real, level.imag, position[2]])
 
@@ -227,19 +231,19 @@ def _wellhead(
     offset: OffsetWell, plan: Plan, wellhead: tuple[float, float] | None, north: North, reference: ErrorReference
 ) -> tuple[tuple[float, float], tuple[Remark, ...]]:
     """
-    North and east of the wellhead of an offset well from that of the well, m, in the axes of the well.
+    Return north and east of an offset well's wellhead relative to the well's, m, in the well's axes, and remarks.
 
     Raises
     ------
     OffsetWellError
-        The wellheads are tens of kilometres apart, or their map coordinates say something else than the file.
+        The wellheads are tens of kilometres apart, or their map coordinates contradict the file.
     """
     named = f"offset well {offset.name}"
     own = wellhead_of(plan.remarks)
     mapped: tuple[float, float] | None = None
     said: tuple[Remark, ...] = ()
     if own is not None and wellhead is not None:
-        # Map coordinates count along the axes of the grid.
+        # Map coordinates refer to the axes of the grid.
         turn = {"true": 0.0, "magnetic": reference.declination, "grid": reference.convergence}[north.name.lower()]
         step = complex(own[0] - wellhead[0], own[1] - wellhead[1]) * np.exp(1j * (reference.convergence - turn))
         mapped = float(step.real), float(step.imag)
@@ -260,9 +264,7 @@ def _wellhead(
                 " correct one of them"
             )
         if offset.north_m is None and offset.east_m is None:
-            text = (
-                f"{named}: neither north_m and east_m nor map coordinates of both lists: taken from the same wellhead"
-            )
+            text = f"{named}: neither north_m and east_m nor map coordinates are given: the same wellhead is assumed"
             said = (Remark(RemarkKind.WELLHEAD_ASSUMED, text),)
     if np.hypot(*place) > _FAR:
         raise OffsetWellError(
@@ -273,7 +275,7 @@ def _wellhead(
 
 
 def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
-    """Return the remarks about the list of an offset well: those of its reader, and parts that cannot be compared."""
+    """Return the remarks about an offset well's list: those of its reader, and parts that cannot be compared."""
     named = f"offset well {offset.name}"
     remarks = [dataclasses.replace(one, text=f"{named}: {one.text}") for one in plan.remarks]
     above = float(plan.md[0])
@@ -281,7 +283,7 @@ def _remarks(offset: OffsetWell, plan: Plan) -> tuple[Remark, ...]:
         text = f"{named}: its list begins at {above:.2f} m; the hole above is not known and was not compared"
         remarks.append(Remark(RemarkKind.NOT_COMPARED, text, {"from": 0.0, "to": above}))
     apart = np.diff(plan.md)
-    # An assumed hole above is a remark of its own.
+    # An assumed hole above has its own remark.
     assumed = any(one.kind == RemarkKind.HOLE_ABOVE_ASSUMED for one in plan.remarks)
     gap = float(np.max(apart[1:] if assumed and apart.size > 1 else apart))
     if gap > _WIDE and not offset.planned:

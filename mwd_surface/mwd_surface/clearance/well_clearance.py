@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clearance of the well of a survey list: along its path, at the bit and ahead along the plan."""
+"""Clearance of the well of a survey list: along its path, at the bit, and ahead along the plan."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from mwd_surface.uncertainty.uncertain_well import UncertainWell
 @dataclasses.dataclass(frozen=True)
 class WellClearance:
     """
-    Wells near a well, with their clearances.
+    Clearances of a well to the wells near it.
 
     Attributes
     ----------
     well : UncertainWell
-        The path that was compared, with its projection and what lies ahead.
+        Path that was compared, including projection and plan ahead.
     surveyed, bit : float
         Measured depths of the last survey and of the bit, m; beyond the bit the path is planned.
     found : tuple of Clearance
-        The nearest by the rule first.
+        Clearances, nearest by the rule first.
     remarks : tuple of Remark
-        What was not compared, and every assumption behind the lists of the well, the plan and the offset wells.
+        Parts that were not compared, and all assumptions behind the lists of the well, the plan and the offset wells.
     rule : ClearanceRule
     refused : tuple of str
-        Offset wells of the file that could not be compared: nothing is known of their separation.
+        Names of the offset wells that could not be compared, so that their separation is unknown.
     """
 
     well: UncertainWell
@@ -46,13 +46,13 @@ class WellClearance:
     refused: tuple[str, ...] = ()
 
     def ahead(self) -> tuple[Clearance, ...]:
-        """Return the clearances from the last survey on, the nearest by the rule first."""
+        """Return the clearances from the last survey on, nearest by the rule first."""
         parts = (one.between(self.surveyed, float(self.well.md[-1])) for one in self.found)
         return tuple(nearest_first([part for part in parts if part is not None]))
 
     @property
     def not_compared(self) -> tuple[Remark, ...]:
-        """The remarks that leave a well or a part of one uncompared; those of a refused well are among them."""
+        """Remarks on wells or parts that were not compared, including those of refused wells."""
         return tuple(one for one in self.remarks if one.kind == RemarkKind.NOT_COMPARED)
 
     @property
@@ -79,18 +79,18 @@ def well_clearance(
     surveys : SurveyList
     offsets : OffsetWells
     plan : Plan, optional
-        The path is continued along it, as far as the offset wells' file says.
+        Plan along which the path is continued, as far as the offset wells' file asks.
     bit_depth : float, optional
-        m; left out, `sensor_to_bit` below the last survey.
+        Bit depth, m; by default `sensor_to_bit` below the last survey.
     leg : str, optional
-        Other than the current one.
+        Leg, if not the current one.
     quoting : bool
-        Whether a remark may quote a list that cannot be read; the page needs no login, so the node says no.
+        Whether a remark may quote a list that cannot be read; the node passes False, because the page needs no login.
 
     Raises
     ------
     ValueError
-        No such leg, an implausible path (`check_plausible`), or the position of the well has no covariance.
+        There is no such leg, the path is implausible (`check_plausible`), or the well's position has no covariance.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -119,17 +119,17 @@ def well_clearance(
 
 def offset_wells_of(surveys: SurveyList) -> OffsetWells | None:
     """
-    Return the offset wells that the well of a list names; None where it names none.
+    Return the offset wells named by the well of a list; None if it names none.
 
     Raises
     ------
     OffsetWellError
-        Their file cannot be used.
+        The file of the offset wells cannot be used.
     """
     name = surveys.well.offset_wells
     return read_offset_wells(Path(name).expanduser()) if name else None
 
 
 def planned_rows(clearance: WellClearance) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Return the stations of the path from the last survey on: itself, the bit, and what is planned."""
+    """Return the indices of the path from the last survey on: the survey, the bit, and planned points."""
     return np.flatnonzero(clearance.well.md >= clearance.surveyed - 1e-6)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of `mwd`, one module each; they import what they need when they run, so that `mwd --help` is quick."""
+"""The commands of `mwd`, one module each; each imports what it needs only when it runs, to keep `mwd --help` fast."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd sag` and `mwd spacing`: what a bottom-hole assembly does to inclination and azimuth before it is run."""
+"""`mwd sag` and `mwd spacing`: effects of a bottom-hole assembly on inclination and azimuth, before it is run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mwd_surface.uncertainty.collar_spacing import Steel
 
 _MOST_ROWS = 10_000
-_STRING = "String, where no assembly is given"
+_STRING = "String, if no assembly is given"
 
 
 def sag(
@@ -25,12 +25,14 @@ def sag(
     ] = "0:90:10",
     build: Annotated[
         str | None,
-        typer.Option("--build", "--dls", help="Build rates, deg/30m, as above; drops are negative.", metavar="RANGE"),
+        typer.Option(
+            "--build", "--dls", help="Build rates, deg/30m, in the same form; negative for drops.", metavar="RANGE"
+        ),
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="CSV to write.")] = None,
 ) -> None:
     """
-    Compute the sag correction of a bottom-hole assembly: what to add to a measured inclination.
+    Compute the sag correction of a bottom-hole assembly, to add to measured inclinations.
 
     With tool.assembly_file in the settings, `mwd process` and a live estimator apply it to every survey.
 
@@ -51,7 +53,7 @@ def sag(
     if not all(0.0 <= angle <= 180.0 for angle in inclinations):
         raise ValueError(f"--inclination {inclination}: must be within 0 and 180 deg")
     if len(builds) * len(inclinations) > _MOST_ROWS:
-        raise ValueError(f"--inclination and --build: more than {_MOST_ROWS} rows; take a larger step")
+        raise ValueError(f"--inclination and --build: more than {_MOST_ROWS} rows; use a larger step")
     rows = [
         (angle, rate, math.degrees(sag_of(described, math.radians(angle), math.radians(rate) / 30.0)))
         for angle in inclinations
@@ -65,20 +67,22 @@ def sag(
 
 
 def spacing(
-    inclination: Annotated[float, typer.Option(help="Of the hole, deg.")],
+    inclination: Annotated[float, typer.Option(help="Inclination of the hole, deg.")],
     azimuth: Annotated[
-        float, typer.Option(help="Of the hole, deg from true north; from magnetic north where no declination is known.")
+        float, typer.Option(help="Azimuth of the hole, deg, from true north, or magnetic north without declination.")
     ],
     assembly: Annotated[
         Path | None, typer.Argument(metavar="[BHA]", help="YAML of the bottom-hole assembly.", show_default=False)
     ] = None,
-    limit: Annotated[float, typer.Option(help="Azimuth error that is allowed, deg.")] = 0.5,
+    limit: Annotated[float, typer.Option(help="Allowed azimuth error, deg.")] = 0.5,
     above: Annotated[
-        str, typer.Option(help="Poles of the string above: uWb, or collars.", rich_help_panel=_STRING)
+        str, typer.Option(help="Pole strength of the string above: uWb, or collars.", rich_help_panel=_STRING)
     ] = "collars",
     below: Annotated[
         str,
-        typer.Option(help="Poles of the steel below: uWb, or motor, short collars, bit.", rich_help_panel=_STRING),
+        typer.Option(
+            help="Pole strength of the steel below: uWb, or motor, short collars, bit.", rich_help_panel=_STRING
+        ),
     ] = "motor",
     below_length: Annotated[
         float, typer.Option(help="Length of the steel below the collars, m.", rich_help_panel=_STRING)
@@ -89,7 +93,7 @@ def spacing(
     date: Date = None,
 ) -> None:
     """
-    Predict the axial interference of a string, its azimuth error, and the non-magnetic collars that keep it small.
+    Predict axial interference, its azimuth error, and the length of non-magnetic collars that keeps it small.
 
     \b
     Examples:
@@ -107,7 +111,7 @@ def spacing(
     if not 0.0 <= inclination <= 180.0 or not limit > 0.0:
         raise ValueError("--inclination: must be within 0 and 180 deg; --limit: must be above 0")
     turn = north_correction(reference, "true")
-    # A field without declination is given as 0: azimuth and field then share magnetic north.
+    # Without a declination it is 0: azimuth and field both refer to magnetic north.
     attitude = math.radians(inclination), math.radians(azimuth) - (turn or 0.0)
     most = collar_spacing.largest_interference(math.radians(limit), *attitude, reference.horizontal)
     lines: list[tuple[str, str]] = []
@@ -122,7 +126,7 @@ def spacing(
         verdict = "within" if error <= math.radians(limit) else "beyond"
         lines.append(("azimuth error", f"up to {math.degrees(error):.2f} deg, {verdict} the limit of {limit:g} deg"))
     if math.isinf(most):
-        lines.append(("allowed", f"any interference: in this direction none turns the azimuth by {limit:g} deg"))
+        lines.append(("allowed", f"any interference: in this direction none changes the azimuth by {limit:g} deg"))
         terminal.facts(lines)
         return
     lines.append(("allowed", f"{most * 1e9:.0f} nT for an azimuth error of {limit:g} deg"))
@@ -130,14 +134,14 @@ def spacing(
     if assembly is not None:
         poles, below_length = _poles_of(pieces, poles, below_length)
     up, down = collar_spacing.shortest_collars(*poles, below_length, most)
-    lines.append(("collars", f"{up:.1f} m non-magnetic above the sensors and {down:.1f} m below keep it"))
+    lines.append(("collars", f"{up:.1f} m non-magnetic above the sensors and {down:.1f} m below are enough"))
     terminal.facts(lines)
 
 
 def _poles_of(
     pieces: tuple[Steel, ...], poles: tuple[float, float], below_length: float
 ) -> tuple[tuple[float, float], float]:
-    """Pole strengths, Wb, above and below the sensors and the length of the steel below, m, of an assembly."""
+    """Return pole strengths above and below the sensors, Wb, and the length of the steel below, m, of an assembly."""
     import math
 
     up = max((piece.pole for piece in pieces if math.isinf(piece.length)), default=poles[0])
@@ -159,7 +163,7 @@ def _reference(lat: float | None, lon: float | None, date: str | None, field: st
     changes = place_changes(lat, lon, date, field)
     reference = reference_of(settings.changed(EstimatorSettings(), changes).place, time.time_ns())
     if reference is None:
-        raise ValueError("the azimuth error depends on the field: give --lat and --lon, or --field")
+        raise ValueError("the azimuth error depends on the field; give --lat and --lon, or --field")
     return reference
 
 
@@ -178,7 +182,7 @@ def _pole(option: str, text: str) -> float:
 
 
 def _numbers(option: str, text: str) -> list[float]:
-    """Numbers of LOW:HIGH[:STEP], both ends with them, or of a list with commas."""
+    """Return the numbers of LOW:HIGH[:STEP], ends included, or of a list with commas."""
     import math
 
     try:
@@ -186,7 +190,7 @@ def _numbers(option: str, text: str) -> list[float]:
     except ValueError:
         parts = []
     if not parts or not all(math.isfinite(part) for part in parts) or (":" in text and len(parts) not in (2, 3)):
-        raise ValueError(f"{option} {text}: expected LOW:HIGH, LOW:HIGH:STEP or numbers with commas")
+        raise ValueError(f"{option} {text}: expected LOW:HIGH, LOW:HIGH:STEP or numbers separated by commas")
     if ":" not in text:
         return parts
     low, high, step = parts if len(parts) == 3 else [*parts, max((parts[1] - parts[0]) / 9.0, 1e-9)]

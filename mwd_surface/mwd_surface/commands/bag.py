@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd bag info` and `mwd recover`: what a recording holds, and saving what is left of a damaged one."""
+"""`mwd bag info` and `mwd recover`: contents of a recording, and repair of a damaged one."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Annotated
 
 import typer
 
-bag = typer.Typer(no_args_is_help=True, help="Look into recordings and mend them.", rich_markup_mode="rich")
+bag = typer.Typer(no_args_is_help=True, help="Inspect and repair recordings.", rich_markup_mode="rich")
 
 
 @bag.command()
 def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, or .mcap, .db3 or .bag file.")]) -> None:
     """
-    Topics, types, counts and rates of a recording, and what is wrong with it.
+    Show topics, types, counts, rates and defects of a recording.
 
     \b
     Example:
@@ -47,19 +47,19 @@ def info(path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder, or .m
         if is_being_written(path):
             terminal.remark(f"{path} is being recorded")
         elif not opened.complete:
-            raise ValueError(f"{path} is cut off or damaged; `mwd recover {path}` makes it whole")
+            raise ValueError(f"{path} is cut off or damaged; `mwd recover {path}` repairs it")
 
 
 def recover(
     path: Annotated[Path, typer.Argument(metavar="BAG", help="Folder of a recording, or one of its files.")],
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="What to write: a file for .mcap, a folder for others.")
+        Path | None, typer.Option("--output", "-o", help="Result to write: a file for .mcap, a folder for others.")
     ] = None,
 ) -> None:
     """
-    Save every sound message of a recording that was cut off or damaged; the original is kept.
+    Save every intact message of a recording that was cut off or damaged; the original is kept.
 
-    A folder of MCAP files is mended in place. A .db3 file or a .bag of ROS 1 is saved to a new recording in the same
+    A folder of MCAP files is repaired in place. A .db3 file or a .bag of ROS 1 is saved to a new recording in the same
     folder.
 
     \b
@@ -73,7 +73,7 @@ def recover(
 
     console = terminal.output()
     if not path.exists():
-        raise FileNotFoundError(2, "there is no such bag", str(path))
+        raise FileNotFoundError(2, "bag not found", str(path))
     reports = salvage.recover(path, output)
     for report in reports:
         console.print(report.sentence(), markup=False)

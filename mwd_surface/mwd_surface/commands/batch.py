@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd batch`: a fleet of recordings to one data set, over a Dask cluster."""
+"""`mwd batch`: process a fleet of recordings into one data set, on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -27,22 +27,23 @@ Scheduler = Annotated[
 ]
 TlsCa = Annotated[
     Path | None,
-    typer.Option("--tls-ca", help="Authority of a tls:// cluster, PEM.", rich_help_panel=_CLUSTER),
+    typer.Option("--tls-ca", help="Certificate authority of a tls:// cluster, PEM.", rich_help_panel=_CLUSTER),
 ]
 TlsCert = Annotated[
-    Path | None, typer.Option("--tls-cert", help="Own certificate for a tls:// cluster, PEM.", rich_help_panel=_CLUSTER)
+    Path | None,
+    typer.Option("--tls-cert", help="Certificate of this client for a tls:// cluster, PEM.", rich_help_panel=_CLUSTER),
 ]
 TlsKey = Annotated[
     Path | None, typer.Option("--tls-key", help="Key of that certificate, PEM.", rich_help_panel=_CLUSTER)
 ]
-Workers = Annotated[int, typer.Option(help="Workers; 0: as many as there are cores.", min=0, rich_help_panel=_CLUSTER)]
+Workers = Annotated[int, typer.Option(help="Number of workers; 0: one per core.", min=0, rich_help_panel=_CLUSTER)]
 
 
 @reads_recording
 def batch(
     bags: Annotated[list[str], typer.Argument(help="Recordings, folders of them, or patterns with * and **.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set; made if need be.")],
-    method: Annotated[str | None, typer.Option("--method", help="Gravity extraction, as of `mwd process`.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the data set; created if missing.")],
+    method: Annotated[str | None, typer.Option("--method", help="Gravity extraction, as in `mwd process`.")] = None,
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
@@ -61,10 +62,10 @@ def batch(
     Process many recordings into one data set of Parquet tables, with a page that lists the result of each.
 
     Writes DIR/bags, DIR/surveys and DIR/attitude (one row for every ten seconds), each a folder that polars, duckdb and
-    pandas read as one table, and DIR/index.html. Called again it continues: recordings already processed, by content
-    and settings, are kept. A recording of the surface node brings the settings it was made with; options override them,
-    --config replaces them. The options of the input hold for every recording. A recording that fails is listed with
-    its reason; the exit status is then 1.
+    pandas read as one table, and DIR/index.html. Called again, it continues: recordings already processed with the same
+    content and settings are kept. A recording of the surface node contains the settings it was made with; options
+    override them, --config replaces them. The input options apply to every recording. A recording that fails is listed
+    with the reason; the exit status is then 1.
 
     \b
     Examples:
@@ -80,7 +81,7 @@ def batch(
         from mwd_surface.fleet import fleet_index, fleet_run
     except ModuleNotFoundError as error:
         hint = "pip install distributed pyarrow"
-        raise ValueError(f"a fleet needs the package {error.name}, which is not installed: {hint}") from error
+        raise ValueError(f"mwd batch needs the package {error.name}, which is not installed: {hint}") from error
     from mwd_surface.fleet.fleet_dataset import FAILED
 
     place = recording_changes(lat, lon, date, field)
@@ -92,7 +93,7 @@ def batch(
     tls = fleet_run.Tls(*(str(path) if path is not None else "" for path in (tls_ca, tls_cert, tls_key)))
     began = time.monotonic()
     if scheduler.startswith("tcp://"):
-        terminal.warn(f"{scheduler}: all who reach this cluster can run programs on it; tls:// is safe")
+        terminal.warn(f"{scheduler}: anyone who can reach this cluster can run programs on it; use tls:// instead")
 
     def report(outcome: Outcome, share: float) -> None:
         if outcome.row["outcome"] == FAILED:
@@ -106,7 +107,7 @@ def batch(
         ):
             outcomes = fleet_run.run(found, output, client, estimator, given, report, of_recordings)
     except KeyboardInterrupt:
-        terminal.warn("interrupted; what is done is kept, and the same command continues")
+        terminal.warn("interrupted; finished results are kept, the same command continues")
         raise typer.Exit(130) from None
     failed = _show(output, fleet_index.write_index(output, outcomes), outcomes, time.monotonic() - began)
     if failed:

@@ -11,13 +11,17 @@ import typer
 
 def bundle(
     folder: Annotated[Path, typer.Argument(metavar="RUN|BAG", help="Folder of a run or a well, or a recording.")],
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="The zip; else mwd_bundle_TIME.zip.")] = None,
-    minutes: Annotated[float, typer.Option(help="Of the end of the newest recording; 0: none.")] = 5.0,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Zip file to write; by default mwd_bundle_TIME.zip.")
+    ] = None,
+    minutes: Annotated[
+        float, typer.Option(help="Minutes to include from the end of the newest recording; 0: none.")
+    ] = 5.0,
 ) -> None:
     """
-    Pack what a bug report needs: versions, checks of the machine, settings, logs, surveys, the last minutes recorded.
+    Pack the data for a bug report: versions, checks of the machine, settings, logs, surveys, last minutes recorded.
 
-    Nothing secret goes into it: tokens, passwords and the name of your home folder are left out.
+    Secrets are not included: tokens, passwords and the name of your home folder are left out.
 
     \b
     Example:
@@ -41,4 +45,4 @@ def bundle(
     what = f"; the end of {packed.recording}" if packed.recording is not None and not packed.remarks else ""
     size = target.stat().st_size / 1e6
     console.print(f"{target}: {len(packed.names)} files, {size:.1f} MB{what}", markup=False)
-    console.print("look into it before you send it: a recording holds the well's data", markup=False)
+    console.print("check it before you send it: a recording contains data of the well", markup=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd calibrate`: a tumble and temperature run to the errors of a probe, and the file that takes them out."""
+"""`mwd calibrate`: errors of a probe from a tumble and temperature run, and the file that corrects them."""
 
 from __future__ import annotations
 
@@ -24,14 +24,16 @@ def calibrate(
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Calibration to write, YAML.")],
     unit: Annotated[str, typer.Option(help="Unit of the sonde: ahrs or precision.")] = "ahrs",
-    grade: Annotated[str | None, typer.Option(help="Grade of the simulated unit instead of the scenario's.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the simulation instead of the scenario's.")] = None,
+    grade: Annotated[
+        str | None, typer.Option(help="Grade of the simulated unit, instead of that of the scenario.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulation, instead of that of the scenario.")] = None,
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
     field: Field = None,
     gravity: Annotated[
-        float | None, typer.Option(help="Gravity where the run was made, m/s².", rich_help_panel=FIELD_PANEL)
+        float | None, typer.Option(help="Gravity at the place of the run, m/s².", rich_help_panel=FIELD_PANEL)
     ] = None,
     *,
     reading: Reading,
@@ -40,7 +42,7 @@ def calibrate(
     Estimate bias, scale, misalignment and their change with temperature from a tumble run.
 
     The probe rests in many attitudes and is turned between them while its temperature changes; no stand is needed.
-    Gravity and field come from the scenario, or from --lat and --lon, or from --field and --gravity.
+    Gravity and field come from the scenario, from --lat and --lon, or from --field and --gravity.
 
     \b
     Examples:
@@ -58,9 +60,9 @@ def calibrate(
         found_field, source = found_field or known, source or "its scenario"
     strength = gravity if gravity is not None else strength
     if strength is None:
-        raise ValueError(f"{run}: say where the run was made with --lat and --lon, or --gravity (and --field)")
+        raise ValueError(f"{run}: gravity is unknown; give the place with --lat and --lon, or --gravity (and --field)")
     if found_field is None and data.mag is not None and unit == "ahrs":
-        terminal.warn("the field is not known: magnetometers are left as they are (--lat and --lon, or --field)")
+        terminal.warn("the field is unknown: magnetometers are not calibrated (give --lat and --lon, or --field)")
     found = calibration_run.calibrated(data, strength, found_field)
     about: dict[str, Any] = {"from": data.source, "unit": unit, "gravity_mps2": strength, "place": source or "options"}
     if found_field is not None:
@@ -74,7 +76,7 @@ def calibrate(
 def _data(
     run: str, unit: str, grade: str | None, seed: int | None, reading: Reading
 ) -> tuple[Run, Scenario | None, int]:
-    """Return the samples of a recording or simulation, its scenario where known, and the day, ns (0: unknown)."""
+    """Return the samples of a recording or simulation, its scenario if known, and the day, ns (0: unknown)."""
     from mwd_sensors.core.settings import SettingsError, unknown_key
     from mwd_surface.bags.bag_files import storage_of
     from mwd_surface.bags.bag_reader import Bag
@@ -86,7 +88,7 @@ def _data(
     path = Path(run)
     if path.is_dir() or storage_of(path):
         if grade is not None or seed is not None:
-            raise ValueError("--grade, --seed: a recording has its sensors already; they are for scenarios")
+            raise ValueError("--grade, --seed: only for scenarios, not for a recording")
         with Bag(path) as bag, terminal.waiting(f"reading {path.name}"):
             data, remarks = calibration_run.recorded(bag, unit, input_settings(reading))
             found = data, calibration_run.scenario_of(bag), bag.start_ns
@@ -132,7 +134,7 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
     if grade is None:
         return scenario
     known = getattr(scenario, unit) or Unit()
-    # Rebuilt, so that a grade that does not exist or does not fit is named.
+    # Rebuilt to check that the grade exists and fits the unit.
     changed: dict[str, Any] = {unit: dataclasses.replace(known, grade=grade)}
     return dataclasses.replace(scenario, **changed)
 
@@ -140,7 +142,7 @@ def _scenario(name: str, unit: str, grade: str | None, seed: int | None) -> Any:
 def _place(
     lat: float | None, lon: float | None, date: str | None, field: str | None, day_ns: int
 ) -> tuple[float | None, tuple[float, float] | None, str]:
-    """Gravity, field and their source, as far as the options give them."""
+    """Return gravity, field and their source, as far as given by options."""
     import datetime
     import math
 
@@ -153,10 +155,10 @@ def _place(
         raise ValueError("--lat and --lon: give both, or neither")
     if lat is None or lon is None:
         if date is not None:
-            raise ValueError("--date: means nothing without --lat and --lon")
+            raise ValueError("--date: has no effect without --lat and --lon")
         return None, None, ""
     if field is not None:
-        raise ValueError("--field and --lat/--lon: give one of them; a field that is known needs no model")
+        raise ValueError("--field and --lat/--lon: give only one of them; a known field needs no model")
     day = datetime.datetime.fromtimestamp(day_ns * 1e-9, tz=datetime.UTC).date()
     if date is not None:
         try:

@@ -19,28 +19,29 @@ if TYPE_CHECKING:
 
 def clearance(
     source: Annotated[
-        Path, typer.Argument(metavar="SURVEYS", help="Folder of `mwd path` or of a run, its surveys.json, a recording.")
+        Path,
+        typer.Argument(metavar="SURVEYS", help="Folder of `mwd path` or of a run, its surveys.json, or a recording."),
     ],
     offsets: Annotated[Path, typer.Option("--offsets", help="YAML of the offset wells.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     programme: Annotated[
         Path | None, typer.Option("--programme", help="YAML of the survey programme of the well.")
     ] = None,
     code: Annotated[str | None, typer.Option("--code", help="Tool code of the whole well.")] = None,
     plan: Annotated[
-        Path | None, typer.Option("--plan", help="Planned path: the well is continued along it, ahead_m of the file.")
+        Path | None, typer.Option("--plan", help="Planned path: the well is continued along it by ahead_m of the file.")
     ] = None,
     plan_set: PlanSet = None,
-    leg: Annotated[str | None, typer.Option("--leg", help="Leg other than the current one.")] = None,
+    leg: Annotated[str | None, typer.Option("--leg", help="Leg to use, if not the current one.")] = None,
     bit_depth: Annotated[float | None, typer.Option("--bit-depth", help="Project the path to this depth, m.")] = None,
 ) -> None:
     """
     Compare a well with its offset wells: separation factor, distance, directions.
 
-    Writes DIR/clearance.csv, DIR/ladder.png and DIR/travelling_cylinder.png. The offset wells stand in a YAML file:
+    Writes DIR/clearance.csv, DIR/ladder.png and DIR/travelling_cylinder.png. The offset wells are given in a YAML file:
     wells, each with name, file, north_m and east_m of its wellhead, hole_diameter_m, and code or programme; rule, with
-    its factors; hole_diameter_m and ahead_m. Ends with status 1 where a factor at the bit or ahead of it is below the
-    level that stops drilling, and where a well of the file could not be compared.
+    its factors; hole_diameter_m and ahead_m. Ends with status 1 if a factor at the bit or ahead of it is below the
+    level that stops drilling, or if a well of the file could not be compared.
 
     \b
     Examples:
@@ -61,7 +62,7 @@ def clearance(
     from mwd_surface.surveys.survey_source import surveys_of
 
     if is_list(source):
-        raise ValueError(f"{source} is a list of stations: make its path first, mwd path {source} -o DIR, and give DIR")
+        raise ValueError(f"{source} is a list of stations: first run mwd path {source} -o DIR, then give DIR")
     surveys, remarks = surveys_of(source)
     surveys = _with_model(surveys, programme, code)
     planned = read_plan_option(plan, plan_set, surveys.well.north_reference)
@@ -77,7 +78,7 @@ def clearance(
     }
     _show(near.found)
     for one in near.ahead()[:1]:
-        terminal.output().print(f"from the last survey at {near.surveyed:.1f} m on: {one.sentence()}", markup=False)
+        terminal.output().print(f"ahead of the last survey at {near.surveyed:.1f} m: {one.sentence()}", markup=False)
     terminal.write(output, files)
     if near.level == Level.STOP or near.refused:
         raise typer.Exit(1)
@@ -87,7 +88,7 @@ def _with_model(surveys: SurveyList, programme: Path | None, code: str | None) -
     import dataclasses
 
     if programme is not None and code is not None:
-        raise ValueError("--programme and --code: give one of them; a programme names the codes")
+        raise ValueError("--programme and --code: give only one of them; a programme contains the codes")
     well = surveys.well
     if programme is not None:
         well = dataclasses.replace(well, programme=str(programme.resolve()))

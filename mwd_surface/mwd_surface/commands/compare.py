@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd compare`: two runs, or a recording and a golden run, beside each other."""
+"""`mwd compare`: comparison of two runs, or of a recording with a golden run."""
 
 from __future__ import annotations
 
@@ -17,24 +17,26 @@ def compare(
         Path, typer.Argument(metavar="RUN", help="Results of `mwd process`, a recording, or a golden folder.")
     ],
     run_b: Annotated[
-        Path | None, typer.Argument(metavar="[EXPECTED]", help="What to compare with: results, or a golden folder.")
+        Path | None,
+        typer.Argument(metavar="[EXPECTED]", help="Reference of the comparison: results, or a golden folder."),
     ] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option("--limit", metavar="NAME=VALUE", help="Difference that is allowed. May be repeated."),
+        typer.Option("--limit", metavar="NAME=VALUE", help="Allowed difference. May be repeated."),
     ] = None,
     accept: Annotated[
-        bool, typer.Option("--accept", help="Make what a golden folder's bag gives today the expected answers.")
+        bool, typer.Option("--accept", help="Store the present results of a golden folder's bag as the expected ones.")
     ] = False,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture of both runs to write, PNG.", metavar="PNG")
+        Path | None, typer.Option("--output", "-o", help="Plot of both runs to write, PNG.", metavar="PNG")
     ] = None,
 ) -> None:
     """
-    Say what differs between two runs, by station and over all samples. Exit status 0: within the limits; 1: not.
+    Show the differences of two runs, by station and over all samples. Exit status 0: within the limits; 1: not.
 
-    Without limits every printed digit counts. A golden folder brings its own, each with its reason; alone, its bag is
-    processed and compared with what it keeps. A recording is processed with the settings of the expected run.
+    Without limits, every printed digit counts. A golden folder contains its own limits, each with its reason; given
+    alone, its bag is processed and compared with its stored results. A recording is processed with the settings of the
+    expected run.
 
     \b
     Examples:
@@ -49,15 +51,15 @@ def compare(
 
     if accept:
         if run_b is not None or limit:
-            raise ValueError("--accept: takes a golden folder alone")
+            raise ValueError("--accept: give only a golden folder, without limits")
         golden.accept(run_a)
-        terminal.output().print(f"written: the answers of {run_a}", markup=False)
+        terminal.output().print(f"written: the expected results of {run_a}", markup=False)
         return
     ours, expected = (run_a / "bag", run_a) if run_b is None else (run_a, run_b)
     if output is not None and output.suffix.lower() != ".png":
-        raise ValueError(f"--output {output}: a picture is written as .png")
+        raise ValueError(f"--output {output}: the plot must be .png")
     if run_b is None and not golden.is_golden(run_a):
-        raise ValueError(f"{run_a} is no golden folder; name the run to compare it with")
+        raise ValueError(f"{run_a} is not a golden folder; name the run to compare with")
     with golden.processed(ours, expected) as run:
         limits = {**golden.limits_of(expected), **_limits(limit)}
         found = runs.compare(run, expected, limits)
@@ -98,24 +100,24 @@ def _show(found: Comparison, *, limited: bool) -> None:
     console = terminal.output()
     if found.stations:
         headings = ("no", "depth m", "time s", "inclination deg", "azimuth deg", "toolface deg")
-        table = terminal.table(headings, title="stations, ours less expected")
+        table = terminal.table(headings, title="stations, ours minus expected")
         for one in found.stations:
             angles = (f"{one.differences[name]:+.4f}" for name in ("inclination_deg", "azimuth_deg", "toolface_deg"))
             table.add_row(one.sequence, one.measured_depth or "-", f"{one.stamp_difference_s:+.3f}", *angles)
         console.print(table)
-    table = terminal.table(("", "samples", "mean deg", "rms deg", "largest deg"), title="samples, ours less expected")
+    table = terminal.table(("", "samples", "mean deg", "rms deg", "largest deg"), title="samples, ours minus expected")
     for line in found.statistics:
         figures = (f"{line.mean:+.5f}", f"{line.rms:.5f}", f"{line.largest:.5f}") if line.count else ("-", "-", "-")
         table.add_row(line.name, str(line.count), *figures)
     console.print(table)
     console.print(
-        f"{found.rows} samples in both, {found.rows_missing} missing, {found.rows_extra} beyond the expected ones; "
+        f"{found.rows} samples in both, {found.rows_missing} missing, {found.rows_extra} not in the expected run; "
         f"status differs at {found.status_differs}",
         markup=False,
     )
     for failure in found.failures if limited else ():
         console.print(f"differs: {failure}", markup=False)
     differ = (
-        f"{len(found.failures)} limits exceeded" if limited else "the runs differ; --limit says by how much they may"
+        f"{len(found.failures)} limits exceeded" if limited else "the runs differ; --limit sets allowed differences"
     )
     console.print("the runs agree" if found.agree else differ, markup=False)

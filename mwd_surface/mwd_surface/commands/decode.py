@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd decode`: standpipe pressure, earth voltage or serial bytes of a tool to words and surveys."""
+"""`mwd decode`: words and surveys from standpipe pressure, earth voltage or serial bytes of a tool."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def decode(
         Path,
         typer.Argument(
             help="CSV (time_s,pressure_pa[,pressure_2_pa] or time_s,voltage_v), WAV, or a recording; for a tool on a"
-            " serial line a recording or bytes as captured."
+            " serial line, a recording or the captured bytes."
         ),
     ],
-    tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: what the tool sends, and how.")],
+    tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: words and code of the tool.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv, surveys.csv and picture.png.")],
     strokes: Annotated[
         Path | None,
@@ -33,15 +33,15 @@ def decode(
             " the pressure."
         ),
     ] = None,
-    gauge: Annotated[int, typer.Option(help="Which pressure gauge: 1 or 2.")] = 1,
+    gauge: Annotated[int, typer.Option(help="Number of the pressure gauge: 1 or 2.")] = 1,
     topic: Annotated[str, typer.Option(help="Topic of a recording that has several pressures.")] = "",
 ) -> None:
     """
-    Decode what an MWD tool sends: pulses or a carrier in standpipe pressure, a carrier in the earth, serial frames.
+    Decode the signal of an MWD tool: pulses or a carrier in standpipe pressure, a carrier in the earth, serial frames.
 
-    Each word has a confidence, the probability that its code is right, and a sigma, its error if it is right. A word
-    below 0.99 (survey) or 0.95 (toolface) is erased and shows its alternatives. The same samples give the same words,
-    whatever file they come in.
+    Each word has a confidence (the probability that its code is right) and a sigma (its error if it is right). A word
+    below 0.99 (survey) or 0.95 (toolface) is erased and shows its alternatives. The same samples give the same words
+    from every file format.
 
     \b
     Examples:
@@ -65,7 +65,7 @@ def decode(
     for note in read.notes:
         terminal.warn(f"{file.name}: {note}")
     if wired and strokes:
-        raise ValueError("--strokes: a serial line has no pumps; leave it out")
+        raise ValueError("--strokes: not used for a serial line; omit it")
     counted = pressure_files.read_strokes(strokes) if strokes else read.strokes
     receiver = receivers.receiver_of(configuration)
     got = _received(receiver, read, counted)
@@ -79,7 +79,7 @@ def decode(
 def _why_nothing(
     receiver: Receiver, configuration: ToolConfiguration, read: PressureFile, strokes: dict[int, Array]
 ) -> str:
-    """Reason why no word is believed; of pulses also whether they have another width."""
+    """Return the reason why no word is accepted, for pulses also whether they have another width."""
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
     from mwd_surface.receiver.link import other_width
 
@@ -91,7 +91,7 @@ def _why_nothing(
 
 
 def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array]) -> Reception:
-    """What a receiver hears in a file; strokes of each pump, s."""
+    """Return the reception of a file; strokes: times for each pump, s."""
     from mwd_surface.receiver.sampled_receiver import SampledReceiver
 
     if isinstance(receiver, SampledReceiver):
@@ -103,7 +103,7 @@ def _received(receiver: Receiver, read: PressureFile, strokes: dict[int, Array])
 
 
 def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, got: Reception) -> str:
-    """Write the tables, and a picture of what is no serial line; returns the names of the files."""
+    """Write the tables, and a plot unless it is a serial line; return the names of the files."""
     from mwd_sensors.core.output_files import write_whole
     from mwd_surface.receiver import picture, word_files
 
@@ -119,7 +119,7 @@ def _write(folder: Path, configuration: ToolConfiguration, read: PressureFile, g
 
 
 def _print_words(got: Reception, wired: bool) -> None:
-    """Print a line for each frame and for each value of a survey; a wire has no signal to tell of."""
+    """Print a line for each frame and each value of a survey; a serial line has no signal quality to print."""
     from mwd_surface.commands import terminal
     from mwd_surface.receiver.words import BELIEVED
 

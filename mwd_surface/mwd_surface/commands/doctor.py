@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd doctor`: what is missing on this machine, or in a file of pressure, and how to get it."""
+"""`mwd doctor`: check of this machine or of a pressure file, with remedies."""
 
 from __future__ import annotations
 
@@ -15,15 +15,17 @@ if TYPE_CHECKING:
 def doctor(
     file: Annotated[
         Path | None,
-        typer.Argument(help="Standpipe pressure (CSV, WAV, recording) to look at instead of this machine."),
+        typer.Argument(help="Standpipe pressure (CSV, WAV, recording) to check instead of this machine."),
     ] = None,
-    tool: Annotated[Path | None, typer.Option(help="Tool configuration, YAML, whose words FILE shall give.")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Where recordings would go.")] = Path("runs"),
+    tool: Annotated[Path | None, typer.Option(help="Tool configuration, YAML, of the tool that sent FILE.")] = None,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for recordings, checked for space.")] = Path(
+        "runs"
+    ),
 ) -> None:
     """
-    Say what is missing on this machine, or what a file of standpipe pressure is good for, and how to mend it.
+    Check this machine, or a file of standpipe pressure, and suggest remedies.
 
-    Ends with status 1 where something is missing that cannot be done without.
+    Ends with status 1 if something essential is missing.
 
     \b
     Examples:
@@ -49,12 +51,12 @@ def doctor(
         _show(results)
     missing = sum(result.level.name == "MISSING" for result in results)
     if file is None and not missing:
-        # Imports what may be missing.
+        # These imports may fail if something is missing.
         from mwd_estimation.gravity import methods as gravity
 
         methods = "; ".join(f"{method.name} ({method.doc})" for method in gravity.METHODS.values())
         console.print(f"gravity methods: {methods}", markup=False)
-    console.print("everything that is needed is here" if not missing else f"{missing} things are missing")
+    console.print("everything needed is present" if not missing else f"{missing} things are missing")
     raise typer.Exit(1 if missing else 0)
 
 
@@ -67,10 +69,10 @@ def _show(results: list[CheckResult]) -> None:
 
     marks = {Level.OK: "[green]ok[/]", Level.NOTE: "[yellow]note[/]", Level.MISSING: "[red]missing[/]"}
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for name in ("", "what", "how it is"):
+    for name in ("", "check", "state"):
         table.add_column(name, overflow="fold")
     for result in results:
-        # The remedy stands in a line of its own, which no narrow terminal cuts.
+        # The remedy has its own line, which a narrow terminal does not cut.
         remedy = f"\n[dim]->[/] {escape(result.remedy)}" if result.remedy else ""
         table.add_row(marks[result.level], result.name, escape(result.state) + remedy)
     terminal.output().print(table, soft_wrap=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd downlink`: a command to the tool from the terminal, with the same permission as on the page."""
+"""`mwd downlink`: send a command to the tool from the terminal, with the same permission as on the page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="Commands to the tool of a running graph, by flow or rotation.")
 Name = Annotated[str, typer.Option("--name", help="Your name, for the journal.")]
-Number = Annotated[int, typer.Argument(min=1, help="Of the request, as `mwd downlink state` shows it.")]
+Number = Annotated[int, typer.Argument(min=1, help="Number of the request, from `mwd downlink state`.")]
 _SUBMIT, _GRANT, _DENY, _ABORT = range(4)
 _STATES = (
     *("idle", "draft", "pending", "granted", "armed", "running", "sent", "confirmed", "unconfirmed", "denied"),
@@ -27,14 +27,12 @@ _LISTEN_S = 3.0
 @app.command("send")
 def send(
     command: Annotated[str, typer.Argument(help="sequence, pulse_width, carrier, toolface_rate, survey_now or mute.")],
-    value: Annotated[
-        float, typer.Argument(help="Number of the sequence, s, Hz or times; none for the last two.")
-    ] = 0.0,
+    value: Annotated[float, typer.Argument(help="Number of the sequence, s, Hz or rate; none for the last two.")] = 0.0,
     name: Name = "",
     domain: Domain = None,
 ) -> None:
     """
-    Ask for a command to the tool. It waits until a named person grants it.
+    Request a command to the tool; it waits until a named person grants it.
 
     \b
     Examples:
@@ -50,28 +48,28 @@ def send(
 
 @app.command("grant")
 def grant(number: Number, name: Name = "", domain: Domain = None) -> None:
-    """Grant the command that waits; it starts as soon as all interlocks hold."""
+    """Grant the pending command; it starts as soon as all interlocks allow it."""
     with visit(domain) as client:
         _call(client, "decide_downlink", {"decision": _GRANT, "operator_name": name, "number": number})
 
 
 @app.command("deny")
 def deny(number: Number, name: Name = "", domain: Domain = None) -> None:
-    """Deny the command that waits."""
+    """Deny the pending command."""
     with visit(domain) as client:
         _call(client, "decide_downlink", {"decision": _DENY, "operator_name": name, "number": number})
 
 
 @app.command("abort")
 def abort(name: Name = "", domain: Domain = None) -> None:
-    """End the command at hand; flow and rotation return to what the driller has set."""
+    """Abort the present command; flow and rotation return to the driller's values."""
     with visit(domain) as client:
         _call(client, "decide_downlink", {"decision": _ABORT, "operator_name": name})
 
 
 @app.command("state")
 def state(domain: Domain = None) -> None:
-    """Show the command at hand: its state, why, and what keeps it from starting."""
+    """Show the present command: its state, the reason, and the conditions it waits for."""
     with visit(domain) as client:
         last = _newest(client, _LISTEN_S)
         typer.echo(_line(last))
@@ -81,22 +79,23 @@ def state(domain: Domain = None) -> None:
 
 @app.command("watch")
 def watch(
-    seconds: Annotated[float, typer.Option(help="End after so many seconds.")] = float("inf"), domain: Domain = None
+    seconds: Annotated[float, typer.Option(help="End after this number of seconds.")] = float("inf"),
+    domain: Domain = None,
 ) -> None:
-    """Follow the newest command until it ends, or show how it ended; status 1 where the tool did not confirm it."""
+    """Follow the newest command until it ends, or show its result; status 1 if the tool did not confirm it."""
     with visit(domain) as client:
         newest = _newest(client, seconds)
         before = ""
         if _STATES[newest["state"]] in _ENDED:
             _shown(newest, before)
-        # The topic gives this subscriber, too, what was published before: earlier commands are history.
+        # The topic also delivers earlier messages: ignore those of earlier commands.
         for _, message in client.listen("downlink/state", seconds):
             if message["number"] >= newest["number"]:
                 before = _shown(message, before)
 
 
 def _shown(message: dict[str, Any], before: str) -> str:
-    """Print the line of a state where it is another one than before, and return it; a command that ended exits."""
+    """Print the line of a state if it has changed, and return it; exit if the command has ended."""
     line, word = _line(message), _STATES[message["state"]]
     if line != before:
         typer.echo(line)
@@ -106,7 +105,7 @@ def _shown(message: dict[str, Any], before: str) -> str:
 
 
 def _newest(client: GraphClient, seconds: float) -> dict[str, Any]:
-    """State published last; ValueError where none is heard for so long."""
+    """Return the last state published; ValueError if none arrives in this time."""
     heard: list[dict[str, Any]] = []
     listened = 0.0
     while not heard and listened < seconds:
@@ -114,7 +113,7 @@ def _newest(client: GraphClient, seconds: float) -> dict[str, Any]:
         listened += _LISTEN_S
     if not heard:
         raise ValueError(
-            f"nothing was heard of a downlink within {seconds:g} s: the machine is busy, or the surface sends no"
+            f"no downlink state received within {seconds:g} s: the machine is busy, or the surface sends no"
             " commands (downlink.tool_file: a tool.yaml with a downlink)"
         )
     return heard[-1]

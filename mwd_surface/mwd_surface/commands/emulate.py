@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd emulate`: a probe without hardware, on a pseudo terminal."""
+"""`mwd emulate`: emulate a probe on a pseudo terminal."""
 
 from __future__ import annotations
 
@@ -17,22 +17,20 @@ if TYPE_CHECKING:
 
 @reads_recording
 def emulate(
-    source: Annotated[str, typer.Argument(metavar="RECORDING|SCENARIO", help="What the probe measures.")],
-    protocol: Annotated[str, typer.Option(help="What the line carries: binary, ascii or xsens.")] = "binary",
-    link: Annotated[Path | None, typer.Option(help="A name for the line, such as /tmp/probe.")] = None,
-    rate: Annotated[float, typer.Option(help="Seconds of samples a second; 0: as fast as the line takes them.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end; a scenario is played once.")] = False,
-    wait: Annotated[
-        bool, typer.Option("--wait", help="Send nothing before a driver has sent the command to start.")
-    ] = False,
+    source: Annotated[str, typer.Argument(metavar="RECORDING|SCENARIO", help="Source of the measurements.")],
+    protocol: Annotated[str, typer.Option(help="Protocol of the line: binary, ascii or xsens.")] = "binary",
+    link: Annotated[Path | None, typer.Option(help="Link to create for the line, such as /tmp/probe.")] = None,
+    rate: Annotated[float, typer.Option(help="Speed relative to real time; 0: as fast as the line allows.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Start again at the end (recordings only).")] = False,
+    wait: Annotated[bool, typer.Option("--wait", help="Send nothing until a driver sends the start command.")] = False,
     *,
     reading: Reading,
 ) -> None:
     """
     Play a recording or a scenario as a probe on a serial line, for the probe node or any other driver.
 
-    The name of the line is printed; give it to the driver as its port. The probe answers to the commands of the
-    protocol: samples on and off, its time, its name.
+    The name of the line is printed; give it to the driver as its port. The probe answers the commands of the protocol:
+    samples on and off, its time, its name.
 
     \b
     Examples:
@@ -44,7 +42,7 @@ def emulate(
     from mwd_surface.commands import terminal
 
     if protocol not in PROTOCOLS:
-        raise ValueError(f"--protocol {protocol}: is none; write {', '.join(PROTOCOLS)}")
+        raise ValueError(f"--protocol {protocol}: unknown; use one of {', '.join(PROTOCOLS)}")
     if rate < 0.0:
         raise ValueError(f"--rate {rate:g}: must be 0 or more")
     samples = _samples(source, reading)
@@ -57,7 +55,7 @@ def emulate(
 
 
 def _samples(source: str, reading: Reading) -> Iterator[dict[str, Samples]]:
-    """Samples of a recording or of a scenario, by topic, in blocks of time."""
+    """Return the samples of a recording or of a scenario, by topic, in blocks of time."""
     if not Path(source).exists() or Path(source).suffix in (".yaml", ".yml"):
         if names := given_names(reading):
             raise ValueError(f"{names[0]}: says how a recording is read; {source} is none, but a scenario")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording of sensors alone with its estimates, for commands that show or export estimates."""
+"""Estimates for a recording with sensor data only, for commands that show or export estimates."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 @contextlib.contextmanager
 def estimated(bag: Bag, given: InputSettings, read: ProcessedInput | None = None) -> Iterator[Bag]:
     """
-    Process a recording into a temporary copy that holds its estimates.
+    Process a recording into a temporary copy that contains the estimates.
 
-    given : how the recording is read. read: how the results at hand were made, which holds instead of `given` where
-    `given` has no other value than its defaults.
+    given: how to read the recording. read: input settings of existing results, used instead of `given` if `given` has
+    only default values.
 
     Raises
     ------
     BagError, ValueError
-        As `process.process`.
+        As for `process.process`.
     """
     import tempfile
 
@@ -43,7 +43,7 @@ def estimated(bag: Bag, given: InputSettings, read: ProcessedInput | None = None
     for former in read.remarks if read is not None else ():
         terminal.warn(former)
     if read is not None and read.calibrated:
-        terminal.warn("shown without the calibration of these results: `mwd process --format mcap` writes them to view")
+        terminal.warn("shown without the calibration of these results; `mwd process --format mcap` includes it")
     if read is not None and given == InputSettings():
         given = read.given
     with tempfile.TemporaryDirectory(prefix="mwd_estimated_") as scratch, terminal.progress("processing") as progress:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd export` and `mwd report`: surveys as files for others, from the list of a run or from a recording."""
+"""`mwd export` and `mwd report`: surveys as files for other programs and people, from a run or a recording."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 Source = Annotated[
     Path, typer.Argument(metavar="SURVEYS", help="Folder of a run or well, its surveys.json, or a recording.")
 ]
-PlanFile = Annotated[Path | None, typer.Option("--plan", help="Planned path, any list: adds distances to it.")]
-LegName = Annotated[str | None, typer.Option("--leg", help="Leg other than the current one.")]
+PlanFile = Annotated[Path | None, typer.Option("--plan", help="Planned path, any list: adds the distances from it.")]
+LegName = Annotated[str | None, typer.Option("--leg", help="Leg to use, if not the current one.")]
 Bit = Annotated[float | None, typer.Option("--bit-depth", help="Project the path to this depth, m.")]
 WellChanges = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        help="What the list does not say of the well, e.g. well.rig='Rig 7'. May be repeated.",
+        help="Data of the well missing in the list, e.g. well.rig='Rig 7'. May be repeated.",
         metavar="NAME=VALUE",
     ),
 ]
@@ -36,27 +36,27 @@ def export(
     source: Source,
     kind: Annotated[
         str,
-        typer.Option("--format", "-f", help=f"{', '.join(FORMATS)} or timeseries; else by the ending of -o."),
+        typer.Option("--format", "-f", help=f"{', '.join(FORMATS)} or timeseries; by default from the ending of -o."),
     ] = "",
     output: Annotated[
-        Path, typer.Option("--output", "-o", help="File, or folder for one named after the well.")
+        Path, typer.Option("--output", "-o", help="File, or folder for a file named after the well.")
     ] = Path(),
     plan: PlanFile = None,
     plan_set: PlanSet = None,
     leg: LegName = None,
     bit_depth: Bit = None,
     changes: WellChanges = None,
-    well: Annotated[str, typer.Option("--well", help="Namespace, of a recording of several (timeseries).")] = "",
+    well: Annotated[str, typer.Option("--well", help="Namespace, for a recording of several wells (timeseries).")] = "",
     *,
     reading: Reading,
 ) -> None:
     """
-    Write the surveys of a run or a recording for others to read.
+    Write the surveys of a run or a recording for other programs and people.
 
-    csv, las and witsml hold the definitive survey, raw_csv every survey with its six axes. The numbers in all of them
-    are rounded once and agree. A file is whole or not there. timeseries is one row per second of a recording: depth,
-    rig data, attitude with sigmas; .csv or .parquet. A recording without attitude is processed first, with the settings
-    in it. The options of the input are for timeseries; a list of surveys is read as it is.
+    csv, las and witsml contain the definitive survey, raw_csv every survey with its six axes. The numbers in all of
+    them are rounded once and agree. Files are written completely or not at all. timeseries is one row per second of a
+    recording: depth, rig data, attitude with sigmas; .csv or .parquet. A recording without attitude is processed first,
+    with the settings in it. The input options are only for timeseries; a list of surveys is read unchanged.
 
     \b
     Examples:
@@ -87,7 +87,7 @@ def export(
 
 def report(
     source: Source,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the two files.")] = Path(),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the two files.")] = Path(),
     plan: PlanFile = None,
     plan_set: PlanSet = None,
     leg: LegName = None,
@@ -95,9 +95,9 @@ def report(
     changes: WellChanges = None,
 ) -> None:
     """
-    Write the survey report as one HTML file and as PDF: head block, tables, plots, quality page, slide sheet.
+    Write the survey report as an HTML file and a PDF: head block, tables, plots, quality control, slide sheet.
 
-    The slide sheet is in the folder of a run, not in a recording.
+    The slide sheet is only in the folder of a run, not in a recording.
 
     \b
     Examples:
@@ -135,7 +135,7 @@ def _time_series(source: Path, output: Path, well: str, reading: Reading) -> Non
         written = time_series.write(opened, path, well, given, progress)
         notes += written.remarks
     if written.late:
-        notes.append(f"{written.late} samples came more than half a minute after their time and are left out")
+        notes.append(f"{written.late} samples were more than half a minute late and are left out")
     for note in notes:
         terminal.warn(note)
     console = terminal.output()
@@ -173,7 +173,7 @@ def _table(
     for note in (*notes, *unread):
         terminal.warn(note)
     if not surveys.records:
-        raise ValueError(f"{source}: no survey in the list")
+        raise ValueError(f"{source}: the list has no survey")
     planned = read_plan_option(*plan, surveys.well.north_reference)
     if planned is not None:
         surveys = surveys.along(planned)

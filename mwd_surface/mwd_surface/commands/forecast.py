@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd forecast`: what surveys along a plan will be worth."""
+"""`mwd forecast`: forecast of the accuracy of surveys along a plan."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 def forecast(
     plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Planned path in any usual file, as in `mwd path`.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     code: Annotated[str, typer.Option("--code", help="Tool code, e.g. MWD+IFR1+SAG.")] = "MWD+SRGM",
-    axial: Annotated[float, typer.Option(help="Axial interference to expect of the drill string, nT.")] = 0.0,
-    limit: Annotated[float, typer.Option(help="Largest sigma of a corrected azimuth that is of use, deg.")] = 2.0,
+    axial: Annotated[float, typer.Option(help="Expected axial interference of the drill string, nT.")] = 0.0,
+    limit: Annotated[float, typer.Option(help="Largest useful sigma of a corrected azimuth, deg.")] = 2.0,
     columns: Columns = None,
     length_unit: LengthUnit = "",
     angle_unit: AngleUnit = "",
@@ -49,8 +49,8 @@ def forecast(
     """
     Forecast surveys along a plan: sigmas, limits of quality control, no-go directions of the axial correction.
 
-    Writes DIR/forecast.csv and DIR/forecast.png. Pass rate: how often a sound tool keeps gravity, field and dip within
-    the limits of its code, with the interference given and no correction.
+    Writes DIR/forecast.csv and DIR/forecast.png. Pass rate: how often a healthy tool keeps gravity, field and dip
+    within the limits of its code, with the given interference and no correction.
 
     \b
     Examples:
@@ -103,7 +103,7 @@ def _show(found: Forecast) -> None:
 
     names = ("depth m", "incl", "azi true", "σ incl", "σ azi", "σ corr", "", "±B nT", "±dip", "pass %")
     table = terminal.table(names)
-    # The whole is in the file; here some stations along the hole.
+    # The file has all stations; here only some of them are printed.
     for k in np.unique(np.linspace(0, found.md.size - 1, 14).astype(int)):
         degrees = (found.inclination, found.true_azimuth, found.sigma_inclination, found.sigma_azimuth)
         table.add_row(
@@ -120,7 +120,7 @@ def _show(found: Forecast) -> None:
     if np.any(found.no_go):
         part = found.md[found.no_go]
         console.print(
-            f"the axial correction is of no use at {np.count_nonzero(found.no_go)} stations between {part[0]:.0f} and "
+            f"the axial correction is not useful at {np.count_nonzero(found.no_go)} stations between {part[0]:.0f} and "
             f"{part[-1]:.0f} m: plan for a gyro, multi-station analysis or more non-magnetic collars there",
             markup=False,
         )

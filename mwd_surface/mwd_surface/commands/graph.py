@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd call`, `mwd param` and `mwd topic`: what `ros2` does with a running graph, without an installed ROS."""
+"""`mwd call`, `mwd param` and `mwd topic`: access to a running graph, like `ros2`, but without a ROS installation."""
 
 from __future__ import annotations
 
@@ -21,12 +21,16 @@ topic = typer.Typer(no_args_is_help=True, help="Topics of a running graph.")
 
 
 def call(
-    service: Annotated[str | None, typer.Argument(help="Service, or the end of its name; without: list them.")] = None,
-    fields: Annotated[list[str] | None, typer.Argument(metavar="[FIELD=VALUE]...", help="Of the request.")] = None,
+    service: Annotated[
+        str | None, typer.Argument(help="Service, or the end of its name; if omitted, list all.")
+    ] = None,
+    fields: Annotated[
+        list[str] | None, typer.Argument(metavar="[FIELD=VALUE]...", help="Fields of the request.")
+    ] = None,
     domain: Domain = None,
 ) -> None:
     """
-    Call a service of a running graph, as `ros2 service call` does; ends with status 1 where it has no success.
+    Call a service of a running graph, like `ros2 service call`; ends with status 1 if it reports failure.
 
     \b
     Examples:
@@ -46,7 +50,9 @@ def call(
 
 @param.command("list")
 def param_list(
-    node: Annotated[str | None, typer.Argument(help="Node, or the end of its name; without: the nodes.")] = None,
+    node: Annotated[
+        str | None, typer.Argument(help="Node, or the end of its name; if omitted, list the nodes.")
+    ] = None,
     domain: Domain = None,
 ) -> None:
     """List the nodes, or the parameters of one with their values."""
@@ -61,7 +67,7 @@ def param_list(
 @param.command("get")
 def param_get(node: str, name: str, domain: Domain = None) -> None:
     """
-    Value and meaning of a parameter.
+    Show the value and meaning of a parameter.
 
     \b
     Example:
@@ -79,7 +85,7 @@ def param_get(node: str, name: str, domain: Domain = None) -> None:
 @param.command("set")
 def param_set(node: str, name: str, value: str, domain: Domain = None) -> None:
     """
-    Set a parameter; the node says why where it refuses.
+    Set a parameter; if the node refuses it, print the reason.
 
     \b
     Example:
@@ -102,8 +108,8 @@ def topic_list(domain: Domain = None) -> None:
 @topic.command("echo")
 def topic_echo(
     name: Annotated[str, typer.Argument(help="Topic, or the end of its name.")],
-    count: Annotated[int, typer.Option("--count", "-n", help="End after so many messages; 0: never.")] = 0,
-    seconds: Annotated[float, typer.Option(help="End after so many seconds.")] = float("inf"),
+    count: Annotated[int, typer.Option("--count", "-n", help="End after this number of messages; 0: never.")] = 0,
+    seconds: Annotated[float, typer.Option(help="End after this number of seconds.")] = float("inf"),
     domain: Domain = None,
 ) -> None:
     """
@@ -124,10 +130,10 @@ def topic_echo(
 @topic.command("hz")
 def topic_hz(
     name: Annotated[str, typer.Argument(help="Topic, or the end of its name.")],
-    seconds: Annotated[float, typer.Option(help="Measure for so long.")] = 5.0,
+    seconds: Annotated[float, typer.Option(help="Time to measure, s.")] = 5.0,
     domain: Domain = None,
 ) -> None:
-    """Rate of a topic."""
+    """Measure the rate of a topic."""
     with visit(domain) as client:
         times = [at for at, _ in client.listen(name, seconds)]
     if len(times) < 2:
@@ -140,7 +146,7 @@ def topic_hz(
 
 @contextlib.contextmanager
 def visit(domain: int | None) -> Iterator[GraphClient]:
-    """A visit to the graph of a domain."""
+    """Connect to the graph of a domain for the duration of the block."""
     import os
     import tempfile
 
@@ -156,7 +162,7 @@ def visit(domain: int | None) -> Iterator[GraphClient]:
 
 
 def _assigned(fields: list[str] | None) -> dict[str, Any]:
-    """FIELD=VALUE texts as a table; a dotted name is a field of a field."""
+    """Return FIELD=VALUE texts as a table; a dotted name is a nested field."""
     from mwd_surface.commands.reference_options import assignments
 
     table: dict[str, Any] = {}
@@ -168,7 +174,7 @@ def _assigned(fields: list[str] | None) -> dict[str, Any]:
                 place = place.setdefault(parent, {})
             place[leaf] = value
         except (AttributeError, TypeError) as error:
-            raise ValueError(f"{name}: {'.'.join(parents)} was given a value of its own already") from error
+            raise ValueError(f"{name}: {'.'.join(parents)} already has a value") from error
     return table
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd inspect`: what a recording holds, what it lacks for which result, and the command that processes it."""
+"""`mwd inspect`: contents of a recording, missing data for each result, and the command to process it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from mwd_surface.commands.reference_options import (
 @reads_recording
 def inspect(
     bag: Recording,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder that the command names.")] = Path("out"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="Output folder in the printed command.")] = Path("out"),
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
@@ -34,10 +34,10 @@ def inspect(
     reading: Reading,
 ) -> None:
     """
-    Look through a recording: topics, rates, units, signs, mount, gaps, clocks, and what is missing for which result.
+    Inspect a recording: topics, rates, units, signs, mount, gaps, clocks, and missing data for each result.
 
-    Prints the `mwd process` command that reads it as found. With the place (--lat, --lon) signs and axes of the
-    magnetometer are found too.
+    Prints the `mwd process` command for the recording. With the place (--lat, --lon), signs and axes of the
+    magnetometer are also found.
 
     \b
     Examples:
@@ -76,7 +76,10 @@ def inspect(
     lines += [
         ("units", ", ".join(f"{words[name]} in {unit}" for name, unit in found.units.items() if name in read)),
         ("mount", found.mount),
-        ("turning", f"{found.turns_about} in axes of the IMU" if found.turns_about else "never seen: axes not checked"),
+        (
+            "turning",
+            f"{found.turns_about} in axes of the IMU" if found.turns_about else "not observed: axes not checked",
+        ),
         ("at rest", f"{found.rests} times long enough for a survey, longest {found.rest_s:.0f} s"),
         ("surveys", _verdicts(found.surveys)),
         ("settings", recorded.source or "none in the recording"),
@@ -88,13 +91,13 @@ def inspect(
     for remark in [*notes, *found.remarks]:
         terminal.warn(remark)
     if not complete:
-        terminal.warn(f"the recording is cut off or damaged; `mwd recover {bag}` makes it whole")
+        terminal.warn(f"the recording is cut off or damaged; `mwd recover {bag}` repairs it")
     if found.refusal:
-        raise ValueError(f"`mwd process` refuses {bag}: {found.refusal}")
+        raise ValueError(f"`mwd process` cannot process {bag}: {found.refusal}")
     console.print(f"\n{found.command}", markup=False)
 
 
 def _verdicts(surveys: list[str]) -> str:
-    """Return how many surveys there are, and of which verdict, in words."""
+    """Return the number of surveys by verdict, in words."""
     counts = {verdict: surveys.count(verdict) for verdict in dict.fromkeys(surveys)}
     return f"{len(surveys)}: " + ", ".join(f"{n} {verdict}" for verdict, n in counts.items()) if surveys else "none"

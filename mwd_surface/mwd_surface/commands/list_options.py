@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options that say how a list is read: one by one for the list of a command, as NAME=VALUE for its plan."""
+"""Options for reading a list: single options for the list of a command, NAME=VALUE for its plan."""
 
 from __future__ import annotations
 
@@ -14,26 +14,28 @@ if TYPE_CHECKING:
     from mwd_surface.trajectory.plan import Plan
 
 _LIST = "List"
-#: Names of the options, which are those of `ListSettings`.
+#: Names of the options, the same as in `ListSettings`.
 NAMES = ("columns", "length_unit", "angle_unit", "north", "decimal", "dip", "wellhead", "confirm")
 
 Columns = Annotated[
     str | None,
-    typer.Option(help="Which column is what, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.", rich_help_panel=_LIST),
+    typer.Option(help="Names of columns, e.g. md=DEPTH,inclination=DEV,azimuth=HAZI.", rich_help_panel=_LIST),
 ]
 LengthUnit = Annotated[
-    str, typer.Option(help="Unit of lengths that the list does not name: m, ft or ftus.", rich_help_panel=_LIST)
+    str, typer.Option(help="Unit of lengths if the list does not give it: m, ft or ftus.", rich_help_panel=_LIST)
 ]
-AngleUnit = Annotated[str, typer.Option(help="deg, rad or grad.", rich_help_panel=_LIST)]
+AngleUnit = Annotated[
+    str, typer.Option(help="Unit of angles if the list does not give it: deg, rad or grad.", rich_help_panel=_LIST)
+]
 NorthOption = Annotated[
     str,
     typer.Option("--north", help="North of the list's azimuths: magnetic, true or grid.", rich_help_panel=_LIST),
 ]
 Decimal = Annotated[
-    str, typer.Option(help="Decimal mark, point or comma, where 1,000 may be either.", rich_help_panel=_LIST)
+    str, typer.Option(help="Decimal mark, point or comma, if numbers like 1,000 are ambiguous.", rich_help_panel=_LIST)
 ]
 Dip = Annotated[
-    str, typer.Option(help="Where positive angles from the horizontal point: down or up.", rich_help_panel=_LIST)
+    str, typer.Option(help="Direction of positive angles from the horizontal: down or up.", rich_help_panel=_LIST)
 ]
 Wellhead = Annotated[
     str | None,
@@ -46,7 +48,7 @@ Wellhead = Annotated[
 Confirm = Annotated[
     list[str] | None,
     typer.Option(
-        help="Value that is correct although it looks implausible: dogleg, wellhead or depth. May be repeated.",
+        help="Kind of value that is correct though implausible: dogleg, wellhead or depth. May be repeated.",
         rich_help_panel=_LIST,
     ),
 ]
@@ -54,7 +56,7 @@ PlanSet = Annotated[
     list[str] | None,
     typer.Option(
         "--plan-set",
-        help="How the plan is read, with the words of `mwd path`, e.g. confirm=dogleg, north=grid or"
+        help="How to read the plan, with the options of `mwd path`, e.g. confirm=dogleg, north=grid or"
         " wellhead=6478300,431200. May be repeated.",
         metavar="NAME=VALUE",
     ),
@@ -63,14 +65,14 @@ PlanSet = Annotated[
 
 def list_settings(options: Mapping[str, Any], option: str = "--") -> ListSettings:
     """
-    Return the settings of a list by the options of a command.
+    Return the settings of a list from the options of a command.
 
-    option: what stands before the name of a setting on the command line, for messages.
+    option: prefix of the name of a setting on the command line, for messages.
 
     Raises
     ------
     SettingsError
-        A word that does not exist.
+        Unknown word.
     """
     from mwd_sensors.core import settings
     from mwd_surface.list_files.list_settings import ListSettings
@@ -85,12 +87,12 @@ def list_settings(options: Mapping[str, Any], option: str = "--") -> ListSetting
 
 def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
     """
-    Return the settings of a list by NAME=VALUE texts; confirm may be given several times.
+    Return the settings of a list from NAME=VALUE texts; confirm can be given several times.
 
     Raises
     ------
     SettingsError
-        A text without an equals sign, or a name or word that does not exist.
+        A text has no equals sign, or a name or word is unknown.
     """
     from mwd_sensors.core.settings import SettingsError, unknown_key
 
@@ -108,14 +110,14 @@ def assigned(changes: Sequence[str] | None, option: str) -> ListSettings:
 
 def read_plan_option(path: Path | None, changes: Sequence[str] | None, north: str = "") -> Plan | None:
     """
-    Return the plan that --plan names, read as --plan-set says; None where none is named.
+    Return the plan of --plan, read with the settings of --plan-set; None if --plan is not given.
 
-    north: from which its azimuths must be; empty: any.
+    north: required north of its azimuths; empty: any.
 
     Raises
     ------
     ListFileError
-        As `read_plan`; a question of the reader names --plan-set.
+        As for `read_plan`; a question of the reader refers to --plan-set.
     """
     from mwd_surface.list_files.list_error import ListFileError
     from mwd_surface.list_files.list_settings import asked

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd listen`: a live gauge, sound card or serial line to words, as they come."""
+"""`mwd listen`: decode a live gauge, sound card or serial line."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def listen(
             help="modbus:HOST:PORT (a 4-20 mA gauge), serial:DEVICE (a wired tool), or wav:- (PCM on standard input)."
         ),
     ],
-    tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: what the tool sends, and how.")],
+    tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: words and code of the tool.")],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of words.csv and surveys.csv.")],
     gauge: Annotated[Path | None, typer.Option(help="YAML of the gauge: register, unit, scale, rate_hz.")] = None,
-    seconds: Annotated[float, typer.Option(help="Stop after this time; 0: at Ctrl-C or the stream's end.")] = 0.0,
+    seconds: Annotated[float, typer.Option(help="Stop after this time; 0: at Ctrl-C or the end of the stream.")] = 0.0,
 ) -> None:
     """
-    Decode live what an MWD tool sends, without ROS, and print each word when it is heard.
+    Decode the signal of an MWD tool live, without ROS, and print each word when it is received.
 
-    words.csv and surveys.csv are written as words become final, at the end of each pass of a sequence: what was heard
-    stays when the power fails.
+    words.csv and surveys.csv are written when words become final, at the end of each pass of a sequence; words written
+    are safe in a power failure.
 
     \b
     Examples:
@@ -75,8 +75,8 @@ def listen(
 
 
 def _take(got: Reception, files: WordFiles) -> None:
-    """Print words as soon as they are heard, and write them once they are final."""
-    # Codes whose words are final at once have no provisional ones.
+    """Print words as soon as they are received, and write them once they are final."""
+    # Codes whose words are final at once have no provisional words.
     _print(got.provisional or got.words)
     files.add(got.words)
 
@@ -86,14 +86,14 @@ def _print(words: list[ReceivedWord]) -> None:
 
     for word in words:
         value = f"{word.value:.6g} {word.unit}".rstrip() if word.status != "erased" else "erased"
-        # Rounded down: nothing is certain.
+        # Rounded down, so that 1 is never printed.
         share = math.floor(1000.0 * word.confidence) / 1000.0
         line = f"{word.end_s:9.1f} s  {word.kind:8} {word.name} {value}  confidence {share:.3f}"
         terminal.output().print(line, markup=False)
 
 
 def _opened(where: str, configuration: ToolConfiguration, gauge: Path | None, clock: Callable[[], float]) -> Source:
-    """Source of a name such as `modbus:HOST:PORT`."""
+    """Return the source for a name such as `modbus:HOST:PORT`."""
     from mwd_sensors.core import settings
     from mwd_sensors.core.input_files import read_yaml
     from mwd_surface.receiver import sources
@@ -111,4 +111,4 @@ def _opened(where: str, configuration: ToolConfiguration, gauge: Path | None, cl
             settings.from_mapping(sources.GaugeSettings, {**plain, "host": host, "port": int(port)}), clock
         )
     wanted = "serial:DEVICE" if wired else "modbus:HOST:PORT or wav:-"
-    raise ValueError(f"{where}: a tool of code {configuration.code} is listened to at {wanted}")
+    raise ValueError(f"{where}: the source for a tool of code {configuration.code} must be {wanted}")

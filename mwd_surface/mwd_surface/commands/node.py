@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd node`: one node of the graph in this process, as `ros2 run` would start it."""
+"""`mwd node`: run one node of the graph in this process, like `ros2 run`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import typer
 
 
 class Node(enum.StrEnum):
-    """The nodes of the graph; well is sonde, estimator and surface in one process."""
+    """The nodes of the graph; `well` is sonde, estimator and surface in one process."""
 
     SONDE = "sonde"
     PROBE = "probe"
@@ -36,7 +36,7 @@ PASS_ON = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 def node(context: typer.Context, name: Node) -> None:
     """
-    Run one node, as `ros2 run` does; what follows its name goes to ROS.
+    Run one node, like `ros2 run`; arguments after its name are passed to ROS.
 
     \b
     Examples:
@@ -54,7 +54,7 @@ def node(context: typer.Context, name: Node) -> None:
 
 def node_main(module: str) -> Callable[[Sequence[str]], int]:
     """
-    The main function of a node; its middleware is set up for streams unless somebody set it up already.
+    Return the main function of a node; the middleware is set up for streams unless it is already configured.
 
     Raises
     ------
@@ -74,10 +74,10 @@ def node_main(module: str) -> Callable[[Sequence[str]], int]:
 
 @contextlib.contextmanager
 def without_ros() -> Iterator[None]:
-    """Raise OSError with what to do where the block imports a package of ROS that is not installed."""
+    """Raise OSError with a remedy if the block imports a ROS package that is not installed."""
     try:
         yield
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in _ROS_PACKAGES:
             raise
-        raise OSError(f"{error.name} is not installed for this Python: `mwd doctor` says how to get it") from error
+        raise OSError(f"{error.name} is not installed for this Python: `mwd doctor` shows how to install it") from error

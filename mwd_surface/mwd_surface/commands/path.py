@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd path`: a survey list of any origin to its path, and two lists of one hole beside each other."""
+"""`mwd path`: path of a survey list of any origin, and comparison of two lists of one hole."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mwd_surface.trajectory.list_comparison import PathDifference
 
 _LIST = "List"
-# Of the field of a list without times: the first of the model's.
+# Day of the field for a list without times: the first day of the model.
 _USUAL_DAY = "2025-01-01"
 
 
@@ -37,7 +37,7 @@ def path(
     source: Annotated[
         Path, typer.Argument(metavar="LIST", help="List of stations in any usual file, or the list of a run.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     against: Annotated[
         Path | None, typer.Option("--against", help="Another list of the same hole, such as a gyro survey.")
     ] = None,
@@ -45,14 +45,14 @@ def path(
         str | None, typer.Option("--code", help="ISCWSA tool code of the error model, e.g. MWD+SRGM or GYRO-NS.")
     ] = None,
     programme: Annotated[
-        Path | None, typer.Option(help="Survey programme, YAML: tool codes by interval, in place of one code.")
+        Path | None, typer.Option(help="Survey programme, YAML: tool codes by interval, instead of one code.")
     ] = None,
     against_code: Annotated[str | None, typer.Option(help="Tool code of the other list.")] = None,
     against_set: Annotated[
         list[str] | None,
         typer.Option(
             "--against-set",
-            help="How the other list is read, with the words of panel List, e.g. length_unit=ft. May be repeated.",
+            help="How to read the other list, with the names of panel List, e.g. length_unit=ft. May be repeated.",
             metavar="NAME=VALUE",
         ),
     ] = None,
@@ -67,13 +67,13 @@ def path(
     tie_on: Annotated[
         str | None,
         typer.Option(
-            help="Where the path starts: MD,INC,AZI[,TVD,NORTH,EAST] in m and deg.",
+            help="Start of the path: MD,INC,AZI[,TVD,NORTH,EAST] in m and deg.",
             rich_help_panel=_LIST,
             metavar="...",
         ),
     ] = None,
     every: Annotated[
-        bool, typer.Option("--all", help="Use stations whose verdict is not accept, too.", rich_help_panel=_LIST)
+        bool, typer.Option("--all", help="Also use stations whose verdict is not accept.", rich_help_panel=_LIST)
     ] = False,
     lat: Lat = None,
     lon: Lon = None,
@@ -86,11 +86,12 @@ def path(
     """
     Compute the path of a survey list by minimum curvature, with its position uncertainty.
 
-    Writes DIR/path.csv and DIR/surveys.json, which `mwd report DIR` and `mwd export DIR` take. Reads tables and .xlsx,
-    LAS 2 and 3, WITSML 1.3 to 2.1, P7/17 and Petrel .dev, by what the file contains. Columns, units and north are found
-    by their names ("MD (usft)", azi_grid ...) and in the head of the list; a word that is not understood is quoted, and
-    every assumption is a remark in path, report and exports. A list that contradicts itself is refused with the likely
-    cause. The error model needs a place or a field. With --against: DIR/comparison.csv and DIR/comparison.png.
+    Writes DIR/path.csv and DIR/surveys.json, which `mwd report DIR` and `mwd export DIR` read. Reads tables and .xlsx,
+    LAS 2 and 3, WITSML 1.3 to 2.1, P7/17 and Petrel .dev, recognised by the content of the file. Columns, units and
+    north are found by their names ("MD (usft)", azi_grid ...) and in the head of the list; a word that is not
+    understood is quoted, and every assumption is a remark in path, report and exports. A list that contradicts itself
+    is refused with the likely cause. The error model needs a place or a field. With --against: DIR/comparison.csv and
+    DIR/comparison.png.
 
     \b
     Examples:
@@ -100,7 +101,7 @@ def path(
       mwd path boreholes.xlsx -o out --dip up
       mwd path out/run_7 -o compared --against gyro.xml --against-code GYRO-NS
     """
-    options = locals()  # first of all: the options alone, by name
+    options = locals()  # must be first: only the options, by name
     import dataclasses
 
     from mwd_surface.commands import terminal
@@ -137,10 +138,10 @@ def _surveys(
     source: Path, options: dict[str, Any], said: ListSettings, code: str | None, beside: SurveyList | None = None
 ) -> SurveyList:
     """
-    The survey list of a source by the options of the command; what must be known about it goes to the screen.
+    Return the survey list of a source by the options of the command; print remarks about it as warnings.
 
-    said: how the list is read. beside: another list of the same hole, whose place and field hold for this one where it
-    has none.
+    said: how to read the list. beside: another list of the same hole, whose place and field are used if this list has
+    none.
     """
     import dataclasses
 
@@ -155,7 +156,9 @@ def _surveys(
         wrong = [name for name in NAMES if getattr(said, name)]
         wrong += [name for name in ("tie_on", "every") if options[name] and beside is None]
         if wrong:
-            raise ValueError(f"--{wrong[0].replace('_', '-')}: {source} is a list of a run, which says this itself")
+            raise ValueError(
+                f"--{wrong[0].replace('_', '-')}: not for {source}, the list of a run, which contains this itself"
+            )
         surveys, remarks = surveys_of(source)
     for remark in remarks:
         terminal.warn(remark)
@@ -231,14 +234,14 @@ def _table(surveys: SurveyList) -> SurveyTable:
 
 
 def _is_source(source: Path, stored: Path) -> bool:
-    """Whether the list that would be written is the one that was read."""
+    """Return whether the list to write is the one that was read."""
     return stored.is_file() and any(
         candidate.is_file() and candidate.samefile(stored) for candidate in (source, source / stored.name)
     )
 
 
 def _compared(table: SurveyTable, other: SurveyList, names: tuple[str, str]) -> dict[str, str | bytes]:
-    """Files of the comparison of a path with that of another list, from the same north."""
+    """Return the files of the comparison of a path with that of another list, from the same north."""
     import dataclasses
 
     from mwd_surface.exports.comparison_csv import comparison_csv
@@ -280,8 +283,8 @@ def _show_difference(found: PathDifference, names: tuple[str, str]) -> None:
     from mwd_surface.commands import terminal
 
     columns = ("depth m", "inclination deg", "azimuth deg", "north m", "east m", "down m", "sigmas")
-    table = terminal.table(columns, title=f"{names[0]} less {names[1]}")
-    # The whole is in the file; here some stations along the hole.
+    table = terminal.table(columns, title=f"{names[0]} minus {names[1]}")
+    # The file has all stations; here only some of them are printed.
     for k in np.unique(np.linspace(0, found.md.size - 1, 12).astype(int)):
         sigmas = found.sigmas[k]
         table.add_row(

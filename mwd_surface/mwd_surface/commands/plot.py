@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd plot`: a picture of a recording."""
+"""`mwd plot`: plot of a recording."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from mwd_surface.commands.recording_options import Reading, Recording, input_set
 @reads_recording
 def plot(
     bag: Recording,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Picture to write: .png or .svg.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Plot to write: .png or .svg.")],
     what: Annotated[
         str,
         typer.Option(
-            "--what", help="Any of sensors, rig, truth, attitude, surveys, spectra, allan, with commas; or all."
+            "--what", help="Any of sensors, rig, truth, attitude, surveys, spectra, allan, separated by commas; or all."
         ),
     ] = "sensors,attitude,surveys",
-    topic: Annotated[list[str] | None, typer.Option(help="Only this topic; may be repeated.")] = None,
+    topic: Annotated[list[str] | None, typer.Option(help="Draw only this topic. May be repeated.")] = None,
     *,
     reading: Reading,
 ) -> None:
     """
-    Draw a recording: sensors, rig, truth, attitude, surveys, spectra, Allan deviation.
+    Plot a recording: sensors, rig, truth, attitude, surveys, spectra, Allan deviation.
 
-    Sensors are drawn as `mwd process` takes them: in SI, each sample once, the halves of an IMU joined. Of a long
+    Sensors are drawn as `mwd process` reads them: in SI, each sample once, the two parts of an IMU joined. For a long
     recording the lowest and highest values are drawn, so that no spike is lost; memory stays constant.
 
     \b
@@ -47,7 +47,7 @@ def plot(
 
     kind = output.suffix.lower().removeprefix(".")
     if kind not in ("png", "svg"):
-        raise ValueError(f"--output {output}: a picture is written as .png or .svg")
+        raise ValueError(f"--output {output}: a plot must be .png or .svg")
     words = [word.strip() for word in what.split(",") if word.strip()]
     words = list(WHAT) if words == ["all"] else words
     if not words:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd process`: a recording to attitude, surveys and the configuration in force."""
+"""`mwd process`: attitude, surveys and effective settings from a recording."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ def process(
     """
     Compute attitude and surveys from a recording.
 
-    Writes DIR/attitude.csv (one line per IMU sample), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and
-    `mwd report DIR`), DIR/faults.csv (sensor faults and their times) and DIR/config.yaml (the settings in force). The
-    results equal those of the live graph. A recording of the surface node brings the settings it was made with (place,
-    tool, well, sensor to bit); options override them. --format mcap writes a copy of the recording with the estimates,
+    Writes DIR/attitude.csv (one line per IMU sample), DIR/surveys.csv, DIR/surveys.json (for `mwd export DIR` and `mwd
+    report DIR`), DIR/faults.csv (sensor faults and their times) and DIR/config.yaml (the settings used). The results
+    equal those of the live graph. A recording of the surface node contains the settings it was made with (place, tool,
+    well, sensor to bit); options override them. --format mcap writes a copy of the recording with the estimates,
     DIR/merged.
 
     \b
@@ -109,12 +109,12 @@ def process(
 
 
 def _refuse_taken(output: Path) -> None:
-    """Refuse a folder with results of a run before the work begins."""
+    """Refuse a folder with results of a run before processing begins."""
     from mwd_surface.processing.run_output import results_in
 
     if found := results_in(output):
         names = ", ".join(path.name for path in found)
-        raise ValueError(f"{output} holds the results of a run ({names}): choose another folder, or say --force")
+        raise ValueError(f"{output} contains the results of a run ({names}): choose another folder, or use --force")
 
 
 def _run(
@@ -125,7 +125,7 @@ def _run(
     wanted: OutputSettings,
     calibration: Path | None,
 ) -> None:
-    """Process a recording and show the summary; settings: of the estimator, from those in the recording."""
+    """Process a recording and show the summary; settings: function of the recorded estimator settings."""
     from mwd_sensors.calibration.compensation import Compensation
     from mwd_sensors.core.compiled import when_compiling
     from mwd_surface.bags.bag_reader import Bag
@@ -135,7 +135,7 @@ def _run(
 
     compensation = None
     if calibration is not None:
-        # Not for every recording: it brings scipy's optimisation.
+        # Imported only if needed: it loads scipy's optimisation.
         from mwd_surface.runs import calibration_run
 
         compensation = Compensation(calibration_run.read(calibration))
@@ -143,7 +143,7 @@ def _run(
     with (
         Bag(path) as opened,
         terminal.progress(f"processing {path.name}") as progress,
-        when_compiling(lambda: terminal.remark("compiling filters that are new here, which may take minutes, once")),
+        when_compiling(lambda: terminal.remark("compiling new filters, which can take minutes, once")),
     ):
         recorded = recorded_settings(opened)
         estimator, remark = with_a_model(settings(recorded.estimator), opened.start_ns)
@@ -168,7 +168,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         terminal.warn(warning)
     for fault in summary.faults:
         if fault.code == FaultCode.NEVER_CAME and not summary.mag_used:
-            continue  # said before, or in the table below
+            continue  # reported before, or in the table below
         # Relative to the first sample, as --start and --end count.
         moment = max((fault.cleared_ns or fault.since_ns) - summary.start_ns, 0)
         text = describe(fault)
@@ -194,7 +194,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
         firsts = [(number, survey) for number, (survey, _) in enumerate(summary.surveys, 1) if survey.sequence in now]
         for sentence in revision_sentences([(number, one.station, now[one.sequence]) for number, one in firsts]):
             console.print(sentence, markup=False)
-        # Of a recording without depths the line above says so.
+        # For a recording without depths, the line above reports it.
         for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():
             terminal.warn(sentence)
     else:
@@ -203,7 +203,7 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
 
 
 def _settings_lines(estimator: EstimatorSettings, recorded: Recorded, summary: Summary) -> list[tuple[str, str]]:
-    """Where settings and depths come from, as names and values."""
+    """Return the sources of settings and depths, as names and values."""
     from mwd_sensors.core import settings
 
     lines = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options of `mwd process`, named as the settings they set."""
+"""Options of `mwd process`, named like the settings they set."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mwd_surface.commands.reference_options import FIELD_PANEL
 
 _OUTPUT = "Output"
 
-Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")]
+Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")]
 Method = Annotated[
     str | None, typer.Option("--method", help="Gravity extraction: s3, mahony, raw ... (`mwd doctor` lists them).")
 ]
@@ -24,7 +24,9 @@ NorthName = Annotated[
 SensorToBit = Annotated[
     float | None,
     typer.Option(
-        "--sensor-to-bit", help="Sonde behind the bit, m; else as the recording says.", rich_help_panel=INPUT_PANEL
+        "--sensor-to-bit",
+        help="Distance of the sonde behind the bit, m; by default that of the recording.",
+        rich_help_panel=INPUT_PANEL,
     ),
 ]
 Depths = Annotated[
@@ -38,7 +40,7 @@ Depths = Annotated[
 ]
 Accelerometer = Annotated[
     str | None,
-    typer.Option(help="What it reads at rest: up (specific force) or down (gravity).", rich_help_panel=INPUT_PANEL),
+    typer.Option(help="Its reading at rest: up (specific force) or down (gravity).", rich_help_panel=INPUT_PANEL),
 ]
 CalibrationFile = Annotated[
     Path | None,
@@ -48,7 +50,7 @@ MountOption = Annotated[
     list[str] | None,
     typer.Option(
         "--mount",
-        help="How the units sit in the tool: z-down, x-up ..., nine numbers, a quaternion x,y,z,w, or tf; of one unit "
+        help="Mount of the units in the tool: z-down, x-up ..., nine numbers, a quaternion x,y,z,w, or tf; one unit "
         "as mag=z-down (imu, mag, precision). May be repeated.",
         metavar="[UNIT=]MOUNT",
         rich_help_panel=INPUT_PANEL,
@@ -59,10 +61,10 @@ Format = Annotated[
 ]
 Rate = Annotated[
     float | None,
-    typer.Option("--rate", help="At most so many rows of attitude a second.", metavar="HZ", rich_help_panel=_OUTPUT),
+    typer.Option("--rate", help="Largest number of attitude rows per second.", metavar="HZ", rich_help_panel=_OUTPUT),
 ]
 Smooth = Annotated[
     bool,
     typer.Option("--smooth", help="Smooth gravity with later samples. Works offline only.", rich_help_panel=_OUTPUT),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace the results of a run that are in the folder.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace the results of an earlier run in the folder.")]

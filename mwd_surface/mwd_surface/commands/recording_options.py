@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options that say how a recording is read, named as the settings they set, for every command that reads one."""
+"""Options for reading a recording, named like the settings they set, for all commands that read one."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 INPUT_PANEL = "Input"
 
 Recording = Annotated[Path, typer.Argument(help="Folder of a rosbag2 recording, or its .mcap, .db3 or .bag file.")]
-#: Options of a command by the names of settings, as `reads_recording` hands them over.
+#: Options of a command by the names of settings, as passed by `reads_recording`.
 Reading = Mapping[str, Any]
 
 
@@ -33,30 +33,30 @@ def _seconds(words: str, name: str) -> Any:
 
 _OPTIONS = {
     "imu_topic": _text("Topic of the IMU, or of its gyro."),
-    "accel_topic": _text("Topic of the accelerometer, where that of the IMU is only its gyro."),
+    "accel_topic": _text("Topic of the accelerometer, if that of the IMU is only its gyro."),
     "mag_topic": _text("Topic of the magnetometer."),
     "gyro_topic": _text("Topic of the precision unit."),
     "temperature_topic": _text("Topic of the IMU's temperature."),
     "rig_topic": _text("Topic of the rig state, for depths."),
-    "accel_unit": _text("m/s2, g or mg."),
-    "gyro_unit": _text("rad/s or deg/s."),
-    "mag_unit": _text("T, mT, uT, nT, G or mG."),
+    "accel_unit": _text("Unit of specific force: m/s2, g or mg."),
+    "gyro_unit": _text("Unit of angular rate: rad/s or deg/s."),
+    "mag_unit": _text("Unit of the field: T, mT, uT, nT, G or mG."),
     "stamps": _text(
-        "Times of the samples: header, or recording where clocks of sensors disagree or were not set.", "--stamps"
+        "Times of the samples: header, or recording if sensor clocks disagree or were not set.", "--stamps"
     ),
-    "start_s": _seconds("Begin this many seconds after the first message.", "--start"),
+    "start_s": _seconds("Start this many seconds after the first message.", "--start"),
     "end_s": _seconds("End this many seconds after the first message.", "--end"),
     "partial": Annotated[
-        bool, typer.Option("--partial", help="Use what can be read of a damaged bag.", rich_help_panel=INPUT_PANEL)
+        bool, typer.Option("--partial", help="Use the readable part of a damaged bag.", rich_help_panel=INPUT_PANEL)
     ],
 }
 
 
 def reads_recording(command: Callable[..., None]) -> Callable[..., None]:
     """
-    Give a command the options that say how a recording is read.
+    Add the options for reading a recording to a command.
 
-    The command has an argument `reading` (see `Reading`), from which `input_settings` makes its settings.
+    The command needs an argument `reading` (see `Reading`), from which `input_settings` makes the settings.
     """
     own = inspect.signature(command, eval_str=True)
     options = [
@@ -78,7 +78,7 @@ def reads_recording(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def given_names(reading: Reading) -> list[str]:
-    """Return the options that were given, as people write them."""
+    """Return the given options, as written on the command line."""
     from mwd_surface.processing.bag_input import option_of
 
     return [option_of(name) for name, value in reading.items() if value]
@@ -86,7 +86,7 @@ def given_names(reading: Reading) -> list[str]:
 
 def input_settings(reading: Reading, **more: Any) -> InputSettings:
     """
-    Return how a recording is read, by the options of a command; more: further settings of the input.
+    Return the input settings from the options of a command; more: further settings of the input.
 
     Raises
     ------

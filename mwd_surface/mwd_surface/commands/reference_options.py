@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options that several commands share: where the reference field comes from, and how the estimator is set."""
+"""Options shared by several commands: source of the reference field and settings of the estimator."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ Field = Annotated[
     str | None,
     typer.Option(
         "--field",
-        help="A field that is known: nT,dip[,declination] in deg.",
+        help="Known field: nT,dip[,declination] in deg.",
         rich_help_panel=FIELD_PANEL,
         metavar="B,D,D",
     ),
 ]
 Declination = Annotated[
-    float | None, typer.Option(help="Magnetic from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    float | None, typer.Option(help="Magnetic north from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
 ]
 Convergence = Annotated[
-    float | None, typer.Option(help="Grid from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
+    float | None, typer.Option(help="Grid north from true north, deg, east positive.", rich_help_panel=FIELD_PANEL)
 ]
 Config = Annotated[
     Path | None,
@@ -61,7 +61,7 @@ Tool = Annotated[
     str | None,
     typer.Option(
         "--tool",
-        help="What the conventional unit can do: a tool file, or the name of a grade of the simulator.",
+        help="Data sheet of the conventional unit: a tool file, or the name of a grade of the simulator.",
         rich_help_panel=SETTINGS_PANEL,
         metavar="FILE",
     ),
@@ -69,19 +69,19 @@ Tool = Annotated[
 Precision = Annotated[
     str | None,
     typer.Option(
-        "--precision", help="As --tool, of the high-precision unit.", rich_help_panel=SETTINGS_PANEL, metavar="FILE"
+        "--precision", help="Like --tool, for the high-precision unit.", rich_help_panel=SETTINGS_PANEL, metavar="FILE"
     ),
 ]
 
 
 def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
     """
-    Settings `tool.*` by tool files or by names of the simulator's grades; empty where none was given.
+    Return settings `tool.*` from tool files or names of simulator grades; empty if none was given.
 
     Raises
     ------
     SettingsError
-        No such file or grade (the near misses are named), or a name in it that no tool has.
+        Unknown file or grade (similar names are listed), or an unknown name in it.
     OSError
         The file cannot be read.
     """
@@ -97,19 +97,21 @@ def tool_changes(tool: str | None, precision: str | None) -> dict[str, Any]:
 
 def mount_changes(given: Sequence[str] | None, accelerometer: str | None = None) -> dict[str, Any]:
     """
-    Settings `tool.mount.*` of --mount, of every unit or of one as UNIT=MOUNT, and of --accelerometer.
+    Return settings `tool.mount.*` from --mount (every unit, or one as UNIT=MOUNT) and --accelerometer.
 
     Raises
     ------
     ValueError
-        A unit that is none.
+        Unknown unit.
     """
     changes: dict[str, Any] = {} if accelerometer is None else {"tool.mount.accelerometer": accelerometer}
     for text in given or ():
         unit, equals, mount = text.rpartition("=")
         units = (unit.strip(),) if equals else ("imu", "mag", "precision")
         if not set(units) <= {"imu", "mag", "precision"}:
-            raise ValueError(f"--mount {text}: {unit!r} is no unit; write imu, mag or precision before the equals sign")
+            raise ValueError(
+                f"--mount {text}: unknown unit {unit!r}; write imu, mag or precision before the equals sign"
+            )
         changes |= {f"tool.mount.{name}": mount.strip() for name in units}
     return changes
 
@@ -122,7 +124,7 @@ def _flat(table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
 
 
 def _tool_path(name: str) -> Path:
-    """Path of a tool file; a plain name is a grade that comes with the simulator."""
+    """Return the path of a tool file; a plain name is a grade included with the simulator."""
     import importlib.resources
 
     from mwd_sensors.core.settings import SettingsError, unknown_key
@@ -146,19 +148,19 @@ def placed_settings(
     start: EstimatorSettings | None = None,
 ) -> EstimatorSettings:
     """
-    Settings of the estimator by the options of a command.
+    Return settings of the estimator from the options of a command.
 
-    `place` is what `place_changes` gives, `tool` what `tool_changes` gives, `start` the settings that hold where
-    neither file nor option says otherwise.
+    `place` comes from `place_changes`, `tool` from `tool_changes`; `start` are the settings that apply if neither file
+    nor option sets them.
 
     Raises
     ------
     SettingsError
-        As `estimator_settings`.
+        As for `estimator_settings`.
     """
     named = dict(place)
     if named and "survey.north" not in {**named, **assignments(changes)} and config is None and start is None:
-        # A place or a declination says where true north is, not which grid is meant.
+        # A place or a declination defines true north, but not a grid.
         named["survey.north"] = "true"
     if method is not None:
         named["gravity.method"] = method
@@ -174,12 +176,12 @@ def estimator_settings(
     start: EstimatorSettings | None = None,
 ) -> EstimatorSettings:
     """
-    Settings of the estimator: the file's, else `start`, then those of options of their own, then those of --set.
+    Return settings of the estimator: of the file or `start`, then of named options, then of --set.
 
     Raises
     ------
     SettingsError
-        An unknown name (with its near misses) or a value that is not allowed.
+        Unknown name (similar ones are listed) or value that is not allowed.
     """
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core import settings
@@ -191,7 +193,7 @@ def estimator_settings(
 
 def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
     """
-    NAME=VALUE texts as a table; values are read as YAML, whole numbers where a fraction is meant are taken.
+    Return NAME=VALUE texts as a table; values are read as YAML.
 
     Raises
     ------
@@ -214,14 +216,14 @@ def assignments(changes: Sequence[str] | None) -> dict[str, Any]:
             read = load_yaml(value)
         except yaml.YAMLError as error:
             raise SettingsError(f"--set {change}: the value cannot be read: {str(error).splitlines()[0]}") from error
-        # A day is text to every setting, and a date to YAML.
+        # YAML reads a day as a date, but settings take it as text.
         table[name.strip()] = value.strip() if isinstance(read, datetime.date) else read
     return table
 
 
 def field_figures(text: str) -> tuple[float, float, float | None]:
     """
-    Strength in nT, dip and declination in deg of --field; the declination is None where it is left out.
+    Return strength in nT, dip and declination in deg of --field; the declination is None if omitted.
 
     Raises
     ------
@@ -242,7 +244,7 @@ def place_changes(
     lat: float | None, lon: float | None, date: str | None, field: str | None, declination: float | None = None
 ) -> dict[str, Any]:
     """
-    The settings `place.*` that the options mean; empty where none was given.
+    Return the settings `place.*` of the options; empty if none was given.
 
     Raises
     ------
@@ -252,9 +254,9 @@ def place_changes(
     if (lat is None) != (lon is None):
         raise ValueError("--lat and --lon: give both, or neither")
     if lat is not None and field is not None:
-        raise ValueError("--field and --lat/--lon: give one of them; a field that is known needs no model")
+        raise ValueError("--field and --lat/--lon: give only one of them; a known field needs no model")
     if date is not None and lat is None:
-        raise ValueError("--date: means nothing without --lat and --lon")
+        raise ValueError("--date: has no effect without --lat and --lon")
     if lat is not None:
         changes: dict[str, Any] = {"place.field": "model", "place.lat_deg": lat, "place.lon_deg": lon}
         return changes | ({"place.date": date} if date is not None else {})
@@ -262,29 +264,29 @@ def place_changes(
         total, dip, given = field_figures(field)
         changes = {"place.field": "fixed", "place.total_nt": total, "place.dip_deg": dip}
         known = given if given is not None else declination
-        # Without a declination nobody knows where true north is.
+        # Without a declination, true north is unknown.
         return changes | ({"survey.north": "magnetic"} if known is None else {"place.declination_deg": known})
     return {}
 
 
 def recording_changes(lat: float | None, lon: float | None, date: str | None, field: str | None) -> dict[str, Any]:
     """
-    As `place_changes`, of a recording: a gyro needs no more than the latitude, which may stand alone or beside a field.
+    Return as `place_changes`, for a recording: the latitude, enough for a gyro, may be alone or with a field.
 
     Raises
     ------
     ValueError
-        A longitude or a date without what gives it a meaning; figures of a field that cannot be read.
+        A longitude or a date that has no effect without other options; a field that cannot be read.
     """
     if lat is None or (lon is not None and field is None):
         return place_changes(lat, lon, date, field)
     if date is not None:
-        raise ValueError("--date: means nothing without both --lat and --lon, or beside --field")
+        raise ValueError("--date: has no effect without both --lat and --lon, or with --field")
     return place_changes(None, None, None, field) | {"place.lat_deg": lat}
 
 
 def given_settings(kind: type[S], options: Mapping[str, Any]) -> S:
-    """Return settings of a kind from the options of the same names; an option that is None keeps the default."""
+    """Return settings of a kind from the options of the same names; None keeps the default."""
     import dataclasses
 
     from mwd_sensors.core import settings

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd replay`: a recording published again, for nodes to work on as if it were live."""
+"""`mwd replay`: publish a recording again, for nodes to process as if it were live."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ import typer
 def replay(
     context: typer.Context,
     bag: Annotated[Path, typer.Argument(help="Folder of a recording, or its .mcap, .db3 or .bag file.")],
-    rate: Annotated[float, typer.Option(help="Seconds of the recording in a second; 0: as fast as possible.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end, until Ctrl-C.")] = False,
-    start: Annotated[float, typer.Option(help="Begin this many seconds after the first message.")] = 0.0,
+    rate: Annotated[float, typer.Option(help="Speed relative to real time; 0: as fast as possible.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Start again at the end, until Ctrl-C.")] = False,
+    start: Annotated[float, typer.Option(help="Start this many seconds after the first message.")] = 0.0,
     end: Annotated[float | None, typer.Option(help="End this many seconds after the first message.")] = None,
     topic: Annotated[list[str] | None, typer.Option(help="Publish only this topic. May be repeated.")] = None,
-    sensors: Annotated[bool, typer.Option("--sensors", help="Publish only what sonde and rig publish.")] = False,
-    no_clock: Annotated[bool, typer.Option("--no-clock", help="Publish no /clock.")] = False,
-    wait: Annotated[float, typer.Option(help="Wait up to so many seconds for a listener.")] = 3.0,
+    sensors: Annotated[bool, typer.Option("--sensors", help="Publish only the topics of sonde and rig.")] = False,
+    no_clock: Annotated[bool, typer.Option("--no-clock", help="Do not publish /clock.")] = False,
+    wait: Annotated[float, typer.Option(help="Longest time to wait for a subscriber, s.")] = 3.0,
 ) -> None:
     """
-    Publish a recording, with its own stamps, in its own order, and with /clock.
+    Publish a recording with its own stamps, in its own order, and with /clock.
 
-    Remappings and the like can follow after --ros-args.
+    Remappings and other ROS arguments can follow after --ros-args.
 
     \b
     Examples:
@@ -44,7 +44,7 @@ def replay(
     main = node_main("mwd_surface.nodes.replay")
     from mwd_surface.nodes.replay import ReplaySettings, published_topics
 
-    # Reported here, before any middleware starts.
+    # Errors are reported here, before any middleware starts.
     asked = ReplaySettings(topics=list(topic or ()), sensors_only=sensors, clock_hz=0.0 if no_clock else 1.0)
     with Bag(bag) as opened:
         published_topics(opened, asked)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd rig`: the interfaces to the rig of a running graph."""
+"""`mwd rig`: the rig interfaces of a running graph."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def status(
     """
     Show the rig interfaces of running graphs: state and address, peers, rates, drops, last values.
 
-    Ends with status 1 where none runs.
+    Ends with status 1 if none is running.
 
     \b
     Examples:
@@ -61,11 +61,11 @@ def status(
         for path, found in gone:
             age = now - found.written
             terminal.warn(
-                f"{found.well} ({path.parent}) last reported {age:.0f} s ago: its surface hangs or was killed"
+                f"{found.well} ({path.parent}) last reported {age:.0f} s ago: its surface node hangs or was killed"
             )
         if not running:
             where = ", ".join(str(place) for place in places)
-            console.print(f"no graph runs whose folder is below {where}", markup=False)
+            console.print(f"no running graph has its folder below {where}", markup=False)
             console.print("start one with `mwd run`, or name the folder of its surface node", markup=False)
     raise typer.Exit(0 if running else 1)
 
@@ -73,7 +73,7 @@ def status(
 @rig.command("manifest")
 def print_manifest() -> None:
     """
-    Print the D-WIS manifest of all signals, as a blackboard is sent it.
+    Print the D-WIS manifest of all signals, as sent to a blackboard.
 
     \b
     Examples:
@@ -96,20 +96,20 @@ def conformance(
     heartbeat: Annotated[
         float, typer.Option(help="Heartbeat limit of the authority (its control.heartbeat_s), s.")
     ] = 2.0,
-    well: Annotated[str, typer.Option(help="Name of the object of OPC UA that has the methods.")] = "well",
-    certificate: Annotated[Path | None, typer.Option(help="Certificate of this client, for OPC UA.")] = None,
+    well: Annotated[str, typer.Option(help="Name of the OPC UA object that has the methods.")] = "well",
+    certificate: Annotated[Path | None, typer.Option(help="Certificate of this client for OPC UA.")] = None,
     key: Annotated[Path | None, typer.Option(help="Private key of the certificate.")] = None,
     server_certificate: Annotated[Path | None, typer.Option(help="Certificate of the OPC UA server.")] = None,
     application: Annotated[str, typer.Option(help="Application URI in the certificate.")] = "urn:mwd:conformance",
-    unit: Annotated[int, typer.Option(help="Unit of Modbus.")] = 1,
+    unit: Annotated[int, typer.Option(help="Modbus unit.")] = 1,
     domain: Annotated[int | None, typer.Option(help="Middleware domain; by default ROS_DOMAIN_ID, else 0.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON list, for programs.")] = False,
 ) -> None:
     """
-    Test whether a control authority keeps the contract of a lease: misuse it over each interface, print a table.
+    Test whether a control authority keeps the lease contract: misuse it over each interface, print a table.
 
     Use it on a rig that is switched off or simulated: it rotates, turns and pumps within the limits. Ends with status 1
-    where a case fails, 2 where an interface does not answer.
+    if a case fails, 2 if an interface does not answer.
 
     \b
     Examples:
@@ -127,7 +127,7 @@ def conformance(
     from mwd_surface.conformance.bench import Interface, Person
 
     if not (namespace or opcua or modbus):
-        raise ValueError("name an interface to try: --ros, --opcua or --modbus")
+        raise ValueError("name an interface to test: --ros, --opcua or --modbus")
     interfaces: list[Interface] = []
     person: Person | None = None
     results: list[cases.Result] = []
@@ -167,5 +167,5 @@ def conformance(
         typer.echo(json.dumps([dataclasses.asdict(result) for result in results]))
     else:
         done = sum(result.passed is not None for result in results)
-        typer.echo(f"{done - len(failed)} of {done} cases pass; {len(results) - done} cannot be tried")
+        typer.echo(f"{done - len(failed)} of {done} cases pass; {len(results) - done} cannot be tested")
     raise typer.Exit(1 if failed else 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd run`: the whole graph of one well, from simulated sonde to live page and recording."""
+"""`mwd run`: run the whole graph of one well, from simulated sonde to live page and recording."""
 
 from __future__ import annotations
 
@@ -38,17 +38,18 @@ def run(
     ] = "demo",
     well: Annotated[str, typer.Option(help="Name of the well: the namespace of its topics.")] = "well_1",
     port: Annotated[int | None, typer.Option(help="Port of the live page; by default 8080 or a free one.")] = None,
-    rate: Annotated[float, typer.Option(help="Seconds of the run in a second; 0: as fast as possible.")] = 1.0,
+    rate: Annotated[float, typer.Option(help="Speed relative to real time; 0: as fast as possible.")] = 1.0,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for recording, surveys and logs; else out/TIME_WELL.")
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for recording, surveys and logs; by default out/TIME_WELL."),
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Replaces the scenario's seed.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed, instead of that of the scenario.")] = None,
     method: Annotated[str | None, typer.Option(help="Gravity extraction of the estimator.")] = None,
     no_record: Annotated[
-        bool, typer.Option("--no-record", help="Record nothing; there is no table at the end.")
+        bool, typer.Option("--no-record", help="Do not record; no table is printed at the end.")
     ] = False,
     no_rig: Annotated[
-        bool, typer.Option("--no-rig", help="No interfaces to the rig; otherwise WITS, OPC UA, Modbus on this machine.")
+        bool, typer.Option("--no-rig", help="Do not start the rig interfaces (WITS, OPC UA, Modbus) on this machine.")
     ] = False,
     single_process: SingleProcess = False,
     hold: Hold = False,
@@ -61,8 +62,9 @@ def run(
     """
     Play a scenario through the whole graph: sonde, estimator, surface, live page and recording.
 
-    Ends with the scenario or with Ctrl-C, and then compares each survey with the truth. Several runs can go on side by
-    side: each has a middleware domain, a port and a folder of its own.
+    Ends with the scenario or with Ctrl-C, and then compares each survey with the truth. Several runs can be active at
+    the
+    same time: each has its own middleware domain, port and folder.
 
     \b
     Examples:
@@ -86,12 +88,12 @@ def run(
     if not 0.0 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0 to 1000")
     if story.telemetry is not None and rate == 0.0:
-        raise ValueError("--rate 0: a scenario with telemetry needs a pace; try --rate 5")
+        raise ValueError("--rate 0: a scenario with telemetry needs a finite rate; try --rate 5")
     folder = _new_folder(output, namespace)
     (folder / "logs").mkdir(parents=True, exist_ok=True)
     console = terminal.output()
     if story.rig.time_lapse > 1.0:
-        console.print(f"compressed time: hole is made {story.rig.time_lapse:g} times as fast as its rate says")
+        console.print(f"compressed time: drilling is {story.rig.time_lapse:g} times as fast as its rate of penetration")
     name = folder.name if output is None else f"{namespace.replace('/', '_')}_{_now_text()}"
     parameters = _parameters(story, path, method=method, rate=rate, seed=seed)
     if story.well.plan:
@@ -114,7 +116,7 @@ def run(
     from_true_north = dict(parameters["surface"])
     set_parameters(parameters, changes)
     if parameters["surface"].get("well.north_reference", "true") != "true":
-        # The hole of a scenario is described from true north; without a tie-on the path says that it is assumed.
+        # A scenario describes the hole from true north; without a tie-on, the path reports that it is assumed.
         for tied in [name for name in from_true_north if name.startswith(launch_plan.TIE_ON)]:
             if parameters["surface"][tied] == from_true_north[tied]:
                 del parameters["surface"][tied]
@@ -155,7 +157,7 @@ def _parameters(
 
 
 def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Path) -> None:
-    """Let the surface hear the tool through the scenario's links alone: one tool file a link for both ends."""
+    """Let the surface receive the tool only by the scenario's links: one tool file per link, for both ends."""
     from mwd_sensors.telemetry import tool_configuration
     from mwd_surface.runs import launch_plan
 
@@ -165,7 +167,7 @@ def _add_link(parameters: dict[str, dict[str, Any]], story: Scenario, folder: Pa
     for name, tool in zip(("tool_file", "second_tool_file"), story.telemetry.tools, strict=False):
         files[name] = folder / (name.removesuffix("_file") + ".yaml")
         files[name].write_text(tool_configuration.text(tool), encoding="utf-8")
-    # The truth goes past the surface, which subscribes to nothing of the tool.
+    # The truth does not pass the surface, which subscribes to no topic of the tool.
     parameters["sonde"]["truth_file"] = str(folder / "truth.csv")
     parameters["estimator"] |= {f"transmit.{name}": str(file) for name, file in files.items()}
     if story.telemetry.tool.downlink is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The processes of `mwd run`: started, watched until the scenario is over, ended in order."""
+"""The processes of `mwd run`: start, supervision until the end of the scenario, and shutdown in order."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ import typer
 if TYPE_CHECKING:
     from mwd_surface.runs.supervise import Supervisor
 
-_SAY_EVERY = 30.0  # s between two words on what the start waits for
-_SETTLE = 1.5  # s between the last sample and the end, for what is still on its way
+_SAY_EVERY = 30.0  # s between two messages about what the start waits for
+_SETTLE = 1.5  # s between the last sample and the end, for messages still under way
 _POLL = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
 class RunOptions:
     """
-    How the graph is run.
+    Options for running the graph.
 
-    port : of the page, None for a free one. rig : whether rig interfaces are on. hold : stay after the scenario.
-    words : of ROS for every node. single_process : sonde, estimator and surface share one.
+    port : of the page, None for a free one. rig : whether rig interfaces are on. hold : whether to stay after the
+    scenario.
+    words : ROS arguments for every node. single_process : whether sonde, estimator and surface share one process.
     """
 
     port: int | None
@@ -36,7 +37,7 @@ class RunOptions:
 def run_graph(
     story: str, namespace: str, parameters: dict[str, dict[str, Any]], folder: Path, options: RunOptions
 ) -> None:
-    """Start the nodes, play the scenario to its end or until somebody interrupts, and stop them."""
+    """Start the nodes, play the scenario until its end or an interrupt, and stop the nodes."""
     import contextlib
     import os
 
@@ -51,7 +52,7 @@ def run_graph(
         parameters["surface"] |= {**interfaces, "page.port": page}
         last = "sonde"
         if options.single_process:
-            # The simulated tool ends its process, and with it the page.
+            # The simulated tool ends its process, including the page.
             parameters["sonde"]["exit_at_end"] = not options.hold
             parameters, options, last = _in_one_process(parameters, namespace, folder, options)
         words = {
@@ -85,7 +86,7 @@ def run_graph(
 def _in_one_process(
     parameters: dict[str, dict[str, Any]], namespace: str, folder: Path, options: RunOptions
 ) -> tuple[dict[str, dict[str, Any]], RunOptions, str]:
-    """Parameters of the processes where sonde, estimator and surface share one, the options, the name of that one."""
+    """Return parameters, options and process name for sonde, estimator and surface in one process."""
     from mwd_surface.runs import launch_plan
 
     shared = {node: parameters[node] for node in launch_plan.WELL}
@@ -97,11 +98,11 @@ def _in_one_process(
 
 
 class StartError(RuntimeError):
-    """The graph did not start; the message says which node and why."""
+    """The graph did not start; the message names the node and the reason."""
 
 
 class _Interrupts:
-    """Counts SIGINT and SIGTERM while the block runs."""
+    """Counts SIGINT and SIGTERM during the block."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -124,16 +125,16 @@ class _Interrupts:
 
 def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: str, logs: Path) -> bool:
     """
-    Until the page answers and says that the estimator is active; False when interrupted.
+    Wait until the page answers and reports the estimator as active; return False if interrupted.
 
-    Slow is no error: what is waited for is printed every half minute. A node that fails ends the wait.
+    A slow start is not an error: the reason for waiting is printed every half minute. A failing node ends the wait.
     """
     import time
 
     from mwd_surface.commands import terminal
 
     began = printed = time.monotonic()
-    with terminal.waiting("starting the nodes; the first time their filters are compiled"):
+    with terminal.waiting("starting the nodes; the first time, their filters are compiled"):
         while not interrupts.count:
             supervisor.watch()
             if supervisor.failing:
@@ -152,30 +153,30 @@ def _wait_until_ready(supervisor: Supervisor, interrupts: _Interrupts, address: 
 
 def waits_for(state: dict[str, Any], logs: dict[str, str]) -> str:
     """
-    What is missing before the scenario can be played, in words; empty when nothing is.
+    Return the reason why the scenario cannot be played yet, in words; empty if it can.
 
-    state : sections of the page, empty while it does not answer. logs : what each node has logged, by its name.
-    Raises StartError where a node says that it cannot be configured: it lives on, for somebody to mend it.
+    state : sections of the page, empty while it does not answer. logs : log text of each node, by its name.
+    Raises StartError if a node reports that it cannot be configured: it keeps running, to be corrected.
     """
     for node, words in logs.items():
         _, found, reason = words.partition("cannot configure: ")
         if found:
             raise StartError(f"{node} cannot start: {reason.splitlines()[0]}")
     if any("preparing the filters" in words and "the filters are ready" not in words for words in logs.values()):
-        return "a node compiles its filters"
+        return "a node is compiling its filters"
     if not state:
-        return "the surface node is starting, its page does not answer"
+        return "the surface node is starting, its page does not answer yet"
     rows = state.get("findings", {}).get("rows", [])
     heard = next((row["message"] for row in rows if row["name"].endswith("estimator: lifecycle")), None)
     if heard is None:
-        return "the surface node does not hear the estimator (`mwd doctor` looks at the network between them)"
+        return "the surface node receives nothing from the estimator (`mwd doctor` checks the network between them)"
     return "" if heard == "active" else f"the estimator is {heard}"
 
 
 def _run_to_end(
     supervisor: Supervisor, interrupts: _Interrupts, address: str, name: str, last: str, hold: bool
 ) -> None:
-    """Until the scenario is over (the process `last` ends), unless the graph is held, or somebody interrupts."""
+    """Wait until the scenario is over (the process `last` ends), or an interrupt; with `hold`, until an interrupt."""
     import time
 
     from mwd_surface.commands import terminal
@@ -190,7 +191,7 @@ def _run_to_end(
             if over is None and supervisor.finished(last):
                 over = now
                 if hold:
-                    terminal.remark(f"{name} is over; the graph stays until Ctrl-C")
+                    terminal.remark(f"{name} is over; the graph keeps running until Ctrl-C")
             if over is not None and now - over > _SETTLE and not hold:
                 return
             if now - shown > 0.5:
@@ -201,17 +202,17 @@ def _run_to_end(
 
 
 def _how_far(state: dict[str, Any]) -> str:
-    """Say how much of the scenario is over, by the diagnostics of the sonde."""
+    """Return the progress of the scenario, from the diagnostics of the sonde."""
     rows = state.get("findings", {}).get("rows", [])
     return next((f" {row['message']}" for row in rows if row["name"].endswith("sonde: scenario")), "")
 
 
 def _state(address: str) -> dict[str, Any]:
-    """What the page shows; empty while it does not answer."""
+    """Return the sections of the page; empty while it does not answer."""
     import json
     import urllib.request
 
-    # Past any proxy: the page is on this machine.
+    # Without any proxy: the page is on this machine.
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
         with opener.open(f"{address}state.json", timeout=1.0) as answer:

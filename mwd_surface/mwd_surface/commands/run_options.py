@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `mwd run` is told beyond the scenario: settings of its nodes, parameter files, plan, secret of the page."""
+"""Options of `mwd run` in addition to the scenario: node settings, parameter files, plan, secret of the page."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from typing import Annotated, Any
 import typer
 
 _SETTINGS = "Settings"
-_LEAST_SECRET = 8  # characters, as the page asks for
+_LEAST_SECRET = 8  # characters, as required by the page
 
-Hold = Annotated[bool, typer.Option("--hold", help="Stay when the scenario is over, until Ctrl-C.")]
+Hold = Annotated[bool, typer.Option("--hold", help="Keep running after the scenario, until Ctrl-C.")]
 SingleProcess = Annotated[
     bool,
-    typer.Option("--single-process", help="Sonde, estimator and surface in one process: less processor, no restarts."),
+    typer.Option("--single-process", help="Sonde, estimator and surface in one process: less CPU load, no restarts."),
 ]
 Token = Annotated[
     str | None,
     typer.Option(
-        help="Secret that opens the page's operator controls, 8 characters or more; `new` makes one and prints it.",
+        help="Secret for the operator controls of the page, 8 characters or more; `new` creates and prints one.",
         rich_help_panel=_SETTINGS,
     ),
 ]
@@ -31,7 +31,7 @@ Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
-        help="One parameter of a node, e.g. estimator.survey.duration_s=12; without the node's name: of the node that "
+        help="One parameter of a node, e.g. estimator.survey.duration_s=12; the node's name is optional if only one "
         "has it. May be repeated.",
         metavar="NAME=VALUE",
         rich_help_panel=_SETTINGS,
@@ -39,20 +39,20 @@ Set = Annotated[
 ]
 Params = Annotated[
     Path | None,
-    typer.Option("--params", help="ROS parameter file for the nodes it names.", rich_help_panel=_SETTINGS),
+    typer.Option("--params", help="ROS parameter file for the nodes named in it.", rich_help_panel=_SETTINGS),
 ]
 
 
 def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] | None) -> None:
     """
-    Put the parameters of --set among those of the nodes.
+    Add the parameters of --set to those of the nodes.
 
-    parameters : of each node by its name; changed.
+    parameters : by name of the node; changed in place.
 
     Raises
     ------
     SettingsError
-        No node has the parameter (its near misses are named), several have it, or its value is not allowed.
+        No node has the parameter (similar names are listed), several have it, or its value is not allowed.
     """
     from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core import settings
@@ -70,7 +70,9 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
             continue
         owners = [owner for owner, table in known.items() if name in table]
         if len(owners) > 1:
-            raise settings.SettingsError(f"{name}: {' and '.join(owners)} have it; write {owners[0]}.{name}")
+            raise settings.SettingsError(
+                f"{name}: both {' and '.join(owners)} have it; write for example {owners[0]}.{name}"
+            )
         if not owners:
             there = [*known["estimator"], *(f"{o}.{n}" for o in ("surface", "sonde") for n in known[o])]
             raise settings.SettingsError(settings.unknown_key(name, there, ""))
@@ -82,12 +84,12 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
 
 def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
     """
-    Parameters of the surface that open the page's controls with a secret; it is kept in a file that its owner can read.
+    Return surface parameters for a secret of the page's controls; it is stored in a file readable only by its owner.
 
     Raises
     ------
     ValueError
-        It is too short.
+        The secret is too short.
     """
     import os
     import secrets
@@ -108,15 +110,15 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
 
 def parameter_file(params: Path | None) -> list[str]:
     """
-    Words of a node that read a parameter file, ahead of its parameters, which come first.
+    Return the ROS arguments for a parameter file; the parameters of the node itself have priority over it.
 
     Raises
     ------
     OSError
-        There is no such file.
+        The file does not exist.
     """
     if params is None:
         return []
     if not params.is_file():
-        raise FileNotFoundError(2, "there is no such parameter file", str(params))
+        raise FileNotFoundError(2, "parameter file not found", str(params))
     return ["--params-file", str(params.resolve())]

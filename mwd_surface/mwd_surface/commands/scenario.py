@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd scenario list` and `mwd simulate`: the scenarios there are, and a recording of one without any middleware."""
+"""`mwd scenario list` and `mwd simulate`: list the scenarios, and record one without any middleware."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ scenario = typer.Typer(no_args_is_help=True, help="Scenarios of the simulated so
 @scenario.command("list")
 def list_() -> None:
     """
-    The scenarios that come with the project.
+    List the scenarios included with the project.
 
     \b
     Example:
@@ -28,14 +28,14 @@ def list_() -> None:
 
     table = Table()
     table.add_column("name", no_wrap=True)
-    table.add_column("what it shows")
+    table.add_column("description")
     for name, path in scenario_files.names().items():
         table.add_row(name, read(path).about)
     terminal.output().print(table, soft_wrap=False)
 
 
 def scenario_names(begin: str) -> list[str]:
-    """Names of scenarios with this begin, for the completion of a command line."""
+    """Return the names of scenarios with this beginning, for command line completion."""
     from mwd_sensors.simulator import scenario_files
 
     return [name for name in scenario_files.names() if name.startswith(begin)]
@@ -49,8 +49,8 @@ def simulate(
         ),
     ],
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the bag; must not exist.")],
-    seed: Annotated[int | None, typer.Option(help="Replaces the scenario's seed.")] = None,
-    namespace: Annotated[str, typer.Option(help="Namespace of the topics, such as /well_2.")] = "",
+    seed: Annotated[int | None, typer.Option(help="Seed, instead of that of the scenario.")] = None,
+    namespace: Annotated[str, typer.Option(help="Namespace of the topics, for example /well_2.")] = "",
 ) -> None:
     """
     Record a simulated run, as fast as the machine allows and without any middleware.

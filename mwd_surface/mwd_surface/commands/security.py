@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd security`: the SROS2 policy of a well."""
+"""`mwd security`: write the SROS2 policy of a well."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import typer
 
 def security(
     well: Annotated[str, typer.Argument(help="Namespace of the well.")] = "well_1",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; without: print it.")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="File to write; if omitted, print it.")] = None,
 ) -> None:
     """
     Write the SROS2 policy of a well: what each node may publish, subscribe to, serve and call.
 
-    One enclave a node, and one for an operator, who may look at all and call services. `ros2 security
-    create_permission` makes signed permissions of it.
+    There is one enclave per node, and one for an operator, who may read everything and call services. `ros2 security
+    create_permission` makes signed permissions from it.
 
     \b
     Example:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd survey`: a table of six-axis readings to surveys with verdicts."""
+"""`mwd survey`: surveys with verdicts from a table of six-axis readings."""
 
 from __future__ import annotations
 
@@ -32,13 +32,11 @@ def survey(
     lon: Lon = None,
     date: Date = None,
     axial: Annotated[
-        str | None, typer.Option(help="Letter that runs down-hole, x or z, for columns like gx, gy, gz.")
+        str | None, typer.Option(help="Axis that points downhole, x or z, for columns like gx, gy, gz.")
     ] = None,
-    single: Annotated[
-        bool, typer.Option("--single", help="Judge each row by itself; otherwise a table is a run, or several.")
-    ] = False,
+    single: Annotated[bool, typer.Option("--single", help="Judge each row by itself, not as part of a run.")] = False,
     runs: Annotated[
-        str | None, typer.Option("--runs", help="Column that names the run of a row; else run, bha and tool are found.")
+        str | None, typer.Option("--runs", help="Column with the run of a row; by default run, bha or tool.")
     ] = None,
     config: Config = None,
     changes: Changes = None,
@@ -46,12 +44,11 @@ def survey(
     """
     Compute surveys from a table of six-axis readings, each with its verdict and the reasons.
 
-    Columns are found by name and unit (grav_axial_mps2, mag_tran1_nT, b_ref_nT, decl_used_deg ...); options replace
-    what the table says. A station without a reference stays magnetic and uncorrected, and says so.
-
-    The rows of a run (columns run, bha, tool; without them the whole table) are analysed together: what the string and
-    the sensors add is the same in all of them. A row may then be revised; its first value, which knew the rows before
-    it only, is kept beside it.
+    Columns are found by name and unit (grav_axial_mps2, mag_tran1_nT, b_ref_nT, decl_used_deg ...); options replace the
+    values of the table. A station without a reference remains magnetic and uncorrected, and is marked as such. The rows
+    of a run (columns run, bha, tool; without them the whole table) are analysed together, because the errors of string
+    and sensors are the same in all of them. A row can then be revised; its first value, from the rows before it only,
+    is kept in addition.
 
     \b
     Examples:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stations on the screen: a table of figures, and below it what to act on."""
+"""Stations on the screen: a table of numbers and, below it, the reasons for action."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _MOST = 12
 
 
 def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) -> None:
-    """Print stations with their measured depths, m (nan where unknown); of a long list the last ones."""
+    """Print stations with their measured depths, m (nan if unknown); of a long list only the last ones."""
     first = max(len(stations) - _MOST, 0)
     title = ("1 survey" if len(stations) == 1 else f"{len(stations)} surveys") + (
         f", the last {_MOST}" if first else ""
     )
-    # With the widest figures it just fits the 80 columns of a plain terminal.
+    # With the widest numbers it just fits the 80 columns of a plain terminal.
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
     for name in ("no", "depth m", "inclination", "azimuth", "", "toolface", "nT", "dip"):
         table.add_column(name, justify="left" if not name else "right", no_wrap=True)
@@ -60,17 +60,17 @@ def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) ->
     off = [number for number, (station, _) in enumerate(stations, 1) if _accepted_beyond(station)]
     if off:
         console.print(
-            f"{numbered(off):>4} accepted with total field or dip beyond its limit, by a wider sigma; where all "
-            "stations are off alike, check place, date and reference",
+            f"{numbered(off):>4} accepted with total field or dip beyond its limit, because of a wider sigma; if all "
+            "stations deviate alike, check place, date and reference",
             markup=False,
         )
 
 
 def show_actions(console: Console, stations: Sequence[tuple[int, str, str]]) -> None:
     """
-    Print why stations were not accepted, those with the same reason in one line.
+    Print the reasons for stations not accepted, those with the same reason in one line.
 
-    stations: number, verdict ("accept", "doubtful", "reject") and the reason to act on; empty where there is none.
+    stations: number, verdict ("accept", "doubtful", "reject") and the main reason; empty if there is none.
     """
     numbers: dict[tuple[str, str], list[int]] = {}
     for number, verdict, action in stations:
@@ -81,13 +81,13 @@ def show_actions(console: Console, stations: Sequence[tuple[int, str, str]]) -> 
 
 
 def _accepted_beyond(station: Station) -> bool:
-    """Whether the station is accepted although its field or dip is not that of the reference."""
+    """Return whether the station is accepted although its field or dip deviates from the reference."""
     codes = {reason.code for reason in station.reasons}
     return station.verdict == ACCEPT and not codes.isdisjoint({ReasonCode.FIELD_OFF, ReasonCode.DIP_OFF})
 
 
 def numbered(numbers: Sequence[int]) -> str:
-    """Ascending numbers as text, runs of them by their ends: `1, 4-7`."""
+    """Return ascending numbers as text, with ranges: `1, 4-7`."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][-1] + 1:
@@ -98,7 +98,7 @@ def numbered(numbers: Sequence[int]) -> str:
 
 
 def run_sentences(rows: Sequence[TableStation]) -> list[str]:
-    """Sentences on what the rows of a run say together: its size, outliers and revisions."""
+    """Return sentences on the joint analysis of runs: their size, outliers and revisions."""
     if all(row.first is None for row in rows):
         return []
     counts: dict[str, int] = {}
@@ -108,7 +108,7 @@ def run_sentences(rows: Sequence[TableStation]) -> list[str]:
     lines = [f"stations of each run, analysed together: {named}"]
     outliers = [number for number, row in enumerate(rows, 1) if row.outlier]
     if outliers:
-        lines.append(f"{numbered(outliers):>4} outlier: another field than at the other stations of the run")
+        lines.append(f"{numbered(outliers):>4} outlier: its field differs from that of the other stations of the run")
     firsts = [(number, row, row.first) for number, row in enumerate(rows, 1)]
     return lines + revision_sentences(
         [(number, first, row.station) for number, row, first in firsts if row.revised and first is not None]
@@ -116,13 +116,13 @@ def run_sentences(rows: Sequence[TableStation]) -> list[str]:
 
 
 def revision_sentences(revised: Sequence[tuple[int, Station, Station]]) -> list[str]:
-    """Sentences on stations that the others of their run revised: number, station at first, and now."""
+    """Return sentences on revised stations; revised: number, station at first, and now."""
     if not revised:
         return []
     moves = [abs(float(wrap_pi(now.azimuth - first.azimuth))) for _, first, now in revised]
     known = [move for move in moves if math.isfinite(move)]
     most = f", azimuth by {degrees(max(known), 1)} deg at most" if known else ""
-    lines = [f"{numbered([number for number, _, _ in revised]):>4} revised by the other stations of the run{most}"]
+    lines = [f"{numbered([number for number, _, _ in revised]):>4} revised with the other stations of the run{most}"]
     for (number, first, now), move in zip(revised, moves, strict=True):
         if first.verdict != now.verdict or move > first.sigma_azimuth:
             lines.append(
@@ -132,10 +132,10 @@ def revision_sentences(revised: Sequence[tuple[int, Station, Station]]) -> list[
 
 
 def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
-    """Sentences on the records of a list: those without a depth, each with why, and what the list says of them."""
+    """Return sentences on the records of a list: those without a depth, with the reason, and flagged ones."""
     without: dict[str, list[int]] = {}
     flagged: dict[str, list[int]] = {}
-    # Where the hole comes from to the first of them a recording does not say.
+    # Not the first: a recording does not contain the hole above it.
     first = next((record for record in records if record.measured_depth >= 0.0), None)
     for record in records:
         number, why = record.survey.sequence, record.comment if record.measured_depth < 0.0 else ""
@@ -145,20 +145,20 @@ def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
             if not why or flag != NO_DEPTH:
                 flagged.setdefault(flag, []).append(number)
     return [
-        *(f"no depth of survey {numbered(which)}: {why}" for why, which in without.items()),
+        *(f"survey {numbered(which)} has no depth: {why}" for why, which in without.items()),
         *(f"survey {numbered(which)}: {flag}" for flag, which in flagged.items()),
     ]
 
 
 def _azimuth(station: Station) -> str:
-    """Azimuth and 1 sigma in deg."""
+    """Return azimuth and 1 sigma as text in deg."""
     if not math.isfinite(station.azimuth):
         return "-"
     return f"{direction(station.azimuth)} ±{degrees(station.sigma_azimuth, 1)}"
 
 
 def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[str]:
-    """Sentences on the rows of a six-axis table that were taken at one depth."""
+    """Return sentences on rows of a six-axis table that were taken at one depth."""
     from mwd_estimation.settings.derivation import sensor_errors
     from mwd_surface.surveys.check_shots import check_shots
     from mwd_surface.surveys.repeated_surveys import sentence
@@ -166,17 +166,17 @@ def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[
     if len(rows) < 2:
         return []
     force, field = [row.station.f_t for row in rows], [row.station.b_t for row in rows]
-    # A run is a tool in its collars: another one shares no errors with it.
+    # A run is one tool in its collars: different runs share no errors.
     runs = [row.run for row in rows]
     found = check_shots([row.md for row in rows], force, field, sensor_errors(settings), runs)
     return [sentence(shot) for shot in found]
 
 
 def direction(angle: float) -> str:
-    """Angle on the circle, rad, as text from 0.0 to 359.9 deg; a dash where it is unknown."""
+    """Return a direction, rad, as text from 0.0 to 359.9 deg; a dash if unknown."""
     return f"{round(math.degrees(angle), 1) % 360.0:.1f}" if math.isfinite(angle) else "-"
 
 
 def degrees(angle: float, decimals: int = 2) -> str:
-    """Angle in rad as text in deg; a dash where it is unknown."""
+    """Return an angle in rad as text in deg; a dash if unknown."""
     return f"{math.degrees(angle):.{decimals}f}" if math.isfinite(angle) else "-"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference field of a table or list, from the options of a command: all of them count, or are refused."""
+"""Reference field of a table or list, from the options of a command: each option is used or refused."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ if TYPE_CHECKING:
     from mwd_estimation.core.reference_field import Reference
     from mwd_estimation.settings.estimator import EstimatorSettings
 
-# Settings of the place that a table does not use beside each source of the field.
+# Settings of the place that a table does not use, for each source of the field.
 _BESIDE_A_MODEL = ("total_nt", "dip_deg", "declination_deg", "convergence_deg")
 _UNUSED = {
     "fixed": ("grid", "date"),
     "model": _BESIDE_A_MODEL,
     "igrf": _BESIDE_A_MODEL,
 }
-# Settings that count beside a field of the table's own columns too.
+# Settings that are also used with a field from columns of the table.
 _ANY_FIELD = ("field", "observatory_file", "observatory_share")
 
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """Figures of the reference that the caller gives one by one: deg and m/s^2, None where not given."""
+    """Single values of the reference given by the user: deg and m/s^2, None if not given."""
 
     declination: float | None = None
     convergence: float | None = None
@@ -37,7 +37,7 @@ class Known:
     def of(
         cls, field: str | None, declination: float | None, convergence: float | None, gravity: float | None = None
     ) -> Known:
-        """What options give; the declination in `--field` counts where there is no other. ValueError as there."""
+        """Return values of options; the declination in `--field` is used if there is no other. Raises ValueError."""
         from mwd_surface.commands.reference_options import field_figures
 
         if declination is None and field is not None:
@@ -45,7 +45,7 @@ class Known:
         return cls(declination, convergence, gravity)
 
     def figures(self) -> dict[str, Any]:
-        """Fields of `Reference` by name, in SI."""
+        """Return fields of `Reference` by name, in SI."""
         named = {
             name: math.radians(value)
             for name, value in (("declination", self.declination), ("convergence", self.convergence))
@@ -63,29 +63,29 @@ def table_settings(
     field: str | None,
 ) -> EstimatorSettings:
     """
-    Settings for a table by the options of a command.
+    Return settings for a table from the options of a command.
 
     Raises
     ------
     ValueError
-        Options that contradict each other, or a setting of the place that would not be used.
+        Contradictory options, or a setting of the place that would not be used.
     """
     from mwd_estimation.settings.place import Place
     from mwd_surface.commands.reference_options import estimator_settings, place_changes
 
     named = place_changes(lat, lon, date, field)
-    # The rows of a table may know a declination that the options do not.
+    # The rows of a table may contain a declination that the options do not give.
     named.pop("survey.north", None)
     settings = estimator_settings(config, named, changes)
     place, usual = settings.place, Place()
     names = _UNUSED.get(place.field) or tuple(f.name for f in dataclasses.fields(place) if f.name not in _ANY_FIELD)
     for name in names:
-        # As text: a value that is not known is nan, which is not equal to itself.
+        # As text: an unknown value is nan, which is not equal to itself.
         if repr(getattr(place, name)) != repr(getattr(usual, name)):
             why = {
                 "none": "needs a place (--lat, --lon) or a field (--field)",
-                "fixed": "is not used for a table beside a field that is given",
-                "model": "is not used for a table beside a model; there are --declination, --convergence, --gravity",
+                "fixed": "is not used for a table if a field is given",
+                "model": "is not used for a table with a model; use --declination, --convergence, --gravity",
             }["model" if place.model else place.field]
             raise ValueError(f"place.{name}: {why}")
     return settings
@@ -95,7 +95,7 @@ class RowReference:
     """
     The reference of each row by its time: with the external field of an observatory, and the sigmas of the tool code.
 
-    Raises ValueError where the observatory's file cannot be used.
+    Raises ValueError if the observatory's file cannot be used.
     """
 
     def __init__(self, settings: EstimatorSettings) -> None:
@@ -104,7 +104,7 @@ class RowReference:
         self._settings, self._observatory = settings, Observatory(settings.place)
 
     def at(self, reference: Reference, time: str) -> Reference:
-        """Return the reference of a row at its time as written. ValueError where the tool code does not fit it."""
+        """Return the reference of a row at its time (text). ValueError if the tool code does not fit it."""
         from mwd_estimation.settings import derivation
 
         coded, moment = derivation.with_code(self._settings, reference), _moment(time)
@@ -116,10 +116,10 @@ def table_reference(
     settings: EstimatorSettings, known: Known, times: Iterable[str] = (), otherwise: str = ""
 ) -> tuple[Reference | None, tuple[str, ...]]:
     """
-    The reference that options and settings give, and what people must know about it; None where they give nothing.
+    Return the reference from options and settings, and remarks for the user; None if they give no reference.
 
-    times: of the stations as written; the first that is a time gives the day of the field where no date is set.
-    otherwise: the day where there is neither, with a remark; empty: none, that is refused.
+    times: of the stations, as text; the first valid one gives the day of the field if no date is set.
+    otherwise: the day if there is neither, with a remark; if empty, that is an error.
 
     Raises
     ------
@@ -140,10 +140,10 @@ def table_reference(
         if day is None and otherwise:
             day = _moment(otherwise)
             remarks.append(
-                f"no day is given: the field is that of {otherwise}; it changes slowly, --date gives another"
+                f"no day is given: the field is that of {otherwise}; it changes slowly, set the day with --date"
             )
         if day is None:
-            raise ValueError("--lat and --lon: the table has no time, give the day of the field with --date")
+            raise ValueError("--lat and --lon: the table has no times; give the day of the field with --date")
         stamp_ns = round(day.timestamp() * 1e9)
     settings, remark = with_a_model(settings, stamp_ns)
     remarks += [remark] if remark else []

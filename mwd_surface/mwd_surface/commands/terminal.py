@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every command says, the same way: results on standard output, remarks and progress on standard error."""
+"""Output of all commands: results on standard output, remarks and progress on standard error."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 class PrintableStream:
     """
-    Standard output or error that writes control characters out.
+    Standard output or error that escapes control characters.
 
-    Names of topics and files, and what peers send, may hold sequences that a terminal obeys. Colours of our own text
-    pass on a terminal. The bar of `progress`, which moves the cursor, writes beside it.
+    Names of topics and files, and data from peers, may contain control sequences for a terminal. Colours of our own
+    text pass on a terminal. The bar of `progress`, which moves the cursor, does not use this stream.
     """
 
     _COLOUR = re.compile(r"(\x1b\[[0-9;]*m)")
@@ -50,24 +50,24 @@ class PrintableStream:
 
 
 def output() -> Console:
-    """Console of results; lines are never broken, except inside a table."""
+    """Return the console for results; lines are never wrapped, except in tables."""
     return Console(soft_wrap=True, highlight=False)
 
 
 def remarks() -> Console:
-    """Console of warnings and errors."""
+    """Return the console for warnings and errors."""
     return Console(stderr=True, soft_wrap=True, highlight=False)
 
 
 def facts(lines: Iterable[tuple[str, str]], width: int = 13) -> None:
-    """Names, right-aligned to a width, with their values, a line each."""
+    """Print names, right-aligned to a width, with their values, one per line."""
     console = output()
     for name, value in lines:
         console.print(f"{name:>{width}}  {value}", markup=False)
 
 
 def table(names: Iterable[str], left: Container[str] = ("",), *, title: str | None = None) -> Table:
-    """A table without a frame: columns of figures to the right, those in `left` to the left."""
+    """Return a table without a frame: columns aligned right, those in `left` aligned left."""
     from rich.table import Table
 
     made = Table(title=title, title_justify="left", box=None, padding=(0, 2, 0, 0), header_style="dim")
@@ -78,12 +78,12 @@ def table(names: Iterable[str], left: Container[str] = ("",), *, title: str | No
 
 def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
     """
-    Write files into a folder, made if need be, each whole or not at all, and say where they are.
+    Write files into a folder, created if missing, each completely or not at all, and print their paths.
 
     Raises
     ------
     OSError
-        The folder cannot be made, or the disk refuses.
+        The folder or a file cannot be written.
     """
     from mwd_sensors.core.output_files import write_whole
 
@@ -94,25 +94,25 @@ def write(folder: Path, files: Mapping[str, str | bytes]) -> None:
 
 
 def warn(sentence: str) -> None:
-    """A warning."""
+    """Print a warning."""
     from rich.text import Text
 
     remarks().print(Text.assemble(("warning: ", "yellow"), sentence))
 
 
 def remark(sentence: str) -> None:
-    """What is no warning but worth a line."""
+    """Print a remark that is not a warning."""
     remarks().print(sentence, markup=False)
 
 
 def _moving() -> Console:
-    """Console of what moves the cursor; its words must be printable."""
+    """Return the console for output that moves the cursor; its text must be printable."""
     return Console(file=getattr(sys.stderr, "stream", sys.stderr), soft_wrap=True, highlight=False)
 
 
 @contextlib.contextmanager
 def progress(words: str) -> Iterator[Callable[[float], None]]:
-    """A bar with the time left on a terminal, nothing elsewhere; the block gets a function that sets the share."""
+    """Show a progress bar on a terminal, nothing elsewhere; the block gets a function that sets the share."""
     if not sys.stderr.isatty():
         yield lambda _share: None
         return
@@ -126,7 +126,7 @@ def progress(words: str) -> Iterator[Callable[[float], None]]:
 
 @contextlib.contextmanager
 def waiting(words: str) -> Iterator[None]:
-    """A moving sign of life on a terminal, one plain line elsewhere."""
+    """Show a spinner on a terminal, one plain line elsewhere."""
     if not sys.stderr.isatty():
         remarks().print(words, markup=False)
         yield
@@ -137,7 +137,7 @@ def waiting(words: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def live_line() -> Iterator[Callable[[str], None]]:
-    """One line that is replaced by the next on a terminal; nothing elsewhere."""
+    """Show one line, replaced by the next, on a terminal; nothing elsewhere."""
     if not sys.stderr.isatty():
         yield lambda _words: None
         return

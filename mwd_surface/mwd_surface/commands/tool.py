@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd tool`: the configuration of a tool checked, and a recording simulated as such a tool would make it."""
+"""`mwd tool`: check the configuration of a tool, and simulate a recording of such a tool."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
     from mwd_sensors.telemetry.words import Word
 
-tool = typer.Typer(help="Configuration of a tool (tool.yaml): check it, try it.", no_args_is_help=True)
+tool = typer.Typer(help="Configuration of a tool (tool.yaml): check it, simulate it.", no_args_is_help=True)
 Configuration = Annotated[Path, typer.Argument(metavar="TOOL.YAML", help="Tool configuration.")]
 
 
@@ -25,7 +25,7 @@ def new(
     code: Annotated[str, typer.Option(help="mary, combinatorial, psk or serial.")] = "mary",
 ) -> None:
     """
-    Write a tool configuration to begin with: pulses of 0.8 s or another code, and sequences as kits have them.
+    Write a tool configuration to start from: pulses of 0.8 s or another code, with usual sequences.
 
     \b
     Examples:
@@ -46,11 +46,13 @@ def check(
     configuration: Configuration,
     channel: Annotated[
         Path | None,
-        typer.Option(help="Pressure (CSV, WAV, recording) of such a tool: what pulse width does its channel allow?"),
+        typer.Option(
+            help="Pressure (CSV, WAV, recording) of such a tool, to find the pulse widths its channel allows."
+        ),
     ] = None,
 ) -> None:
     """
-    Say what a tool configuration means: time on air, survey time, toolface rate, steps of the words.
+    Show the properties of a tool configuration: time on air, survey time, toolface rate, steps of the words.
 
     \b
     Examples:
@@ -77,7 +79,7 @@ def check(
     pulses = read.code in tool_configuration.PULSE_CODES
     seen = dict.fromkeys(item for items in (*read.surveys, *read.toolfaces) for item in items)
     for item in seen:
-        unprotected = "" if item.parity or not pulses else ", no parity: an error in it cannot be seen"
+        unprotected = "" if item.parity or not pulses else ", no parity: errors cannot be detected"
         console.print(f"  {_word_line(item, read.table[item.name])}{unprotected}", markup=False)
     if channel is not None:
         for line in _channel_lines(read, channel):
@@ -85,15 +87,15 @@ def check(
 
 
 def _word_line(item: SequenceItem, word: Word) -> str:
-    """Range of a word and how fine it is."""
+    """Return the range and resolution of a word, as text."""
     span = f"{item.name}:{item.bits} {word.low:g} to {word.high:g} {word.unit}"
     if word.logarithmic:
-        return f"{span}, each step {word.value(1, item.bits) / word.value(0, item.bits):.3g} times the one before"
+        return f"{span}, each step {word.value(1, item.bits) / word.value(0, item.bits):.3g} times the previous one"
     return f"{span}, step {word.step(item.bits):.3g}, sigma {word.sigma_of(item.bits):.3g}"
 
 
 def _channel_lines(read: ToolConfiguration, file: Path) -> list[str]:
-    """What pulse widths the channel of a file of pressure allows, pulses of this tool being heard in it."""
+    """Return lines on the pulse widths that the channel of a pressure file with pulses of this tool allows."""
     import numpy as np
 
     from mwd_sensors.telemetry.tool_configuration import PULSE_CODES
@@ -103,7 +105,7 @@ def _channel_lines(read: ToolConfiguration, file: Path) -> list[str]:
     from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 
     if read.code not in PULSE_CODES:
-        raise ValueError(f"--channel: {read.code} sends no pulses; leave it out")
+        raise ValueError(f"--channel: {read.code} sends no pulses; omit it")
     pressure = pressure_files.read(file)
     receiver = PulseReceiver(read)
     got = receiver.push(pressure.time_s, pressure.pressure_pa)
@@ -114,9 +116,9 @@ def _channel_lines(read: ToolConfiguration, file: Path) -> list[str]:
     found = pulse_widths.margins(receiver.channel, read.pulse_width_s, ebn0_db)
     enough = [one.width_s for one in found if one.ebn0_db >= NEEDED_DB]
     verdict = (
-        f"shortest pulse width that leaves 19 of 20 words right: {min(enough):g} s"
+        f"shortest pulse width with 19 of 20 words right: {min(enough):g} s"
         if enough
-        else f"no pulse width up to {found[0].width_s:g} s leaves 19 of 20 words right"
+        else f"no pulse width up to {found[0].width_s:g} s has 19 of 20 words right"
     )
     return [
         f"channel of {file.name}, energy of a bit over noise density (19 of 20 words need {NEEDED_DB:g} dB):",
@@ -140,23 +142,25 @@ def _signal_line(read: ToolConfiguration) -> str:
 def _toolface_line(read: ToolConfiguration, items: tuple[SequenceItem, ...]) -> str:
     on_air = read.seconds(items)
     toolfaces = sum(item.name.upper().endswith("TFA") for item in items)
-    each = f", a toolface every {on_air / toolfaces:.1f} s in the mean" if toolfaces else ", without a toolface"
+    each = f", a toolface every {on_air / toolfaces:.1f} s on average" if toolfaces else ", without a toolface"
     return f"{on_air:.1f} s on air{each}"
 
 
 @tool.command()
 def simulate(
     configuration: Configuration,
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the recording and of sent.csv.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the recording and sent.csv.")],
     depth: Annotated[float, typer.Option(help="Measured depth, m.", min=200.0, max=12000.0)] = 3000.0,
-    minutes: Annotated[float, typer.Option(help="Length; flow begins after 20 s.", min=2.0, max=600.0)] = 10.0,
-    seed: Annotated[int, typer.Option(help="Of values and noise.")] = 1,
+    minutes: Annotated[float, typer.Option(help="Length, min; flow begins after 20 s.", min=2.0, max=600.0)] = 10.0,
+    seed: Annotated[int, typer.Option(help="Seed of values and noise.")] = 1,
     clock: Annotated[float, typer.Option(help="Error of the tool's clock, %.", min=-1.0, max=1.0)] = 0.0,
-    resistivity: Annotated[float, typer.Option(help="Of the ground of an EM tool, ohm m.", min=0.1, max=1e4)] = 20.0,
+    resistivity: Annotated[
+        float, typer.Option(help="Resistivity of the ground for an EM tool, ohm m.", min=0.1, max=1e4)
+    ] = 20.0,
     bit_errors: Annotated[float, typer.Option(help="Share of wrong bits on a serial line.", min=0.0, max=0.1)] = 1e-4,
 ) -> None:
     """
-    Simulate what the surface would record of this tool; sent.csv has what was sent.
+    Simulate what the surface would record of this tool; sent.csv contains the words sent.
 
     Pulses and a carrier in the mud: pressure.csv, with two pumps and noise, and strokes.csv. A carrier in the earth:
     voltage.csv, with rig noise. A serial line: bytes.bin.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd trajectory`: the hole between the stations, by continuous measurements and the slide sheet."""
+"""`mwd trajectory`: the hole between the stations, from continuous measurements or the slide sheet."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ def trajectory(
     source: Annotated[
         Path, typer.Argument(metavar="LIST", help="Folder of a run, its surveys.json, or a list as in `mwd path`.")
     ],
-    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; made if need be.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
     continuous: Annotated[
         Path | None, typer.Option(help="Table of continuous md, inclination, azimuth: CSV or LAS.")
     ] = None,
     recording: Annotated[
-        Path | None, typer.Option(help="Recording of which LIST is the processed folder, for the rig's depths.")
+        Path | None, typer.Option(help="Recording that was processed into LIST, for the depths of the rig.")
     ] = None,
     slides: Annotated[
-        Path | None, typer.Option(help="Slide sheet, slides.jsonl; by default the one beside the list.")
+        Path | None, typer.Option(help="Slide sheet, slides.jsonl; by default the one in the folder of the list.")
     ] = None,
-    step: Annotated[float, typer.Option(help="Distance of the points, m.")] = 1.0,
+    step: Annotated[float, typer.Option(help="Distance between points, m.")] = 1.0,
     continuous_set: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,10 +58,10 @@ def trajectory(
     confirm: Confirm = None,
 ) -> None:
     """
-    Join the survey stations by continuous inclination and azimuth, or by the slide sheet where there are none.
+    Join the survey stations by continuous inclination and azimuth, or by the slide sheet if there are none.
 
-    Writes DIR/trajectory.csv and DIR/trajectory.las with the differences to minimum curvature, and
-    DIR/trajectory.png. The definitive list stays as it is.
+    Writes DIR/trajectory.csv and DIR/trajectory.las with the differences from minimum curvature, and
+    DIR/trajectory.png. The definitive list is not changed.
 
     \b
     Examples:
@@ -81,7 +81,7 @@ def trajectory(
     from mwd_surface.trajectory.slide_file import read_stretches
 
     if continuous is not None and recording is not None:
-        raise ValueError("--continuous and --recording: give one of them")
+        raise ValueError("--continuous and --recording: give only one of them")
     said = list_settings(options)
     if said != ListSettings() and not is_list(source):
         raise ValueError(
@@ -89,7 +89,7 @@ def trajectory(
         )
     surveys, remarks = surveys_of(source, said.given())
     if slides is not None and not slides.is_file():
-        raise ValueError(f"--slides {slides}: no such file")
+        raise ValueError(f"--slides {slides}: file not found")
     stretches = read_stretches(slides)[0] if slides is not None else stretches_of(source)[0]
     given = (
         _of_recording(source, surveys, recording)
@@ -103,7 +103,7 @@ def trajectory(
     for remark in (*remarks, *found.remarks):
         terminal.warn(remark)
     if not found.has_detail:
-        terminal.warn("nothing is known of any interval between stations: every one is an arc")
+        terminal.warn("there are no data for any interval between stations: all are drawn as arcs")
     terminal.output().print(summary(found), markup=False)
     files: dict[str, str | bytes] = {
         "trajectory.csv": trajectory_csv(found, path),
@@ -114,7 +114,7 @@ def trajectory(
 
 
 def _of_table(table: Path, said: ListSettings) -> Continuous:
-    """Continuous measurements of a table."""
+    """Return the continuous measurements of a table."""
     import dataclasses
 
     from mwd_surface.list_files.list_error import ListFileError
@@ -122,7 +122,7 @@ def _of_table(table: Path, said: ListSettings) -> Continuous:
     from mwd_surface.list_files.list_settings import asked
     from mwd_surface.trajectory.dense_trajectory import Continuous
 
-    # Samples lie so close together that their noise looks like a dogleg.
+    # Samples are so close together that their noise looks like a dogleg.
     said = dataclasses.replace(said, confirm=f"{said.confirm},dogleg")
     try:
         read = read_list(table, said.given())
@@ -141,6 +141,6 @@ def _of_recording(source: Path, surveys: SurveyList, recording: Path | None) -> 
         return None
     folder = source if source.is_dir() else source.parent
     if not run_folder.is_run(folder):
-        raise ValueError(f"--recording: {folder} is not a folder of `mwd process`, which has the attitude")
+        raise ValueError(f"--recording: {folder} is not a folder of `mwd process` with the attitude")
     with Bag(recording) as bag:
         return continuous_log(folder, bag, surveys.well.sensor_offset)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`mwd version`: versions of this project and of what it stands on."""
+"""`mwd version`: versions of this project and its dependencies."""
 
 from __future__ import annotations
 
 
 def version() -> None:
     """
-    Versions of mwd, Python, ROS and the packages that matter for a bug report.
+    Print the versions of mwd, Python, ROS and packages for a bug report.
 
     \b
     Example:
@@ -19,7 +19,7 @@ def version() -> None:
 
 
 def version_lines() -> list[str]:
-    """The versions, a line each."""
+    """Return the versions, one per line."""
     import importlib.metadata
     import os
     import platform

@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from mwd_surface.runs.player import Player, Playing
     from mwd_surface.trajectory.plan import Plan
 
-_PERIOD_S = 0.1  # between two states of the page
-_LOOK_S = 0.5  # s of work after which a state on the way to a moment is shown
+_PERIOD_S = 0.1  # s between two states of the page
+_LOOK_S = 0.5  # s of seeking after which an intermediate state is shown
 
 
 @reads_recording
 def view(
     run: Annotated[Path, typer.Argument(metavar="RUN|BAG", help="Folder of a run, or a recording.")],
     port: Annotated[int | None, typer.Option(help="Port of the page; by default 8080 or a free one.")] = None,
-    rate: Annotated[float, typer.Option(help="Seconds of the recording in a second.")] = 1.0,
-    paused: Annotated[bool, typer.Option("--paused", help="Do not play until the button is pressed.")] = False,
+    rate: Annotated[float, typer.Option(help="Speed relative to real time.")] = 1.0,
+    paused: Annotated[bool, typer.Option("--paused", help="Start paused, until the play button is pressed.")] = False,
     plan: Annotated[
         Path | None, typer.Option(help="Planned path, any list; by default the file named in the recording.")
     ] = None,
@@ -36,10 +36,10 @@ def view(
     reading: Reading,
 ) -> None:
     """
-    Show a recording on the live page: play it at any rate, and go to any moment of it with the slider.
+    Show a recording on the live page: play it at any rate, and seek any moment with the slider.
 
-    A recording without estimates is processed first, with the settings in it and the options of the input; the
-    recording behind the results of `mwd process`, as they were made. Needs no ROS. Ends with Ctrl-C.
+    A recording without estimates is processed first, with the settings in it and the input options; for results of
+    `mwd process`, their recording is processed with the same settings. Needs no ROS. Ends with Ctrl-C.
 
     \b
     Examples:
@@ -61,12 +61,14 @@ def view(
     if not 0.01 <= rate <= 1000.0:
         raise ValueError(f"--rate {rate:g}: must be from 0.01 to 1000")
     if not run.exists():
-        raise FileNotFoundError(2, "there is no such run or recording", str(run))
+        raise FileNotFoundError(2, "run or recording not found", str(run))
     recording, read = newest_recording(run), None
     if recording is None:
         read = processed_input(run)
         if read is None:
-            raise BagError(f"{run} holds no recording", "name a recording, or the folder of `mwd run` or `mwd process`")
+            raise BagError(
+                f"{run} contains no recording", "name a recording, or the folder of `mwd run` or `mwd process`"
+            )
         recording = read.recording
     asked = Playing(not paused, rate, reading["start_s"] or 0.0)
     with contextlib.ExitStack() as held:
@@ -80,7 +82,7 @@ def view(
         elif names := given_names({**reading, "start_s": None}):
             raise ValueError(f"{names[0]}: {recording} holds estimates, which are shown as they were recorded")
         elif read is not None:
-            terminal.remark("shown are the estimates in the recording, not those of these results")
+            terminal.remark("the estimates in the recording are shown, not those of these results")
         player = Player(bag, namespace_of(bag), settings, planned)
         page_port = held.enter_context(launch_plan.page_port(port))
 
@@ -98,7 +100,7 @@ def view(
 
 
 def _play(player: Player, asked: Playing, server: PageServer) -> None:
-    """Play until interrupted; a long way to a moment is shown while it is gone."""
+    """Play until interrupted; a long seek shows intermediate states."""
     import time
 
     from mwd_surface.page.state_json import StateJson
@@ -133,7 +135,7 @@ def _play(player: Player, asked: Playing, server: PageServer) -> None:
 
 
 def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
-    """The plan of a file, read as --plan-set says, or of the file that the surface node of the recording had."""
+    """Return the plan of a file, read as --plan-set says, or of the plan file of the recorded surface node."""
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import read_plan_option
     from mwd_surface.list_files.list_error import ListFileError
@@ -148,7 +150,7 @@ def _plan(bag: Bag, path: Path | None, said: list[str] | None) -> Plan | None:
         return None
     file = Path(named.file).expanduser()
     if not file.is_file():
-        terminal.remark(f"the plan of this recording, {file}, is not on this machine; --plan names it")
+        terminal.remark(f"the plan of this recording, {file}, is not on this machine; give it with --plan")
         return None
     try:
         return read_plan(file, given=named.given())

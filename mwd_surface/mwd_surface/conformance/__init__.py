@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tries, as a client, whether a control authority keeps the contract of a lease: ours, or a rig's own."""
+"""Conformance test of a control authority, ours or a rig's: tests as a client whether it keeps the lease contract."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tools of a conformance case: clients of one interface, the person at the rig, and the public state."""
+"""Test bench of a conformance case: clients of one interface, the person at the rig, and the public state."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from typing import Protocol
 from mwd_surface.control.set_point import Mode
 from mwd_surface.control.status import Permission
 
-HEARTBEAT = 0  # the number of a heartbeat
+HEARTBEAT = 0  # sequence number of a heartbeat
 
 
 class NotPossibleError(Exception):
-    """The interface has no way to express this, so that nobody can misuse it in this way."""
+    """Raised if the interface cannot express an action, so that this misuse is impossible."""
 
 
 class CaseError(Exception):
-    """Failed precondition of a case; the message names it."""
+    """Raised if a precondition of a case fails; the message names it."""
 
 
 @dataclasses.dataclass(frozen=True)
 class View:
-    """Public state, which every client can read: lease in force (0: none), mode, set-points, pending request."""
+    """Public state that every client can read: lease in force (0: none), mode, set-points, pending request."""
 
     lease: int
     mode: int
@@ -45,7 +45,7 @@ class Answer:
 
 @dataclasses.dataclass(frozen=True)
 class Wish:
-    """A request for control; units as in mwd_msgs/RequestControl. 0: as set at the rig."""
+    """A request for control; units as in mwd_msgs/RequestControl. A limit of 0 means as set at the rig."""
 
     name: str = "conformance one"
     priority: int = 5
@@ -67,7 +67,7 @@ class Point:
 
 
 class Peer(Protocol):
-    """One client of an interface, that the authority can tell from every other one."""
+    """One client of an interface, which the authority can distinguish from all others."""
 
     def ask(self, wish: Wish) -> Answer:
         """Ask for control, or for its renewal."""
@@ -76,48 +76,48 @@ class Peer(Protocol):
         """Send a set-point or a heartbeat; return whether the interface reports it as accepted."""
 
     def release(self, lease: int) -> bool:
-        """Give a lease back; returns whether that was done."""
+        """Give a lease back; return whether that was done."""
 
 
 class Interface(Protocol):
     """A connection to the authority under test."""
 
     name: str
-    largest: int  # number of a set-point that the interface can send
-    lag_s: float  # time after which `view` shows what was just done
+    largest: int  # largest set-point number that the interface can send
+    lag_s: float  # time after which `view` shows the last action
 
     def peer(self, number: int) -> Peer:
-        """Return one of the clients, the same for the same number."""
+        """Return a client; the same number gives the same client."""
 
     def view(self) -> View:
         """Read the public state."""
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return cases of this interface alone: title, what is expected, and the case."""
+        """Return the cases that exist for this interface only: title, expectation, and function."""
 
     def close(self) -> None:
-        """End all its clients."""
+        """Close all clients."""
 
 
 class Person(Protocol):
     """The person who decides at the rig."""
 
     def grant(self, number: int) -> bool:
-        """Grant a request; returns whether it was done."""
+        """Grant a request; return whether it was done."""
 
     def abort(self, name: str = "conformance") -> bool:
-        """Take control back; returns whether it was done."""
+        """Take control back; return whether it was done."""
 
 
 class Bench:
     """
-    One interface and the person at the rig.
+    Test bench of one interface and the person at the rig.
 
     Parameters
     ----------
     interface : Interface
     person : Person or None
-        None: nobody can grant or take back, so that cases that need a person are left out.
+        None: nobody can grant or take back control, so cases that need a person are skipped.
     heartbeat_s : float
         Time after which the authority counts a silent controller as dead.
     """
@@ -134,7 +134,7 @@ class Bench:
         return self._person
 
     def one(self) -> Peer:
-        """Return the client that behaves at first."""
+        """Return the client that gets control first."""
         return self.interface.peer(0)
 
     def other(self) -> Peer:
@@ -142,12 +142,12 @@ class Bench:
         return self.interface.peer(1)
 
     def view(self) -> View:
-        """Read the public state after it shows the last action."""
+        """Read the public state after waiting until it shows the last action."""
         time.sleep(self.interface.lag_s)
         return self.interface.view()
 
     def ask(self, peer: Peer, **wish: object) -> Answer:
-        """Ask, without a grant by a person."""
+        """Ask for control without a grant by a person."""
         answer = peer.ask(Wish(**wish))  # type: ignore[arg-type]
         if answer.lease:
             self._held.append((peer, answer.lease))
@@ -165,7 +165,7 @@ class Bench:
         return answer.lease
 
     def turning(self, peer: Peer, lease: int, sequence: int = 1, **point: object) -> None:
-        """Let the owner send a set-point, and check that it is in force."""
+        """Let the owner send a set-point, and check that it comes into force."""
         wanted = Point(**point)  # type: ignore[arg-type]
         peer.send(lease, sequence, wanted)
         if not self.until(lambda: self._in_force(lease, sequence)):
@@ -176,7 +176,7 @@ class Bench:
         return (view.lease, view.sequence) == (lease, sequence)
 
     def until(self, true: Callable[[], bool], seconds: float = 3.0) -> bool:
-        """Wait until something is true; returns whether it became so."""
+        """Wait until a condition is true; return whether it became true."""
         end = time.monotonic() + seconds
         while not true():
             if time.monotonic() > end:
@@ -185,20 +185,20 @@ class Bench:
         return True
 
     def lives(self, peer: Peer, lease: int, seconds: float) -> None:
-        """Let a controller send heartbeats for some time."""
+        """Send heartbeats of a controller for some time, s."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             peer.send(lease, HEARTBEAT, Point())
             time.sleep(min(0.2, self.heartbeat_s / 5.0))
 
     def ends(self, lease: int, within: float | None = None) -> bool:
-        """Whether a lease ends within a time, by default that of a dead controller and a second."""
+        """Return whether a lease ends in time, by default within the heartbeat time plus a margin."""
         return self.until(
             lambda: self.interface.view().lease != lease, self.heartbeat_s + 1.5 if within is None else within
         )
 
     def reset(self) -> None:
-        """Give the rig back to the driller, as every case finds it."""
+        """Give the rig back to the driller, the initial state of every case."""
         for peer, lease in reversed(self._held):
             try:
                 peer.release(lease)
@@ -208,4 +208,4 @@ class Bench:
         if self._person is not None:
             self._person.abort()
         if not self.until(lambda: self.interface.view().lease == 0, self.heartbeat_s + 3.0):
-            raise CaseError("the rig was not given back after the case before")
+            raise CaseError("the rig was not given back after the previous case")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Cases that every interface of a control authority must pass: each misuses it in one way and reads the public state.
+Cases that every interface of a control authority must pass; each misuses it in one way and reads the public state.
 
-A case is a function that takes a `Bench` and returns whether the authority behaved and what was observed.
+A case is a function that takes a `Bench` and returns whether the authority behaved correctly, and what was observed.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from mwd_surface.control.status import Permission
 Case = Callable[[Bench], tuple[bool, str]]
 CASES: list[tuple[str, str, Case]] = []
 _OBEYS = (Mode.ROTATE, Mode.ORIENT, Mode.PUMP)
-_FAR = 1e6  # beyond every limit, in any unit
+_FAR = 1e6  # value beyond every limit, in any unit
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """Result of one case; passed None: the interface cannot express the misuse, or nobody could decide."""
+    """Result of one case; passed is None if the interface cannot express the misuse or nobody could decide."""
 
     case: str
     interface: str
@@ -35,7 +35,7 @@ class Result:
 
 
 def case(title: str, expected: str) -> Callable[[Case], Case]:
-    """Add a case to the list."""
+    """Return a decorator that adds a case to the list."""
 
     def add(function: Case) -> Case:
         CASES.append((title, expected, function))
@@ -45,7 +45,7 @@ def case(title: str, expected: str) -> Callable[[Case], Case]:
 
 
 def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iterator[Result]:
-    """Try every case on an interface, one after the other."""
+    """Run every case on an interface, one after the other."""
     bench = Bench(interface, person, heartbeat_s)
     for title, expected, function in (*CASES, *interface.attacks()):
         passed: bool | None
@@ -61,7 +61,7 @@ def run(interface: Interface, person: Person | None, heartbeat_s: float) -> Iter
 
 
 def _refused(bench: Bench, lease: int, taken: bool, sequence: int = 1) -> tuple[bool, str]:
-    """Return whether the public state still shows the set-point that the owner sent under a number, and a text."""
+    """Return whether the owner's set-point with this number is still in force, and a text about it."""
     view = bench.view()
     same = (view.lease, view.sequence) == (lease, sequence)
     if taken or not same:
@@ -466,12 +466,12 @@ def _asks_left(bench: Bench) -> tuple[bool, str]:
 
 
 def _abort(title: str, before: Callable[[Bench], object]) -> None:
-    @case(f"abort: {title}", "top drive and pumps are the driller's")
+    @case(f"abort: {title}", "the driller controls top drive and pumps")
     def abort(bench: Bench) -> tuple[bool, str]:
         before(bench)
         done = bench.person.abort()
         bench.until(lambda: bench.interface.view().mode == Mode.RELEASE)
-        time.sleep(0.5)  # nobody follows by himself
+        time.sleep(0.5)  # time for an unwanted grant of a waiting request
         view = bench.view()
         passed = done and (view.lease, view.mode, view.pending) == (0, Mode.RELEASE, 0)
         return passed, f"lease {view.lease}, mode {view.mode}, waits {view.pending}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conformance over Modbus TCP: the blocks of docs/rig/control.md, each client with a connection of its own."""
+"""Conformance test over Modbus TCP with the blocks of docs/rig/control.md; each client has its own connection."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _REQUEST, _COMMAND, _STATE = 110, 120, 38
 _ASK, _RELEASE = 1, 2
 _RPM, _DEGREE, _LITRE_PER_MINUTE = math.pi / 30.0, math.pi / 180.0, 1e-3 / 60.0
 _LAG_S = 0.5  # values are sent ten times a second
-_LARGEST = 3e38  # of a float32
+_LARGEST = 3e38  # largest float32 that is sent
 
 
 class ModbusConformance:
@@ -48,17 +48,17 @@ class ModbusConformance:
         return client
 
     def peer(self, number: int) -> ModbusPeer:
-        """Return one of the clients."""
+        """Return a client."""
         if number not in self._peers:
             self._peers[number] = ModbusPeer(self, self.connect())
         return self._peers[number]
 
     def number_of(self, name: str) -> int:
-        """Return the number of a controller's name, which Modbus has in its place; 0 for none."""
+        """Return the number that stands for a controller's name in Modbus; 0 for an empty name."""
         if not name:
             return 0
         if len(name) > 100 or not name.isprintable():
-            raise NotPossibleError("a controller has a number, no name")
+            raise NotPossibleError("Modbus controllers have a number instead of a name")
         return self._numbers.setdefault(name, 7001 + len(self._numbers))
 
     def view(self) -> View:
@@ -68,33 +68,33 @@ class ModbusConformance:
         return View(words[2] << 16 | words[3], words[7], words[5], speed * _RPM, turn * _DEGREE, int(words[0] == 1))
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return cases of this interface alone."""
+        """Return the cases that exist for this interface only."""
         return [
             ("a part of a block", "exception; what was in force stays", _part),
             ("a single register", "exception; what was in force stays", _single),
-            ("a connection made again", "refused: another client", _again),
+            ("a new connection of the same client", "refused: another client", _again),
         ]
 
     def close(self) -> None:
-        """End all clients."""
+        """Close all clients."""
         for peer in self._peers.values():
             peer.client.close()
         self._reader.close()
 
 
 class ModbusPeer:
-    """One connection."""
+    """One Modbus connection."""
 
     def __init__(self, interface: ModbusConformance, client: Any) -> None:
         self._interface, self.client = interface, client
         self._names: dict[int, int] = {}
 
     def write(self, address: int, words: Sequence[int]) -> bool:
-        """Write registers by function 16; returns whether there was no exception."""
+        """Write registers by function 16; return whether there was no exception."""
         return not self.client.write_registers(address, list(words), device_id=self._interface.unit).isError()
 
     def ask(self, wish: Wish) -> Answer:
-        """Ask for control; Modbus has no place for limits, and for whole seconds only."""
+        """Ask for control; a Modbus request has no limits and only whole seconds."""
         if wish.wait or wish.speed or wish.left_speed:
             raise NotPossibleError("a request has no such field")
         if not (math.isfinite(wish.duration) and 0.0 <= wish.duration <= 0xFFFF):
@@ -115,7 +115,7 @@ class ModbusPeer:
         return self.write(_COMMAND, block(lease, sequence, point))
 
     def release(self, lease: int) -> bool:
-        """Give the lease back by the number it was asked under, or by the one that all can read."""
+        """Give the lease back under the number of its request, else under the owner's number, which is public."""
         own = self.client.read_input_registers(_STATE + 4, count=1, device_id=self._interface.unit).registers[0]
         return self.write(_REQUEST, (_RELEASE, self._names.get(lease, own), 0, 0))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conformance over OPC UA: the methods of docs/rig/control.md, each client with a session of its own."""
+"""Conformance test over OPC UA with the methods of docs/rig/control.md; each client has its own session."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NAMESPACE = "http://ddhub.no/MWDSurveyManifest/Variables/"
 
 
 class OpcuaKeys(NamedTuple):
-    """Certificate and private key of the client, certificate of the server, and the URI in the client's."""
+    """Certificate and private key of the client, certificate of the server, and the client's application URI."""
 
     certificate: Path
     private_key: Path
@@ -39,13 +39,13 @@ class OpcuaConformance:
 
     def __init__(self, url: str, keys: OpcuaKeys, well: str) -> None:
         self.url, self.keys, self.well = url, keys, well
-        # Do not log refused calls: the cases try calls that the server has to refuse.
+        # Do not log refused calls, because the cases make calls that the server must refuse.
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
         self._peers: dict[int, OpcuaPeer] = {}
         self._reader = OpcuaPeer(self)
 
     def peer(self, number: int) -> OpcuaPeer:
-        """Return one of the clients."""
+        """Return a client."""
         if number not in self._peers:
             self._peers[number] = OpcuaPeer(self)
         return self._peers[number]
@@ -57,11 +57,11 @@ class OpcuaConformance:
         return View(lease, mode, sequence, speed, turn, pending)
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return cases of this interface alone."""
+        """Return the cases that exist for this interface only."""
         return [
             ("a variable of control is written", "refused by the server", self._write),
             ("a method with an argument missing", "refused by the server", self._missing),
-            ("a session that is opened again with the same certificate", "refused: another client", self._again),
+            ("a new session with the same certificate", "refused: another client", self._again),
         ]
 
     def _write(self, bench: Bench) -> tuple[bool, str]:
@@ -96,13 +96,13 @@ class OpcuaConformance:
         return not taken, "taken" if taken else "refused"
 
     def close(self) -> None:
-        """End all clients."""
+        """Close all clients."""
         for peer in (*self._peers.values(), self._reader):
             peer.close()
 
 
 class OpcuaPeer:
-    """One session."""
+    """One OPC UA session."""
 
     def __init__(self, interface: OpcuaConformance) -> None:
         from asyncua import ua
@@ -134,7 +134,7 @@ class OpcuaPeer:
         return self._variables[name]
 
     def read(self, names: tuple[str, ...]) -> list[Any]:
-        """Read variables at one moment, whatever their status."""
+        """Read variables together, whatever their status."""
         from asyncua.ua.attribute_ids import AttributeIds
 
         nodes = [self.variable(name) for name in names]

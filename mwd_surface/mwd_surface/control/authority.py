@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The control authority: a state machine that gives one controller at a time a lease over top drive and pumps.
+Control authority: a state machine that gives one controller at a time a lease over top drive and pumps.
 
-Its shape is that of the D-WIS interface to a drilling control system (ADCS): a request is granted, pending or denied;
-its owner sends set-points and a heartbeat; a dead controller and a dead MWD end in a declared reaction. A lease is a
-contract: its owner can prolong it and do what was granted, nothing else, and nobody else can use it. The machine
-reads no clock: every call takes `now`, s, of one steady clock, and what is over at that time is ended first. It is safe
-to call from several threads, since page and rig interfaces have their own.
+It follows the D-WIS interface to a drilling control system (ADCS): a request is granted, pending or denied; the owner
+of the lease sends set-points and a heartbeat; a dead controller or a dead MWD causes a declared reaction. A lease is a
+contract: its owner can prolong it and do what was granted, nothing else, and nobody else can use it. The machine reads
+no clock: every call takes `now`, s, of one steady clock, and first ends what has expired by then. Calls from several
+threads are safe, because page and rig interfaces have their own threads.
 
-A part of the surface node that needs the rig (a downlink, say) is a controller like any other::
+A part of the surface node that needs the rig, for example a downlink, is a controller like any other::
 
     me = Sender("surface", "downlink")
     decision = authority.request(Request(me, "downlink", priority=50), now)
     if decision.permission == Permission.GRANTED:
         authority.command(SetPoint(Mode.PUMP, decision.lease, 1, flow_rate=0.02), now, me)
-    ...                                         # number 0, a heartbeat, at least once in heartbeat_s
-    authority.release(decision.lease, now, me)  # back to what the driller has set
+        ...                                         # send number 0 (heartbeat) at least once in heartbeat_s
+    authority.release(decision.lease, now, me)  # the driller's settings apply again
 """
 
 from __future__ import annotations
@@ -40,20 +40,22 @@ from mwd_surface.control.status import (
     Sender,
 )
 
-_SWITCHED_OFF = "control is switched off at this rig; set control.enabled to let controllers have it"
-_TORQUE_TIME = 1.0  # s that a torque must last above its limit; a peak of stick-slip is shorter
+_SWITCHED_OFF = "control is switched off at this rig; set control.enabled to allow it"
+_TORQUE_TIME = 1.0  # s for which the torque must exceed its limit; stick-slip peaks are shorter
 _LONGEST_NAME = 100
-_CLOCK_BACK = 1.0  # s; threads that wait for each other may bring times out of order by less
+_CLOCK_BACK = (
+    1.0  # s; the order of calls from several threads may differ from the order of their times by less than this
+)
 _WORDS = {
-    Reaction.KEEP: "the last set-point goes on; a person or a new lease ends it",
-    Reaction.HOLD: "the string is held; a person or a new lease ends it",
+    Reaction.KEEP: "the last set-point stays in force until a person or a new lease ends it",
+    Reaction.HOLD: "the string is held until a person or a new lease ends it",
     Reaction.RELEASE: "top drive and pumps are back with the driller",
 }
 
 
 @dataclasses.dataclass
 class _Lease:
-    """A lease, or a request that waits: number, request, limits; begin, end and last word of its controller, s."""
+    """A lease or a waiting request: number, request, limits; begin, end and last sign of life of its controller, s."""
 
     number: int
     request: Request
@@ -74,16 +76,16 @@ class _Lease:
 
 class ControlAuthority:
     """
-    Grants, watches and ends leases.
+    State machine that grants, watches and ends leases.
 
     Parameters
     ----------
     settings : ControlSettings
     first : int
-        Number of the first lease; `upcoming` is that of the next. A rig obeys no lease older than the newest it has
-        seen, so that numbers go on after a restart (`lease_numbers`).
+        Number of the first lease; `upcoming` is the number of the next one. A rig obeys no lease older than the newest
+        it has seen, so numbers must continue after a restart (`lease_numbers`).
     closed : str
-        Why nobody can have control, in a sentence with the remedy; empty: by the settings.
+        Why control is not available, with the remedy; empty: the settings decide.
     """
 
     def __init__(self, settings: ControlSettings, first: int = 1, closed: str = "") -> None:
@@ -111,7 +113,7 @@ class ControlAuthority:
     # Requests and decisions.
 
     def request(self, request: Request, now: float) -> Decision:
-        """Ask for control; asked again by the owner it prolongs the lease, within what was granted."""
+        """Ask for control; if the owner asks again, its lease is prolonged within what was granted."""
         with self._lock:
             now = self._pass(now)
             try:
@@ -129,7 +131,7 @@ class ControlAuthority:
             return self._decide(request, limits, now)
 
     def _renew(self, owner: _Lease, request: Request, limits: LeaseLimits, now: float) -> Decision:
-        """Prolong a lease; whatever else it asks for was not granted to it."""
+        """Prolong a lease; refuse a request for more than was granted."""
         beyond = limits.beyond(owner.limits)
         if request.priority > owner.request.priority:
             beyond.append("priority")
@@ -137,7 +139,7 @@ class ControlAuthority:
             beyond.append("duration")
         if beyond:
             text = "a lease can only be prolonged as it was granted; to get more, give it back and ask again"
-            return Decision(Permission.DENIED, 0, f"{', '.join(beyond)}: beyond what was granted: {text}")
+            return Decision(Permission.DENIED, 0, f"{', '.join(beyond)}: more than was granted: {text}")
         owner.heard, owner.ends = now, max(owner.ends, self._end(request, now))
         return Decision(Permission.GRANTED, owner.number, "renewed, within what was granted")
 
@@ -147,10 +149,10 @@ class ControlAuthority:
             return Decision(Permission.PENDING, pending.number, pending.waits)
         stronger = owner if owner is not None and owner.request.priority >= request.priority else None
         if stronger is not None and not request.wait:
-            text = f"{stronger.name} has control, priority {stronger.request.priority}; ask with wait, or later"
+            text = f"{stronger.name} has control, priority {stronger.request.priority}; ask with wait, or ask later"
             return Decision(Permission.DENIED, 0, text)
         if pending is not None and pending.request.priority >= request.priority:
-            return Decision(Permission.DENIED, 0, f"a request of {pending.name} waits already; ask later")
+            return Decision(Permission.DENIED, 0, f"a request of {pending.name} is already waiting; ask later")
         if self.upcoming > LARGEST_NUMBER:
             return Decision(
                 Permission.DENIED, 0, "all lease numbers of this well are used; give the well another folder"
@@ -170,16 +172,17 @@ class ControlAuthority:
 
     def judge(self, judgement: int, operator: str, now: float, reason: str = "", number: int = 0) -> tuple[bool, str]:
         """
-        Carry out a person's decision; answers whether it was done, and what was done or why not.
+        Carry out a person's decision; return whether it was done, and a message.
 
-        number: of the request, as the person saw it; 0: the one that waits, which is not enough to grant.
+        number: number of the request as the person saw it. 0 stands for the waiting request, but is not enough to grant
+        it.
         """
         with self._lock:
             now = self._pass(now)
             because = f": {reason}" if reason else ""
             if judgement == Judgement.ABORT:
                 self._abort(operator.strip() or "somebody without a name", because)
-                return True, "top drive and pumps are the driller's"
+                return True, "the driller controls top drive and pumps"
             if not operator.strip():
                 return False, "operator_name: must not be empty: the log records who did it"
             if judgement not in (Judgement.GRANT, Judgement.DENY):
@@ -199,7 +202,7 @@ class ControlAuthority:
             return True, f"{pending.name} is denied"
 
     def _abort(self, operator: str, because: str) -> None:
-        """Give top drive and pumps to the driller, whatever the state; a request that waits must not follow at once."""
+        """Give top drive and pumps to the driller in any state, and drop a waiting request so it is not granted."""
         if self._pending is not None:
             self._log(f"the request of {self._pending.name} ended: {operator} took control back")
             self._pending = None
@@ -207,7 +210,7 @@ class ControlAuthority:
             self._end_lease(f"{operator} took control back{because}", Reaction.RELEASE)
 
     def release(self, lease: int, now: float, sender: Sender, reason: str = "") -> tuple[bool, str]:
-        """Give a lease back, or withdraw a pending request, by its sender; answers whether it was done."""
+        """Give back a lease, or withdraw a pending request, of this sender; return success and a message."""
         with self._lock:
             self._pass(now)
             because = f": {reason}" if reason else ""
@@ -222,7 +225,7 @@ class ControlAuthority:
                 self._pending = None
                 return True, "withdrawn"
             self._end_lease(f"{found[0].name} gave control back{because}", Reaction.RELEASE)
-            return True, "top drive and pumps are the driller's"
+            return True, "the driller controls top drive and pumps"
 
     def _checked(self, request: Request) -> LeaseLimits:
         for name in ("controller", "role"):
@@ -248,7 +251,7 @@ class ControlAuthority:
             self._log(f"{self._lease.name} loses control to {lease.name}")
         lease.heard, lease.ends = now, self._end(lease.request, now)
         self._lease, self._newest = lease, lease.number
-        # What is in force goes on where the new owner could have asked for it, so that the string does not jerk.
+        # Keep the set-points in force if they are within the new owner's limits, so that the string does not jerk.
         self._rig.limit(lease.limits)
         self._sequence = self._acknowledged = 0
         self._refusal = self._reason = self._fault = ""
@@ -260,7 +263,7 @@ class ControlAuthority:
             reaction = Reaction.RELEASE
         self._react(reaction)
         if reaction != Reaction.RELEASE:
-            # Nobody watches the pumps any more, whatever the string is to do.
+            # Without an owner nobody watches the pumps, whatever the string does.
             self._rig.stop_pump()
         self._fault = "" if reaction == Reaction.RELEASE else "ownerless"
         self._refusal, self._torque_since = "", math.inf
@@ -279,9 +282,10 @@ class ControlAuthority:
 
     def command(self, point: SetPoint, now: float, sender: Sender) -> tuple[bool, str]:
         """
-        Take a set-point of the owner, or with number 0 its heartbeat; answers whether it was taken, or why not.
+        Process a set-point or, with number 0, a heartbeat of the owner; return whether it was accepted, and why not.
 
-        A refused one changes nothing: it is no heartbeat either, since its controller does not do what it should.
+        A refused set-point changes nothing and does not count as a heartbeat, because its controller does not work
+        properly.
         """
         with self._lock:
             now = self._pass(now)
@@ -291,7 +295,7 @@ class ControlAuthority:
                 holder = "nobody has control" if owner is None else f"{owner.name} has control"
                 return False, f"lease {point.lease} is not in force: {holder}"
             if sender != owner.sender:
-                # The number of the lease is not a proof: every client can read it.
+                # The lease number is no proof of identity, because every client can read it.
                 self.refused += 1
                 return False, f"lease {point.lease} belongs to {owner.name}; only {owner.name} can command under it"
             if point.sequence == 0:
@@ -315,7 +319,7 @@ class ControlAuthority:
 
     def _check_number(self, sequence: int) -> None:
         if sequence <= self._sequence:
-            text = f"{sequence} is not above {self._sequence}, the last that was taken"
+            text = f"{sequence} is not above {self._sequence}, the last that was accepted"
             raise ValueError(f"sequence: {text}; number 0 is a heartbeat")
 
     def _check_mwd(self, mode: int) -> None:
@@ -324,7 +328,7 @@ class ControlAuthority:
             raise ValueError("the MWD is silent: hold or release until its attitude is back")
 
     def on_acknowledge(self, lease: int, number: int, obeyed: bool, message: str) -> None:
-        """Take the rig's answer to a command; lease and number are those of the command that was sent to it."""
+        """Process the rig's answer to a command; lease and number are those of the command that the rig received."""
         with self._lock:
             asked = self._rig.answered(number)
             if self._lease is None or lease != self._lease.number or asked != self._sequence:
@@ -335,7 +339,7 @@ class ControlAuthority:
                 self._refusal = f"the rig refuses: {message}"
 
     def on_rig(self, achieved: Achieved, now: float) -> None:
-        """Accept the state of the rig."""
+        """Store the state of the rig."""
         with self._lock:
             self._achieved = achieved
             limit = math.inf if self._lease is None else self._lease.limits.torque
@@ -343,7 +347,7 @@ class ControlAuthority:
             self._torque_since = min(self._torque_since, now) if above else math.inf
 
     def on_mwd(self, alive: bool) -> None:
-        """Take whether attitude and toolface arrive."""
+        """Store whether attitude and toolface arrive; react if they stop."""
         with self._lock:
             lost, self._mwd_alive = self._mwd_alive and not alive, alive
             if alive and self._fault == "mwd":
@@ -361,7 +365,7 @@ class ControlAuthority:
     # Time.
 
     def update(self, now: float) -> list[SetPoint]:
-        """Let time pass; returns the commands that are due to the rig. Called about ten times a second."""
+        """Advance the time and return the commands that are due to the rig; called about ten times per second."""
         with self._lock:
             now = self._pass(now)
             if self._lease is None and self._pending is not None and self.settings.grant == "automatic":
@@ -370,9 +374,9 @@ class ControlAuthority:
             return self._rig.due(self._newest, self._sequence, now)
 
     def _pass(self, now: float) -> float:
-        """End what is over by `now`; returns the time that counts, which does not go back."""
+        """End what has expired by `now`; return the time in force, which never goes back."""
         if now < self._now - _CLOCK_BACK:
-            # After the clock went back, no duration is known any more.
+            # Durations are unknown after the clock has gone back.
             self._now, self._pending = now, None
             if self._lease is not None:
                 reaction = self._reactions[f"controller_lost_{'rotating' if self._rig.rotating else 'sliding'}"]
@@ -401,7 +405,7 @@ class ControlAuthority:
     # What people see.
 
     def status(self, now: float) -> ControlStatus:
-        """Return the state of control as of `now`."""
+        """Return the state of control at `now`."""
         with self._lock:
             rig, drive, pump = self._rig, self._rig.drive, self._rig.pump
             state = ControlState.PENDING if self._pending is not None else ControlState.IDLE
@@ -439,7 +443,7 @@ class ControlAuthority:
             )
 
     def take_events(self) -> list[str]:
-        """Return what happened since the last call, for the log."""
+        """Return the events since the last call, for the log."""
         with self._lock:
             events, self._events = self._events, []
             return events
@@ -449,7 +453,7 @@ class ControlAuthority:
 
 
 def _not_the_same(lease: _Lease, request: Request) -> str:
-    """Why a request is denied whose sender or name, but not both, is that of a lease or of a request that waits."""
+    """Return why a request is denied if only its sender, or only its name, matches a lease or a waiting request."""
     if lease.sender == request.sender:
-        return f"controller: you are {lease.name} already; give lease {lease.number} back to ask under another name"
-    return f"controller: {lease.name} is another's name, by {lease.sender.interface}; ask under one of your own"
+        return f"controller: you already are {lease.name}; give lease {lease.number} back to ask under another name"
+    return f"controller: {lease.name} is the name of another controller on {lease.sender.interface}; use another name"

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Numbers of leases that only grow, over restarts and a clock that was set back.
+Lease numbers that only increase, even over restarts and after the clock was set back.
 
-A rig obeys no lease older than the newest it has seen, so that a number given twice would be ignored or, worse, obeyed
-for another controller. Numbers are reserved in blocks before the first of a block is given: a power cut skips the rest
-of a block and repeats none.
+A rig obeys no lease older than the newest it has seen. A number given twice would be ignored, or be obeyed for the
+wrong controller. Numbers are reserved in blocks before the first number of a block is given: after a power cut the rest
+of a block is skipped, and no number is repeated.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LARGEST = 2**32 - 1  # uint32 on the wire
 
 class LeaseNumbers:
     """
-    The numbers of one well, in a file.
+    Lease numbers of one well, kept in a file.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class LeaseNumbers:
     Attributes
     ----------
     end : int
-        One beyond the last number that is reserved.
+        One more than the last reserved number.
     """
 
     def __init__(self, file: Path) -> None:
@@ -41,15 +41,15 @@ class LeaseNumbers:
 
     def first(self, at_least: int) -> int:
         """
-        First number that no earlier lease of this well has had.
+        Return the first number that no earlier lease of this well has had.
 
         at_least : int
-            From where on; the clock, for a file that is lost.
+            Lower bound, from the clock, in case the file was lost.
 
         Raises
         ------
         ValueError
-            The file cannot be read or understood; the message says what to do.
+            The file cannot be read or parsed; the message says what to do.
         """
         try:
             reserved = load_json(read_text(self._file, budgets.JSON))["reserved_below"]
@@ -59,13 +59,15 @@ class LeaseNumbers:
             why = without_contents(self._file, error)
             raise ValueError(f"{why}; delete it if no lease is newer than the clock") from error
         if type(reserved) is not int or not 0 <= reserved <= _LARGEST - _BLOCK:
-            raise ValueError(f"{self._file}: no such number; delete it if no lease is newer than the clock")
+            raise ValueError(
+                f"{self._file}: the number in it is not valid; delete the file if no lease is newer than the clock"
+            )
         self.end = max(reserved, at_least)
         return self.end
 
     def reserve(self, upcoming: int) -> None:
         """
-        Keep a block ahead of the number that is given next; to be called before it is given.
+        Make sure that a block of numbers is reserved before the next number is given.
 
         Raises
         ------

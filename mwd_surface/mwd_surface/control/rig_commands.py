@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What is asked of the rig at present: set-points of top drive and pumps, their ramp and validity, and the commands due.
+Commands to the rig: set-points of top drive and pumps, their ramp and validity, and the commands that are due.
 
-The rig gets each command once more every half second. Its numbers count what was asked: the same number again is no new
-command, so that a turn is made once.
+Each command is repeated every half second. The rig ignores a repeated number, so a turn is made only once; a changed
+set-point gets a new number.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ import math
 
 from mwd_surface.control.set_point import LeaseLimits, Mode, SetPoint, check, ramped
 
-RIG_TIMEOUT = 2.0  # s; without a command for so long the rig reacts by itself
+RIG_TIMEOUT = 2.0  # s without a command after which the rig reacts by itself
 _REFRESH = 0.5  # s between repetitions of a command
 _MOST_UNANSWERED = 100
-# s of a ramp that one call may make up for. The surface calls ten times a second; a process that stood still must not
-# ask in one step for what the string was to reach meanwhile.
+# Longest time step of a ramp, s. The surface calls ten times per second; after a pause of the process, the speed must
+# not jump to the value that the ramp would have reached meanwhile.
 _LONGEST_STEP = 0.2
 
 
 @dataclasses.dataclass
 class _Channel:
     """
-    Top drive, or pumps.
+    State of the top drive or of the pumps.
 
-    point: what is asked; None: the driller's. lapses: when its time is over. set: counts what was asked. key, number,
-    sent_at: what the rig was sent last, under which number, and when.
+    point: set-point in force, None if the driller controls it. lapses: when its validity ends. set: counter of
+    set-points. key, number, sent_at: last command sent to the rig, its number, and when it was sent.
     """
 
     point: SetPoint | None = None
@@ -40,12 +40,13 @@ class _Channel:
 
 class RigCommands:
     """
-    Commands to the rig.
+    Commands to the rig and their timing.
 
     Parameters
     ----------
     returns : bool
-        Whether a rotating rig that hears nothing more goes back to what the driller has set; otherwise it holds.
+        Whether a rotating rig without further commands returns to the driller's settings; otherwise it holds the
+        string.
     """
 
     def __init__(self, *, returns: bool) -> None:
@@ -59,31 +60,31 @@ class RigCommands:
 
     @property
     def drive(self) -> SetPoint | None:
-        """What is asked of the top drive; None: it is the driller's."""
+        """Set-point of the top drive; None if the driller controls it."""
         return self._drive.point
 
     @property
     def pump(self) -> SetPoint | None:
-        """What is asked of the pumps; None: they are the driller's."""
+        """Set-point of the pumps; None if the driller controls them."""
         return self._pump.point
 
     @property
     def speed(self) -> float:
-        """Speed asked of the top drive now, on its ramp, rad/s."""
+        """Commanded speed of the top drive at this point of its ramp, rad/s."""
         return self._speed if self.drive is not None and self.drive.mode == Mode.ROTATE else 0.0
 
     @property
     def active(self) -> bool:
-        """True while anything is asked."""
+        """Whether any set-point is in force."""
         return self.drive is not None or self.pump is not None
 
     @property
     def rotating(self) -> bool:
-        """True where the top drive is asked to rotate."""
+        """Whether the top drive is commanded to rotate."""
         return self.drive is not None and self.drive.mode == Mode.ROTATE
 
     def limit(self, limits: LeaseLimits) -> None:
-        """Set the limits in force; what is beyond them, or still on its ramp from beyond, goes back to the driller."""
+        """Set the limits; if a set-point or the present speed of the ramp exceeds them, give control to the driller."""
         self._limits = limits
         if self.rotating and not -limits.left_speed <= self._speed <= limits.speed:
             self.let_go()
@@ -95,35 +96,35 @@ class RigCommands:
                     self.let_go()
 
     def take(self, point: SetPoint, achieved_speed: float, now: float) -> None:
-        """Ask for a set-point that has been checked; achieved_speed: of the top drive, rad/s, where its ramp begins."""
+        """Set a checked set-point; achieved_speed: present speed of the top drive, rad/s, at which a ramp begins."""
         if point.mode == Mode.RELEASE:
             self.let_go()
         elif point.mode == Mode.PUMP:
             self._set(self._pump, point, now + point.valid_for)
         else:
             if point.mode == Mode.ROTATE and not self.rotating:
-                # The driller's speed is where the ramp begins; a string that is held begins at rest.
+                # The ramp begins at the driller's speed; after holding, the string begins at rest.
                 speed = achieved_speed if self.drive is None else 0.0
                 self._speed = min(max(speed, -self._limits.left_speed), self._limits.speed)
                 self._ramp_at = now
             self._set(self._drive, point, now + point.valid_for)
 
     def hear(self, now: float) -> None:
-        """Accept a heartbeat: the set-points of top drive and pumps are valid for their full time again."""
+        """Process a heartbeat: restart the validity of both set-points."""
         for channel in (self._drive, self._pump):
             if channel.point is not None and math.isfinite(channel.lapses):
                 channel.lapses = now + channel.point.valid_for
 
     def hold(self) -> None:
-        """Hold the string, without end."""
+        """Hold the string without a time limit."""
         self._set(self._drive, SetPoint(Mode.HOLD, 0, 1), math.inf)
 
     def keep(self) -> None:
-        """Let what is asked of the top drive go on, without end."""
+        """Keep the set-point of the top drive without a time limit."""
         self._drive.lapses = math.inf
 
     def let_go(self) -> None:
-        """Give both back to the driller."""
+        """Give top drive and pumps back to the driller."""
         self._release_due = self._release_due or self.active
         self._drive.point = self._pump.point = None
 
@@ -131,11 +132,11 @@ class RigCommands:
         """Give the pumps back to the driller."""
         if self.drive is None:
             self.let_go()
-        # The rig ends a flow by itself that is not asked for again.
+        # The rig ends a flow by itself when the command is no longer repeated.
         self._pump.point = None
 
     def lapse(self, now: float) -> None:
-        """End what is asked where its time is over."""
+        """End the set-points whose validity is over."""
         drive = self.drive
         if drive is not None and now >= self._drive.lapses:
             if drive.mode == Mode.ROTATE and drive.returns:
@@ -146,7 +147,7 @@ class RigCommands:
             self.stop_pump()
 
     def due(self, lease: int, sequence: int, now: float) -> list[SetPoint]:
-        """Return the commands that the rig is to get now; sequence: of the controller's set-point in force."""
+        """Return the commands to send to the rig now; sequence: number of the controller's set-point in force."""
         if self._release_due:
             self._release_due = False
             return [SetPoint(Mode.RELEASE, lease, self._number(sequence), valid_for=RIG_TIMEOUT)]
@@ -170,7 +171,7 @@ class RigCommands:
         return found
 
     def answered(self, number: int) -> int:
-        """Return the controller's number behind a command that the rig answers; 0 where nobody waits for that."""
+        """Return the controller's number for a command that the rig answers; 0 if nobody waits for the answer."""
         return self._unanswered.pop(number, 0)
 
     def _set(self, channel: _Channel, point: SetPoint, lapses: float) -> None:

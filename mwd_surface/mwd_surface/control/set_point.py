@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller asks of top drive and pumps, the limits it must keep, and the ramp of the speed."""
+"""Set-points of a controller for top drive and pumps, the limits of a lease, and the ramp of the speed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from mwd_surface.control.settings import ControlSettings
 
 _RPM = math.pi / 30.0
 _LITRE_PER_MINUTE = 1e-3 / 60.0
-_ROUNDING = 1.0 + 1e-6  # of float32 registers
-LARGEST_NUMBER = 2**32 - 1  # of leases and set-points, uint32 on the wire
+_ROUNDING = 1.0 + 1e-6  # tolerance for float32 registers
+LARGEST_NUMBER = 2**32 - 1  # largest number of a lease or set-point, uint32 on the wire
 
 
 class Mode(enum.IntEnum):
-    """As in mwd_msgs/RigCommand."""
+    """Mode of a set-point, as in mwd_msgs/RigCommand."""
 
     HOLD = 0
     ROTATE = 1
@@ -28,20 +28,21 @@ class Mode(enum.IntEnum):
 @dataclasses.dataclass(frozen=True)
 class LeaseLimits:
     """
-    Limits of a lease, not below 0; in a request 0 means: as set at the rig, but for the left-hand ones, none.
+    Limits of a lease, not below 0. In a request 0 means the limit set at the rig; for left-hand limits it means none.
 
     Attributes
     ----------
     speed, speed_rate : float
-        Of the top drive, rad/s and rad/s^2; the speed clockwise looking down-hole.
+        Limits of the top drive, rad/s and rad/s^2; the speed is clockwise looking downhole.
     torque : float
-        Measured at the top drive, N m.
+        Limit of the torque measured at the top drive, N m.
     turn : float
-        Of one ORIENT clockwise, rad.
+        Limit of one ORIENT clockwise, rad.
     flow : float
-        m^3/s.
+        Limit of the flow, m^3/s.
     left_speed, left_turn : float
-        Counter-clockwise, which can unscrew the string: nobody gets it who does not ask for it by number. rad/s, rad.
+        Counter-clockwise limits, rad/s and rad. Left-hand motion can unscrew the string, so it must be requested
+        explicitly.
     """
 
     speed: float = 0.0
@@ -67,7 +68,7 @@ class LeaseLimits:
 
     def within(self, site: LeaseLimits) -> LeaseLimits:
         """
-        Return the narrower of each.
+        Return the narrower of each limit of the request and the rig.
 
         Raises
         ------
@@ -92,22 +93,22 @@ class LeaseLimits:
 @dataclasses.dataclass(frozen=True)
 class SetPoint:
     """
-    Set-point of the top drive, or with PUMP of the pumps; as mwd_msgs/RigCommand.
+    Set-point of the top drive or, with mode PUMP, of the pumps; as mwd_msgs/RigCommand.
 
     Attributes
     ----------
     mode : int
-        Of `Mode`.
+        Value of `Mode`.
     lease, sequence : int
-        Under which lease, and the number of the set-point, which grows within the lease; 0 is a heartbeat alone.
+        Number of the lease, and number of the set-point, which increases within the lease; 0 is a heartbeat.
     rotary_speed, turn, flow_rate : float
-        Of ROTATE, rad/s; of ORIENT, rad; of PUMP, m^3/s.
+        Speed for ROTATE, rad/s; turn for ORIENT, rad; flow for PUMP, m^3/s.
     valid_for : float
-        s, above 0: with no newer command the string is held then.
+        Validity, s, above 0; without a newer command the string is held after this time.
     returns : bool
-        Of ROTATE: it returns then to what the driller has set; PUMP always does.
+        For ROTATE: return to the driller's settings after this time instead of holding. PUMP always returns.
     stamp_ns : int
-        Of the toolface that led to it, or 0.
+        Stamp of the toolface that led to the set-point, or 0.
     """
 
     mode: int
@@ -123,12 +124,12 @@ class SetPoint:
 
 def check(point: SetPoint, limits: LeaseLimits) -> None:
     """
-    Whether a set-point is one and within the limits.
+    Check that a set-point is valid and within the limits.
 
     Raises
     ------
     ValueError
-        An unknown mode, a number that is not finite, beyond its limit, or a time that is not positive.
+        The mode is unknown, a number is not finite or beyond its limit, or the validity is not positive.
     """
     if point.mode not in set(Mode):
         raise ValueError(f"mode: must be one of {', '.join(f'{m.value} {m.name.lower()}' for m in Mode)}")
@@ -140,7 +141,7 @@ def check(point: SetPoint, limits: LeaseLimits) -> None:
         ("flow_rate", 0.0, limits.flow, "m^3/s"),
     ):
         value = getattr(point, name)
-        # Units of a protocol cost some digits; a limit of zero stays zero.
+        # Allow for rounding by a protocol's units; a limit of zero stays zero.
         if not (math.isfinite(value) and low * _ROUNDING <= value <= high * _ROUNDING):
             raise ValueError(f"{name}: the lease allows {low:.4g} to {high:.4g} {unit}, got {value:g}")
     if not (math.isfinite(point.valid_for) and point.valid_for > 0.0):
@@ -148,6 +149,6 @@ def check(point: SetPoint, limits: LeaseLimits) -> None:
 
 
 def ramped(speed: float, wanted: float, rate: float, elapsed: float) -> float:
-    """Speed, rad/s, after `elapsed` s on the way to `wanted` at no more than `rate`, rad/s^2."""
+    """Return the speed, rad/s, after `elapsed` s on the way to `wanted` at a rate of at most `rate`, rad/s^2."""
     step = rate * max(elapsed, 0.0)
     return wanted if abs(wanted - speed) <= step else speed + math.copysign(step, wanted - speed)

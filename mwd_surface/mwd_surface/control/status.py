@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State of control as page, ROS and rig interfaces show it, and the records of request and decision."""
+"""State of control as shown by page, ROS and rig interfaces, and the records of requests and decisions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from mwd_surface.control.set_point import LeaseLimits, Mode
 
 
 class ControlState(enum.IntEnum):
-    """As in mwd_msgs/ControlState."""
+    """State of control, as in mwd_msgs/ControlState."""
 
     IDLE = 0
     PENDING = 1
@@ -20,7 +20,7 @@ class ControlState(enum.IntEnum):
 
 
 class Reaction(enum.IntEnum):
-    """As in mwd_msgs/ControlState: what happens when controller or MWD dies."""
+    """Reaction to the loss of controller or MWD, as in mwd_msgs/ControlState."""
 
     KEEP = 0
     HOLD = 1
@@ -28,7 +28,7 @@ class Reaction(enum.IntEnum):
 
 
 class Permission(enum.IntEnum):
-    """As in mwd_msgs/RequestControl."""
+    """Answer to a request, as in mwd_msgs/RequestControl."""
 
     DENIED = 0
     PENDING = 1
@@ -36,7 +36,7 @@ class Permission(enum.IntEnum):
 
 
 class Judgement(enum.IntEnum):
-    """As in mwd_msgs/JudgeControl."""
+    """Decision of a person, as in mwd_msgs/JudgeControl."""
 
     GRANT = 0
     DENY = 1
@@ -50,8 +50,8 @@ class Sender:
 
     Only the sender of a request renews its lease, commands under it and gives it back.
 
-    interface: its name. identity: what nobody else on that interface can have, such as a connection or a key; it is not
-    a secret.
+    interface: its name. identity: something that no other sender on this interface can have, such as a connection or a
+    key; it is not a secret.
     """
 
     interface: str
@@ -64,11 +64,11 @@ class Sender:
 @dataclasses.dataclass(frozen=True)
 class Request:
     """
-    Who asks for control; as mwd_msgs/RequestControl.
+    Request for control; as mwd_msgs/RequestControl.
 
-    sender: to whom the lease is bound. controller: name. role: in a word or two. priority: 0 to 255, a higher one than
-    the owner's takes over. wait: wait for the owner to leave. duration: s, 0: the longest allowed. limits: 0 each: as
-    set at the rig, but for the left-hand ones.
+    sender: owner of the lease if granted. controller: its name. role: purpose in a word or two. priority: 0 to 255; a
+    higher one than the owner's takes over. wait: whether to wait for the owner to leave. duration: s, 0: the longest
+    allowed. limits: 0 each: as set at the rig, except for the left-hand ones.
     """
 
     sender: Sender
@@ -82,7 +82,7 @@ class Request:
 
 @dataclasses.dataclass(frozen=True)
 class Decision:
-    """Answer to a request: permission, number of lease or pending request (0: denied), and why in a sentence."""
+    """Answer to a request: permission, number of the lease or pending request (0: denied), and the reason."""
 
     permission: Permission
     lease: int
@@ -91,7 +91,7 @@ class Decision:
 
 @dataclasses.dataclass(frozen=True)
 class Achieved:
-    """What the rig does: speed of the top drive, rad/s, its torque, N m, flow, m^3/s; None: it does not say."""
+    """State reported by the rig: speed of the top drive, rad/s, torque, N m, flow, m^3/s; None if not reported."""
 
     speed: float | None = None
     torque: float | None = None
@@ -106,13 +106,13 @@ class ControlStatus:
     Attributes
     ----------
     heartbeat_age, remaining : float or None
-        s; None without an owner.
+        Time since the last heartbeat and time left of the lease, s; None without an owner.
     mode : Mode
-        Of the top drive; RELEASE: the driller's.
+        Mode of the top drive; RELEASE: the driller controls it.
     flow_rate : float or None
-        Asked of the pumps; None: the driller's.
+        Flow commanded to the pumps; None: the driller controls them.
     reactions : mapping of str to Reaction
-        By the name of the setting.
+        Reactions by the name of their setting.
     """
 
     state: ControlState = ControlState.IDLE
@@ -141,20 +141,20 @@ class ControlStatus:
 
     @property
     def asked_speed(self) -> float | None:
-        """Speed asked of the top drive, rad/s; None: no speed is asked."""
+        """Speed commanded to the top drive, rad/s; None if no speed is commanded."""
         return self.rotary_speed if self.mode == Mode.ROTATE else None
 
     @property
     def asked_turn(self) -> float | None:
-        """Turn asked of the top drive, rad; None: no turn is asked."""
+        """Turn commanded to the top drive, rad; None if no turn is commanded."""
         return self.turn if self.mode == Mode.ORIENT else None
 
     @property
     def speed_limit(self) -> float | None:
-        """Of the lease, rad/s; None where control is switched off."""
+        """Speed limit of the lease, rad/s; None if control is switched off."""
         return self.limits.speed if self.enabled else None
 
     @property
     def flow_limit(self) -> float | None:
-        """Of the lease, m^3/s; None where control is switched off."""
+        """Flow limit of the lease, m^3/s; None if control is switched off."""
         return self.limits.flow if self.enabled else None

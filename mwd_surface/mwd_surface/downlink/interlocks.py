@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interlocks of the downlink: what must hold before a command is sent and while it is, each with its sentence."""
+"""Interlocks of the downlink: conditions before and while a command is sent, each with its message."""
 
 from __future__ import annotations
 
@@ -15,28 +15,29 @@ _BAR = 1e5
 _RIG_SILENT_S = 2.0
 _LINK_SILENT_S = 10.0
 _USUAL_S = 60.0
-# Pressure over flow to this power changes little with the flow (turbulent flow in pipes; Blasius' friction law: 1.75).
+# Exponent of pressure loss against flow (turbulent pipe flow, Blasius); pressure / flow^1.75 changes little with the
+# flow.
 _POWER = 1.75
 
 
 class Readings(NamedTuple):
     """
-    What the surface knows at a moment; None is unknown.
+    Present readings at the surface; None means unknown.
 
     Attributes
     ----------
     rig_age_s : float
-        Of the rig's data.
+        Age of the rig's data.
     flow, rotary_speed, pressure : float or None
-        m^3/s, rad/s of the top drive, Pa.
+        m^3/s; rad/s of the top drive; Pa.
     in_slips : bool or None
     link_locked : bool
-        Words arrive over the link.
+        Whether words arrive over the link.
     link_age_s : float
-        Of the link's state.
+        Age of the link's state.
     survey_running : bool
     no_control : str
-        Why the rig does not take set-points; empty: it does.
+        Why the rig does not accept set-points; empty if it does.
     """
 
     rig_age_s: float = math.inf
@@ -50,12 +51,12 @@ class Readings(NamedTuple):
     no_control: str = ""
 
 
-# m^3/s, rad/s and Pa that no rig reaches.
+# Values that no rig reaches: m^3/s, rad/s and Pa.
 _MOST = {"flow": 1.0, "rotary_speed": 100.0, "pressure": 1e9}
 
 
 def possible(readings: Readings) -> Readings:
-    """Return the readings without those that no rig can have: they are not known."""
+    """Return the readings with impossible values replaced by None."""
     known: dict[str, Any] = {name: getattr(readings, name) for name in _MOST}
     for name, value in known.items():
         if value is not None and not abs(value) < _MOST[name]:
@@ -64,7 +65,7 @@ def possible(readings: Readings) -> Readings:
 
 
 class StallWatch:
-    """Tells a stall of the motor: a pressure that rises over what it usually is at the flow."""
+    """Detector of a motor stall: a rise of the pressure over its usual value at the same flow."""
 
     def __init__(self, share: float) -> None:
         self._share = share
@@ -72,7 +73,7 @@ class StallWatch:
         self.stalled = False
 
     def take(self, now: float, flow: float | None, pressure: float | None, least_flow: float) -> None:
-        """Take a reading; now: steady time, s. Below least_flow, m^3/s, it learns nothing."""
+        """Add a reading; now: steady time, s. Below least_flow, m^3/s, the usual pressure is forgotten."""
         if flow is None or pressure is None or flow < least_flow:
             self._ratios.clear()
             self.stalled = False
@@ -87,12 +88,12 @@ class StallWatch:
 
 
 def medium_value(readings: Readings, downlink: Downlink) -> float | None:
-    """Reading of what the downlink changes; None: unknown."""
+    """Return the reading of the quantity that the downlink changes (speed or flow); None if unknown."""
     return readings.rotary_speed if downlink.medium == ROTATION else readings.flow
 
 
 def words(value: float, downlink: Downlink) -> str:
-    """Write a value of what the downlink changes as people say it."""
+    """Write a value of the quantity that the downlink changes, with its unit for people."""
     return f"{value / RPM:.0f} r/min" if downlink.medium == ROTATION else f"{value / LPM:.0f} l/min"
 
 
@@ -100,15 +101,15 @@ def blocked(
     readings: Readings, downlink: Downlink, settings: DownlinkSettings, *, stalled: bool, running: bool
 ) -> tuple[str, ...]:
     """
-    Interlocks that do not hold.
+    Return the messages of the interlocks that fail.
 
-    running : while symbols are sent the level changes and the uplink may suffer, so that neither is asked for.
+    running: whether symbols are being sent. The level then changes and the uplink may suffer, so neither is checked.
     """
     rules = (
         (bool(readings.no_control), readings.no_control),
-        (readings.rig_age_s > _RIG_SILENT_S, "no data of the rig for 2 s"),
-        (readings.in_slips is None or readings.in_slips, "the string is in slips, or the rig does not say"),
-        (stalled, "the motor stalls: the pressure is far above what it is at this flow"),
+        (readings.rig_age_s > _RIG_SILENT_S, "no data from the rig for 2 s"),
+        (readings.in_slips is None or readings.in_slips, "the string is in slips, or the rig does not report it"),
+        (stalled, "the motor stalls: the pressure is far above its usual value at this flow"),
         (
             readings.pressure is None or readings.pressure > settings.pressure_high_bar * _BAR,
             f"the standpipe pressure is above {settings.pressure_high_bar:g} bar, or unknown",
@@ -116,7 +117,7 @@ def blocked(
         (readings.survey_running, "a survey is being taken"),
         (
             not running and not (readings.link_locked and readings.link_age_s < _LINK_SILENT_S),
-            "the link is not locked: nobody would hear the tool's answer",
+            "the link is not locked: the tool's answer would not be received",
         ),
     )
     found = [text for fails, text in rules if fails]
@@ -124,7 +125,7 @@ def blocked(
 
 
 def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings, *, running: bool) -> list[str]:
-    """Limits of flow and speed that are or would be passed."""
+    """Return messages for limits of flow or speed that are, or would be, exceeded."""
     value = medium_value(readings, downlink)
     name = "rotary speed" if downlink.medium == ROTATION else "flow"
     if value is None:
@@ -134,7 +135,7 @@ def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings,
         False: (settings.flow_low_lpm * LPM, settings.flow_high_lpm * LPM),
     }
     low, high = limits[downlink.medium == ROTATION]
-    # While it runs the gauge may read a little below the lowest set-point.
+    # While running, allow the gauge to read a little below the lowest set-point.
     lowest = value * (1.0 + settings.tolerance) if running else value * amplitude(0, downlink)
     found = []
     if value > high:
@@ -143,5 +144,5 @@ def _outside(readings: Readings, downlink: Downlink, settings: DownlinkSettings,
         found.append(f"{name} would go down to {words(lowest, downlink)}; the lowest allowed is {words(low, downlink)}")
     if not running and value < downlink.least_value:
         least = words(downlink.least_value, downlink)
-        found.append(f"{name} {words(value, downlink)} is too low: the tool takes commands from {least} on")
+        found.append(f"{name} {words(value, downlink)} is too low: the tool accepts commands from {least} on")
     return found

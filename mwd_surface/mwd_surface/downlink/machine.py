@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-One downlink from its draft to the tool's answer, as a machine of states; nothing moves without a named person's grant.
+State machine of one downlink from its draft to the tool's answer; nothing is sent without a named person's grant.
 
-Nothing here reads a clock or moves a rig: every call takes `now`, s, of one steady clock, and whoever commands the rig
-asks for `set_point`. Each change of the state is a `Transition` for journal and recording.
+The machine reads no clock and moves no rig: every call takes `now`, s, of one steady clock, and the caller that
+commands the rig reads `set_point`. Each change of state is a `Transition` for journal and recording.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from mwd_surface.downlink.tool_echo import ToolEcho
 from mwd_surface.downlink.watch import DeviationWatch
 
 PERMISSION_S = 120.0
-# An answer that is read twice may still be late by what receiver and depth add, s.
+# Additional delay of an answer beyond two surveys on air, from receiver and depth, s.
 _LATE_S = 120.0
-_STEADY = 0.04  # largest change of the drilling value before the first symbol, share of it
-# Of what the command does not change: below, gauges are judged as if it were so large (m^3/s, rad/s).
+_STEADY = 0.04  # largest change of the drilling value before the first symbol, as a share of the value
+# Least value of the quantity that the command does not change for judging its deviation (m^3/s, rad/s).
 _LEAST_FLOW, _LEAST_SPEED = 0.01, 3.0
-_LOST_S = 2.0  # between two updates; beyond it the surface itself was not watching
+_LOST_S = 2.0  # longest time between two updates; beyond it the rig was not being watched
 
 
 class DownlinkState(enum.IntEnum):
-    """As in mwd_msgs/DownlinkState."""
+    """State of a downlink, as in mwd_msgs/DownlinkState."""
 
     IDLE = 0
     DRAFT = 1
@@ -69,15 +69,15 @@ NEXT: dict[DownlinkState, frozenset[DownlinkState]] = {
     ),
     DownlinkState.RUNNING: frozenset({DownlinkState.SENT, DownlinkState.ABORTED}),
     DownlinkState.SENT: frozenset({DownlinkState.CONFIRMED, DownlinkState.UNCONFIRMED, DownlinkState.ABORTED}),
-    # An answer that comes late is an answer.
+    # A late answer still counts as an answer.
     DownlinkState.UNCONFIRMED: frozenset({DownlinkState.DRAFT, DownlinkState.CONFIRMED}),
     **dict.fromkeys(ENDED - {DownlinkState.UNCONFIRMED}, frozenset({DownlinkState.DRAFT})),
 }
-"""States that may follow on each."""
+"""States that may follow each state."""
 
 
 class Transition(NamedTuple):
-    """A change of the state: number of the request, states, why, who (empty: the machine), steady time, s."""
+    """A change of state: number of the request, states, reason, person (empty: the machine), steady time, s."""
 
     number: int
     before: DownlinkState
@@ -88,7 +88,7 @@ class Transition(NamedTuple):
 
 
 class Request(NamedTuple):
-    """A command that somebody asks for, with the name and value people gave it."""
+    """A requested command, with the name and value that the person gave."""
 
     frame: Frame
     name: str
@@ -103,21 +103,22 @@ class Machine:
     Parameters
     ----------
     tool : ToolConfiguration
-        As delivered.
+        Tool configuration as delivered.
     settings : DownlinkSettings
     in_force : ToolSettings
-        By which the tool runs.
+        Settings by which the tool runs now.
     counter : int
-        Of the last command that was begun; 0: none.
+        Counter of the last command that was sent; 0: none.
     number : int
-        Of the last request; 0: none. Goes on after a restart, so that a number never means two requests.
+        Number of the last request; 0: none. It continues after a restart, so that a number never stands for two
+        requests.
     echo : ToolEcho, optional
-        Echoes that the tool may send; without it any.
+        Echoes that the tool may send; by default any.
 
     Raises
     ------
     ValueError
-        The tool takes no commands.
+        The tool does not accept commands.
     """
 
     def __init__(
@@ -154,12 +155,12 @@ class Machine:
 
     def draft(self, name: str, value: float, by: str, now: float) -> str:
         """
-        Compose a command; returns its programme in words.
+        Compose a command; return a description of its programme.
 
         Raises
         ------
         ValueError
-            Another one is under way, nobody is named, or the tool has no such command or value.
+            Another downlink is under way, no person is named, or the tool has no such command or value.
         """
         if self.state not in ENDED | {DownlinkState.IDLE, DownlinkState.DRAFT}:
             raise ValueError(f"a downlink is {self.state.name.lower()}: one at a time; abort it first")
@@ -167,7 +168,7 @@ class Machine:
             raise ValueError("operator_name: must not be empty: the journal records who asked")
         number, argument = tool_commands.command(self.tool, name, value)
         frame, _ = self.echo.numbered(Frame(1, number, argument), self.counter)
-        # What the tool would be told must fit together with what it was told before.
+        # Check that the command fits together with the earlier commands.
         tool_commands.applied(self.tool, self.in_force.after(frame))
         self.request, self.programme = Request(frame, name, value, by.strip()), programme(frame, self.downlink)
         self.number += 1
@@ -181,7 +182,7 @@ class Machine:
 
     def submit(self, by: str, now: float, number: int = 0) -> str:
         """
-        Ask for permission; number: of the draft, 0: the one at hand.
+        Ask for permission; number: number of the draft, 0: the present one.
 
         Raises
         ------
@@ -194,12 +195,14 @@ class Machine:
 
     def decide(self, granted: bool, by: str, now: float, number: int = 0) -> str:
         """
-        Grant or deny the request; number: as the person saw it, 0: the one at hand, which is not enough to grant.
+        Grant or deny the request.
+
+        number: number of the request as the person saw it. 0 stands for the present one, but is not enough to grant.
 
         Raises
         ------
         ValueError
-            Nothing waits for permission, it has another number, or nobody is named.
+            No request waits for permission, it has another number, or no person is named.
         """
         self._require(DownlinkState.PENDING, "no downlink waits for permission")
         self._require_number(number if granted else number or self.number)
@@ -212,12 +215,12 @@ class Machine:
 
     def abort(self, reason: str, by: str, now: float) -> str:
         """
-        End the downlink at hand, at any time; the rig returns to what it did before.
+        End the downlink under way, at any time; the rig returns to the driller's settings.
 
         Raises
         ------
         ValueError
-            None is under way.
+            No downlink is under way.
         """
         if DownlinkState.ABORTED not in NEXT[self.state]:
             raise ValueError("no downlink is under way")
@@ -229,9 +232,9 @@ class Machine:
 
     def update(self, now: float, readings: Readings, people_s: float | None = None) -> None:
         """
-        Take what the rig does; to be called at least once a second.
+        Process the readings of the rig; call at least once per second.
 
-        people_s : time by which permission lapses, s, where `now` is that of a rig simulated faster than time.
+        people_s: clock by which permission lapses, s, if `now` is the clock of a rig simulated faster than real time.
         """
         readings = possible(readings)
         people_s = now if people_s is None else people_s
@@ -251,9 +254,9 @@ class Machine:
 
     def on_echo(self, code: int, now: float) -> None:
         """
-        Take the word by which the tool repeats the last command it received, once it is believed.
+        Process a believed word in which the tool repeats the last command it received.
 
-        It confirms the command at hand only where the tool could not have sent it before the command.
+        The word confirms the command under way only if the tool could not have sent it before that command.
         """
         request = self.request
         self.echo.hear(code, now, self.answer_s)
@@ -263,33 +266,33 @@ class Machine:
             or code != request.frame.echo
         ):
             return
-        # Whenever the tool received it: it is the last command that it obeyed.
+        # Whenever the tool received this command, it is the last one that it obeyed.
         self.in_force = self.in_force.after(request.frame)
         if self._proves:
             text = f"{self.about}: the tool confirms counter {request.frame.counter}"
             self._go(DownlinkState.CONFIRMED, text, "", now)
         elif self.state == DownlinkState.SENT:
             text = (
-                f"{self.about}: the tool repeats this command, but perhaps from before: its answer to earlier commands "
-                "is not known; send it again to be certain"
+                f"{self.about}: the tool repeats this command, but perhaps an earlier one with the same code, as its "
+                "answer to earlier commands is not known; send it again to be certain"
             )
             self._go(DownlinkState.UNCONFIRMED, text, "", now)
 
     @property
     def about(self) -> str:
-        """The command in words; empty without one."""
+        """Description of the command; empty if there is none."""
         return "" if self.request is None else tool_commands.about(self.tool, self.request.frame)
 
     @property
     def expected(self) -> ToolConfiguration | None:
-        """Tool configuration that the command leads to while its answer is waited for, else None."""
+        """Tool configuration after the command, while its answer is waited for; else None."""
         if self.request is None or self.state != DownlinkState.SENT:
             return None
         return tool_commands.applied(self.tool, self.in_force.after(self.request.frame))
 
     @property
     def answer_s(self) -> float:
-        """Longest time from the last symbol to the answer, s: two surveys of the slower configuration on air."""
+        """Longest time from the last symbol to the answer, s: two surveys with the slower of both configurations."""
         slowest = 0.0
         for tool in (tool_commands.applied(self.tool, self.in_force), self.expected or self.tool):
             words_s = [tool.seconds(items) for items in (*tool.surveys, *tool.toolfaces)]
@@ -297,13 +300,13 @@ class Machine:
         return 2.0 * slowest + self.downlink.symbol_s + _LATE_S
 
     def elapsed(self, now: float) -> float:
-        """Time of the programme at a steady time, s; 0 before it, its duration after it."""
+        """Return the time since the programme began, s; 0 before it, its duration after it."""
         if self.programme is None or self.state not in (DownlinkState.RUNNING, DownlinkState.SENT):
             return 0.0
         return min(max(now - self._started, 0.0), self.programme.duration_s)
 
     def _before(self, now: float, readings: Readings) -> None:
-        """Wait for the interlocks, then for a steady drilling value, which the tool takes for the top of the scale."""
+        """Wait for the interlocks, then for a steady drilling value, which the tool uses as the reference level."""
         if self._waited > PERMISSION_S:
             self._go(DownlinkState.LAPSED, f"the permission has lapsed after {PERMISSION_S:.0f} s", "", now)
             return
@@ -330,10 +333,10 @@ class Machine:
 
     def _number_request(self, now: float) -> None:
         """
-        Give the command at hand its counter: now, for the tool's word may have been heard since the draft.
+        Give the command its counter, now that it starts, because an echo may have been received since the draft.
 
-        Kept with the transition that follows: a surface that dies from here on must not give another command the
-        counter by which the tool may answer this one.
+        The counter is stored with the transition that follows: after a crash of the surface, another command must not
+        get the counter by which the tool may answer this one.
         """
         if self.request is None:
             return
@@ -357,11 +360,11 @@ class Machine:
         asked = self.base * self.programme.at(now - self._started)
         other = readings.flow if downlink.medium == ROTATION else readings.rotary_speed
         if lost:
-            self.abort(f"the surface did not watch the rig for {_LOST_S:.0f} s", "", now)
+            self.abort(f"the surface did not check the rig for {_LOST_S:.0f} s", "", now)
         elif self.blocked_by:
             self.abort(self.blocked_by[0], "", now)
         elif self._deviation.take(now, asked, value, other):
-            self.abort("operator input: flow or rotation is not what was asked", "", now)
+            self.abort("operator input: flow or rotation differs from the set-point", "", now)
         elif now - self._started >= self.programme.duration_s:
             self._go(DownlinkState.SENT, f"{self.about}: sent, waiting for the tool's answer", "", now)
         else:
@@ -381,7 +384,7 @@ class Machine:
     def _require_number(self, number: int) -> None:
         if number != self.number:
             which = f"request {number} was replaced" if number else "number: must be that of the request"
-            raise ValueError(f"{which}; the one at hand is {self.number}: {self.about}")
+            raise ValueError(f"{which}; the present request is {self.number}: {self.about}")
 
     def _go(self, after: DownlinkState, reason: str, by: str, now: float) -> str:
         if after not in NEXT[self.state]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the surface must not forget of the downlink: settings of the tool, counters, requests, the tool's echo."""
+"""Persistent memory of the downlink: settings of the tool, counters, requests and the tool's echo."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from mwd_surface.downlink.tool_echo import ToolEcho
 
 class Kept(NamedTuple):
     """
-    What one well keeps.
+    Stored downlink data of one well.
 
     Attributes
     ----------
     in_force : ToolSettings
-        By which the tool runs.
+        Settings by which the tool runs now.
     counter, number : int
-        Of the last command that was begun, and of the last request; 0: none.
+        Counter of the last command that was sent, and number of the last request; 0: none.
     heard : int, optional
-        Echo of the tool that was heard last; None: none.
+        Last echo received from the tool; None: none.
     sent : tuple of int
-        Echoes of the commands begun since.
+        Echoes of the commands sent since then.
     """
 
     in_force: ToolSettings = ToolSettings()
@@ -42,24 +42,24 @@ class Kept(NamedTuple):
 
     @classmethod
     def of(cls, machine: Machine) -> Kept:
-        """Return what a machine must not forget."""
+        """Return the data of a machine that must be stored."""
         return cls(machine.in_force, machine.counter, machine.number, machine.echo.heard, machine.echo.sent)
 
     def machine(self, tool: ToolConfiguration, settings: DownlinkSettings) -> Machine:
         """
-        Return a machine that goes on from here.
+        Return a machine that continues from the stored data.
 
         Raises
         ------
         ValueError
-            The tool takes no commands.
+            The tool does not accept commands.
         """
         return Machine(tool, settings, self.in_force, self.counter, self.number, ToolEcho(self.heard, self.sent))
 
 
 class Memory:
     """
-    The file of one well.
+    Downlink file of one well.
 
     Parameters
     ----------
@@ -72,14 +72,14 @@ class Memory:
 
     def read(self, tool: ToolConfiguration) -> Kept:
         """
-        Read what was kept; nothing where there is no file.
+        Read the stored data; return defaults if there is no file.
 
-        The settings are those of a tool as delivered where the file is of another tool.
+        If the file belongs to another tool, its settings are replaced by those of the tool as delivered.
 
         Raises
         ------
         ValueError
-            The file cannot be understood; the message says what to do.
+            The file cannot be parsed; the message says what to do.
         """
         try:
             kept = _kept(read_text(self._file, budgets.JSON))
@@ -96,7 +96,7 @@ class Memory:
 
     def write(self, kept: Kept) -> None:
         """
-        Keep it where it has changed.
+        Write the data if they have changed.
 
         Raises
         ------
@@ -111,7 +111,7 @@ class Memory:
 
 
 def _kept(text: str) -> Kept:
-    """What a file holds; ValueError, TypeError or KeyError where it is none."""
+    """Parse the content of a file; ValueError, TypeError or KeyError if it is not valid."""
     given = load_json(text)
     kept = Kept(
         ToolSettings(**given["in_force"]), given["counter"], given["number"], given["heard"], tuple(given["sent"])
@@ -120,5 +120,5 @@ def _kept(text: str) -> Kept:
     if [type(value) for value in kept.in_force] != [type(value) for value in ToolSettings()] or any(
         type(number) is not int for number in numbers
     ):
-        raise TypeError("a value is of another type")
+        raise TypeError("a value has the wrong type")
     return kept

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control of top drive and pumps while a command is sent: a lease of the control authority, given back at its end."""
+"""Control of top drive and pumps while a command is sent, under a lease of the control authority."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from mwd_surface.control.status import Judgement, Permission, Request, Sender
 _NAME, _ROLE = "downlink", "command to the tool"
 _SENDER = Sender("surface", _NAME)
 _PRIORITY = 100
-_VALID_S = 5.0  # a surface that falls silent gives the rig back after this time
+_VALID_S = 5.0  # if the surface stops, the rig returns to the driller after this time
 
 
 class RigControl:
     """
-    The downlink as a controller of the rig.
+    Controller of the rig for the downlink.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ class RigControl:
 
     @property
     def has(self) -> bool:
-        """Whether the downlink has the lease, as far as it knows."""
+        """Whether the downlink has a lease, as far as it knows."""
         return self._lease > 0
 
     def why_not(self, now: float) -> str:
-        """Why the rig does not, or would not, take set-points, in a sentence; empty: it does. now: steady time, s."""
+        """Return why the rig does not, or would not, accept set-points; empty if it does. now: steady time, s."""
         status = self._authority.status(now)
         if not status.enabled:
             return "the rig does not take set-points: set control.enabled once it does"
@@ -44,9 +44,9 @@ class RigControl:
 
     def take(self, granted_by: str, now: float) -> str:
         """
-        Take control on the word of the person who granted the downlink; returns why not, empty where it is taken.
+        Take control with the permission of the person who granted the downlink; return why not, or an empty string.
 
-        granted_by: whose permission for the command is one for the control it needs.
+        granted_by: name of the person; the permission for the command includes the control that it needs.
         """
         decision = self._authority.request(Request(_SENDER, _NAME, _ROLE, _PRIORITY), now)
         if decision.permission == Permission.PENDING:
@@ -59,7 +59,7 @@ class RigControl:
         return ""
 
     def ask(self, rotation: bool, value: float, now: float) -> str:
-        """Ask for a rotary speed, rad/s, or a flow, m^3/s; returns why it was not taken, empty where it was."""
+        """Command a rotary speed, rad/s, or a flow, m^3/s; return why it was refused, or an empty string."""
         self._sequence += 1
         point = SetPoint(
             Mode.ROTATE if rotation else Mode.PUMP,
@@ -74,7 +74,7 @@ class RigControl:
         return "" if taken else message
 
     def release(self, now: float, reason: str) -> None:
-        """Give the rig back to the driller; without effect where the downlink has no control."""
+        """Give the rig back to the driller; does nothing without a lease."""
         if self.has:
             self._authority.release(self._lease, now, _SENDER, reason)
             self._lease = 0

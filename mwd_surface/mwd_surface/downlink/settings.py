@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What can be set about the downlink."""
+"""Settings of the downlink."""
 
 from __future__ import annotations
 
@@ -14,19 +14,23 @@ class DownlinkSettings:
 
     tool_file: str = setting(
         "",
-        "Tool configuration (tool.yaml) whose `downlink` says how the tool takes commands; empty: no downlink. Tool "
-        "and receiver need the same file",
+        "Tool configuration (tool.yaml) whose `downlink` section says how the tool accepts commands. Empty: "
+        "no downlink. Tool and receiver need the same file",
         fixed=True,
     )
     speed_low_rpm: float = setting(
-        30.0, "Lowest rotary speed that may be asked. Below it many strings stick.", unit="r/min", low=0.0, high=600.0
+        30.0,
+        "Lowest rotary speed that may be commanded. Many strings stick below it.",
+        unit="r/min",
+        low=0.0,
+        high=600.0,
     )
     speed_high_rpm: float = setting(
         180.0, "Highest rotary speed at which a command may run.", unit="r/min", low=1.0, high=600.0
     )
     flow_low_lpm: float = setting(
         800.0,
-        "Lowest flow that may be asked. Keep it above the tool's flow threshold and what cleans the hole.",
+        "Lowest flow that may be commanded. Keep it above the tool's flow threshold and the flow that cleans the hole.",
         unit="l/min",
         low=0.0,
         high=20000.0,
@@ -39,16 +43,16 @@ class DownlinkSettings:
     )
     stall_share: float = setting(
         0.25,
-        "Rise of the pressure over its usual value at the same flow that counts as a motor stall. Raise it where the "
-        "differential pressure swings much; a stall is then noticed later",
+        "Rise of the pressure over its usual value at the same flow, as a share, that counts as a motor stall. Raise "
+        "it where the differential pressure varies much; a stall is then noticed later",
         low=0.02,
         high=2.0,
         expert=True,
     )
     tolerance: float = setting(
         0.08,
-        "Deviation of flow or rotation from what was asked, share of the drilling value, that counts as an operator's "
-        "input after 2 s. Raise it where the rig's gauges are rough",
+        "Deviation of flow or rotation from the set-point, as a share of the drilling value, that counts as operator "
+        "input after 2 s. Raise it where the rig's gauges are inaccurate",
         low=0.01,
         high=0.5,
         expert=True,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The downlink at hand as page, message and rig interfaces show it."""
+"""State of the downlink as shown by page, message and rig interfaces."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class DownlinkStatus:
     medium : str
         rotation or flow.
     base, set_point : float or None
-        rad/s or m^3/s; None: nothing is asked of the rig.
+        rad/s or m^3/s; None if nothing is commanded to the rig.
     choices : tuple of (str, tuple of float)
-        Commands that the tool takes, each with the values to choose from.
+        Commands that the tool accepts, each with its possible values.
     """
 
     number: int
@@ -47,7 +47,7 @@ class DownlinkStatus:
 
     @classmethod
     def of(cls, machine: Machine, now: float) -> DownlinkStatus:
-        """State of a machine at a steady time, s."""
+        """Return the state of a machine at a steady time, s."""
         request, ordered = machine.request, machine.programme
         elapsed = machine.elapsed(now)
         return cls(

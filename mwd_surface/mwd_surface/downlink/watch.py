@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Operator input: flow or rotation that is not what the downlink asked for."""
+"""Detector of operator input: flow or rotation that differs from the downlink's set-point."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ _HELD_S = 2.0
 
 class DeviationWatch:
     """
-    Compares what the rig does with what was asked.
+    Comparison of the rig's readings with the set-points.
 
     Parameters
     ----------
     base : float
-        Drilling value of what the downlink changes.
+        Drilling value of the quantity that the downlink changes.
     other : float or None
-        Value at the start of what it does not change; None: unknown.
+        Initial value of the quantity that it does not change; None: unknown.
     margins : (float, float)
-        Deviation of the one and of the other that gauges may show.
+        Allowed deviation of the changed and of the unchanged quantity.
     lag_s : float
-        Longest time after which the rig follows a set-point.
+        Longest delay with which the rig follows a set-point.
     """
 
     def __init__(self, base: float, other: float | None, margins: tuple[float, float], lag_s: float) -> None:
@@ -32,12 +32,13 @@ class DeviationWatch:
 
     def take(self, now: float, asked: float, value: float | None, other: float | None) -> bool:
         """
-        Take set-point and readings at a steady time, s; returns whether they have differed for 2 s.
+        Add set-point and readings at a steady time, s; return whether they have differed for 2 s.
 
-        asked, value : of what the downlink changes. other : of what it does not change.
+        asked, value: set-point and reading of the quantity that the downlink changes. other: reading of the unchanged
+        one.
         """
         self._asked.append((now, asked))
-        # The last one before the lag still counts: it is what the rig may be following.
+        # Keep the last set-point before the delay: the rig may still be following it.
         while len(self._asked) > 1 and self._asked[1][0] < now - self._lag:
             self._asked.popleft()
         recent = [one for _, one in self._asked]

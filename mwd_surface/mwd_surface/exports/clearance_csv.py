@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Clearances as a table: one line per point of the well and offset well, degrees and metres."""
+"""Clearances as a CSV table: one line per point of the well and offset well, degrees and metres."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COLUMNS = (
 
 
 def clearance_csv(found: Sequence[Clearance]) -> str:
-    """Return the text of the file, the well nearest by the rule first."""
+    """Return the text of the file, the offset well with the smallest separation factor first."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class ExportError(RuntimeError):
-    """The file could not be written; the message says where and why."""
+    """The file could not be written; the message gives the path and the reason."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """Ending, a word for the name of the file, what it is for people, and the maker of its bytes."""
+    """Format of a file: ending, word for the file name, description, and function that makes its bytes."""
 
     ending: str
     word: str
@@ -30,7 +30,7 @@ class Format:
     make: Callable[[SurveyTable], bytes]
 
 
-# Each is imported when it is written: the command's help and the page list the formats and need none of them.
+# Each is imported only when it is written: listing the formats (command help, page) needs none of them.
 
 
 def _csv(table: SurveyTable) -> bytes:
@@ -85,7 +85,7 @@ FORMATS: dict[str, Format] = {
 
 def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") -> Path:
     """
-    Write one file, whole or not at all.
+    Write one file, completely or not at all.
 
     Parameters
     ----------
@@ -93,11 +93,11 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
     kind : str
         One of `FORMATS`.
     folder : path
-        Made where it is missing.
+        Created if missing.
     name : str
-        Of the file, without folder; made safe. Empty: well, word of the format and time of the table. Without its
-        ending the raw format gets its word too, so that two formats of one name are two files. A file of that name
-        is replaced.
+        File name, without folder; made safe. Empty: well, word of the format and time of the table. Without its ending,
+        the raw format also gets its word, so that two formats of one name are two files. A file of that name is
+        replaced.
 
     Returns
     -------
@@ -107,13 +107,13 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
     Raises
     ------
     ValueError
-        No such format, with the near ones.
+        Unknown format; the message names similar ones.
     ExportError
-        The folder or disk refuses.
+        The folder or file cannot be written.
     """
     if kind not in FORMATS:
         near = difflib.get_close_matches(kind, FORMATS, n=2, cutoff=0.4) or list(FORMATS)
-        raise ValueError(f"format: no {kind!r}; did you mean {' or '.join(near)}?")
+        raise ValueError(f"unknown format {kind!r}; did you mean {' or '.join(near)}?")
     made = FORMATS[kind]
     if name:
         first = next(key for key, other in FORMATS.items() if other.ending == made.ending)
@@ -131,5 +131,5 @@ def export(table: SurveyTable, kind: str, folder: str | Path, name: str = "") ->
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, data)
     except OSError as error:
-        raise ExportError(f"{path} not written: {error.strerror}") from error
+        raise ExportError(f"{path} could not be written: {error.strerror}") from error
     return path

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Surveys as CSV: the definitive survey with its head block, and the raw log of everything that was ever measured.
+Surveys as CSV: the definitive survey with its head block, and the raw log of everything that was measured.
 
-Lines starting with # are the head block; then one line of column names with units; then numbers with a decimal point
-whatever the locale. Text is always in quotes, on one line, and cannot be taken for a formula by a spreadsheet.
+Lines starting with # are the head block; then follow one line of column names with units and the rows, with a decimal
+point in every locale. Text is always in quotes, on one line, and never interpreted as a formula by a spreadsheet.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _DEG = 180.0 / math.pi
 
 
 def quoted(text: str) -> str:
-    """A text cell: one line, in quotes, with an apostrophe before what a spreadsheet would compute."""
+    """Return a text cell: one line, in quotes, with an apostrophe before what a spreadsheet would compute."""
     line = plain(text)
     if line[:1] in ("=", "+", "-", "@"):
         line = "'" + line
@@ -33,10 +33,11 @@ def quoted(text: str) -> str:
 
 def definitive_csv(table: SurveyTable) -> str:
     """
-    The definitive survey: head block, names, one line a station; the projection to the bit is the last, marked.
+    Return the definitive survey: head block, column names, one line per station; the projection to the bit is last.
 
-    The column `station` says what a station is: tie-on, assumed (a first station that nobody gave), survey, projected.
-    The column `coordinates` says "assumed" where depths and positions rest on an assumption, which the head names.
+    The column `station` gives the kind of station: tie-on, assumed (a first station that nobody gave), survey,
+    projected. The column `coordinates` is "assumed" if depths and positions rest on an assumption, which the head block
+    names.
 
     Text is UTF-8 when encoded; lines end with a newline.
     """
@@ -57,9 +58,9 @@ def definitive_csv(table: SurveyTable) -> str:
 
 def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: Iterable[str] = ()) -> str:
     """
-    Every survey of the list, used or not, by number: time, depth, six axes, totals, azimuths, judgements.
+    Return every survey of the list, used or not, by number: time, depth, six axes, totals, azimuths, judgements.
 
-    header, notes: label and value of the head block, and lines below it.
+    header, notes: labels and values of the head block, and comment lines below it.
     """
     lines = [f"# {label}: {value}" for label, value in header]
     lines += [f"# {plain(note)}" for note in notes]
@@ -70,12 +71,12 @@ def raw_csv(surveys: SurveyList, header: Iterable[tuple[str, str]] = (), notes: 
     return "\n".join(lines) + "\n"
 
 
-# What only the names of the columns are taken from.
+# An empty record, from which only the column names are taken.
 _NO_RECORD = SurveyRecord(Survey(0, "", 0, 0.0, 0.0, 0))
 
 
 def _verdicts(survey: Survey, north: North) -> dict[str, str]:
-    """Verdicts of each quantity, the reason to act on, and the other azimuths that fit, from `north`, with odds."""
+    """Return the verdict of each quantity, the main reason, and the other possible azimuths from `north` with odds."""
     others = survey.alternatives_from(north)
     inclination, azimuth, toolface = (quoted(word.replace(" ", "_")) for word in survey.verdicts)
     return {
@@ -89,7 +90,7 @@ def _verdicts(survey: Survey, north: North) -> dict[str, str]:
 
 
 def _decided(record: SurveyRecord, north: North) -> dict[str, str]:
-    """Cells of a survey in the definitive list, by name."""
+    """Return the cells of a survey in the definitive list, by name."""
     return {
         "leg": quoted(record.leg),
         "survey": str(record.survey.sequence),
@@ -105,7 +106,7 @@ def _decided(record: SurveyRecord, north: North) -> dict[str, str]:
 
 
 def _raw(record: SurveyRecord, methods: tuple[str, ...]) -> dict[str, str]:
-    """Cells of a survey in the raw log, by name; methods: of the azimuths that any survey of the log has."""
+    """Return the cells of a survey in the raw log, by name; methods: azimuth methods that occur in the log."""
     s, source = record.survey, azimuth_source(record.survey)
     magnetic = s.magnetic_field_covariance[0] >= 0.0
     known = {a.method: a for a in s.azimuths if a.sigma >= 0.0}
@@ -148,7 +149,7 @@ def _raw(record: SurveyRecord, methods: tuple[str, ...]) -> dict[str, str]:
 
 
 def _raw_texts(record: SurveyRecord) -> dict[str, str]:
-    """Text cells of a survey in the raw log, by name."""
+    """Return the text cells of a survey in the raw log, by name."""
     s = record.survey
     causes = zip(s.hypotheses, s.hypothesis_odds, strict=True)
     return {
@@ -172,12 +173,12 @@ def _raw_texts(record: SurveyRecord) -> dict[str, str]:
 
 
 def _axes(name: str, values: Iterable[float], decimals: int, factor: float, known: bool) -> dict[str, str]:
-    """Cells of a vector; name: with a place for the axis."""
+    """Return the cells of a vector; name: with a placeholder for the axis."""
     return {name.format(a): fixed(v * factor, decimals) if known else "" for a, v in zip("xyz", values, strict=True)}
 
 
 def _judged(survey: Survey) -> dict[str, str]:
-    """Field and dip as they are judged, and the limits of the deviations of gravity, field and dip."""
+    """Return field and dip as judged, and the limits of the deviations of gravity, field and dip."""
     gravity, field, dip = totals(survey)
     return {
         "b_judged_nt": fixed(None if field.value is None else field.value * 1e9, 1),

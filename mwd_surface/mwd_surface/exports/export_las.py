@@ -2,7 +2,7 @@
 """
 The definitive survey as a LAS 2.0 file: measured depth as index, null -999.25.
 
-The file holds the same printed numbers as every other export; columns that are not known anywhere are left out.
+The file has the same printed numbers as every other export; columns without any known value are omitted.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _VERDICT_WORDS = ", ".join(f"{number} {word}" for word, number in _VERDICTS.item
 
 def las(table: SurveyTable) -> str:
     """
-    The file as text (UTF-8 when encoded).
+    Return the file as text (UTF-8 when encoded).
 
-    VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; GYSH and AXCO say what the
-    azimuth is made of. KIND says what a station is: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed (a first
-    station that nobody gave); the last curve, ASMD, is 1 where depths and positions rest on an assumption.
+    VINC, VAZI and VTF are the automatic verdicts of inclination, azimuth and toolface; GYSH and AXCO give the
+    composition of the azimuth. KIND is the kind of station: 0 tie-on, 1 survey, 2 projected to the bit, 3 assumed (a
+    first station that nobody gave); the last curve, ASMD, is 1 if depths and positions rest on an assumption.
     """
     import lasio
 
@@ -56,7 +56,7 @@ def las(table: SurveyTable) -> str:
         file.params.append(item(f"X{k:02d}", value=as_value(why), descr="LEFT OUT"))
     assumptions = sentences(table.path.assumptions)
     for k, remark in enumerate(table.remarks, start=1):
-        # Only what flags the coordinates (ASMD) is called assumed.
+        # Only remarks that set the flag ASMD are called assumed.
         descr = "ASSUMED" if remark in assumptions else "REMARK"
         file.params.append(item(f"A{k:02d}", value=as_value(remark), descr=descr))
     file.other = "\n".join(provenance_of(table.surveys, table.path.leg).lines())
@@ -86,7 +86,7 @@ def las(table: SurveyTable) -> str:
     file.append_curve("ASMD", flag, descr="depths and positions, 0 measured, 1 assumed")
     text = io.StringIO()
     depth = table.column("md_m")
-    # Stations stand where they were taken: a step of 0 says so.
+    # Stations are unevenly spaced: a step of 0 means that in LAS.
     file.write(
         text,
         version=2.0,
@@ -100,7 +100,7 @@ def las(table: SurveyTable) -> str:
 
 
 def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
-    """Mnemonic, decimals, description and values, shape (n,), of what each azimuth is made of; nan: not known."""
+    """Return mnemonic, decimals, description and values, shape (n,), of the composition of azimuths; nan: unknown."""
     sources = [AzimuthSource(known=False) if r is None else azimuth_source(r.survey) for r in table.records]
     known = np.array([one.known for one in sources], dtype=bool)
     shares = np.array([one.gyro_share for one in sources])
@@ -113,5 +113,5 @@ def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
 
 def as_value(text: str) -> str:
     """Return a text that may stand as a value in a header line of LAS."""
-    # A colon before a space parts value and description; inside a time it does no harm.
+    # A colon before a space separates value and description in LAS; inside a time it is harmless.
     return re.sub(r"\s*:\s+", ", ", text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file name that every system takes, made from whatever people call their wells."""
+"""Make file names that every system accepts from names of wells."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import re
 import unicodedata
 
 LONGEST = 80
-# Names that Windows keeps for itself, whatever their ending.
+# Names that Windows reserves, with any ending.
 RESERVED = {"con", "prn", "aux", "nul", *(f"com{k}" for k in range(1, 10)), *(f"lpt{k}" for k in range(1, 10))}
 
 
 def safe_name(*parts: str) -> str:
     """
-    One name without folder or ending.
+    Return one file name without folder or ending.
 
-    Letters lose their marks where they have a plain form (Å -> A); what is left beside letters, digits, dot, minus
-    and underscore becomes an underscore. Never empty, hidden, reserved or longer than 80 characters.
+    Letters lose their marks if they have a plain form (Å -> A); every other character except letters, digits, dot,
+    minus and underscore becomes an underscore. Never empty, hidden, reserved or longer than 80 characters.
     """
     words = []
     for part in parts:

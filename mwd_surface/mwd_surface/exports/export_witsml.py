@@ -2,9 +2,10 @@
 """
 The definitive survey as a WITSML 1.4.1.1 trajectory.
 
-Valid against the schema, and beyond it: every number finite, every station's uid its own, measured depth increasing.
-Raw data follows WITSML: gravity as it points (down), not specific force; axial down-hole, transverse 1 and 2 are the
-tool's y and z. The projection to the bit is a station of type "hold to MD" (or "DLS and toolface to MD") and says so.
+Valid against the schema, and in addition: every number is finite, every station's uid is unique, measured depth
+increases. Raw data follows WITSML: gravity as it points (down), not specific force; axial is downhole, transverse 1 and
+2 are the tool's y and z. The projection to the bit is a station of type "hold to MD" (or "DLS and toolface to MD") with
+a comment.
 """
 
 from __future__ import annotations
@@ -27,19 +28,19 @@ NAMESPACE = "http://www.witsml.org/schemas/1series"
 _OWN = "urn:mwd:provenance"
 _DEG = 180.0 / math.pi
 _NAME, _COMMENT, _UID = 64, 4000, 64
-# Elements of a station in the order of the schema; those between the two groups are not in every list.
+# Elements of a station in the order of the schema; those between the two groups are optional.
 STATION = ("md", "tvd", "incl", "azi")
 PLACE = ("dispNs", "dispEw", "vertSect", "dls", "rateTurn", "rateBuild")
 
 
 def witsml(table: SurveyTable, uid: str = "") -> str:
     """
-    The document as text (UTF-8 when encoded).
+    Return the document as text (UTF-8 when encoded).
 
     table : SurveyTable
-        Stations of it that are not above the next one in depth are left out, with the reason in the comments.
+        Stations that are not deeper than the one before are omitted, with the reason in the comments.
     uid : str
-        Of the trajectory; made from the names where empty.
+        Uid of the trajectory; made from the names if empty.
     """
     well = table.surveys.well
     rows, left_out = _increasing(table)
@@ -62,7 +63,7 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
     if reference is not None:
         head += _norths(reference, ("magDeclUsed", "gridConUsed"))
     head.append(_measure("aziVertSect", fixed(table.path.section_azimuth * _DEG, 4, 360.0), "dega"))
-    # A path that rests on an assumption is not the definitive one.
+    # A path based on an assumption is not definitive.
     head += [_text("definitive", _flag(not table.path.assumed)), _text("memory", "false"), _text("finalTraj", "false")]
     head.append(_text("aziRef", f"{well.north_reference} north"))
     seen: set[str] = set()
@@ -90,13 +91,13 @@ def witsml(table: SurveyTable, uid: str = "") -> str:
 
 
 def _increasing(table: SurveyTable) -> tuple[list[int], list[str]]:
-    """Stations whose printed depth lies below the one before, and a remark on the others."""
+    """Return the stations whose printed depth is below the one before, and remarks on the others."""
     md = table.column("md_m")
     rows: list[int] = []
     why = []
     for k in table.rows:
         if rows and float(md.cell(k)) <= float(md.cell(rows[-1])):
-            why.append(f"station at {md.cell(k)} m left out: not below the one before")
+            why.append(f"station at {md.cell(k)} m omitted: not deeper than the one before")
         else:
             rows.append(k)
     return rows, why
@@ -114,7 +115,7 @@ def _station(table: SurveyTable, k: int, seen: set[str]) -> str:
         for column in table.columns
     }
     parts += [numbers[tag] for tag in STATION]
-    # Of an imported station only the angles are known.
+    # Only the angles of an imported station are known.
     measured = record if record is not None and record.survey.has_readings else None
     if measured is not None:
         gravity, magnetic = measured.survey.toolfaces
@@ -172,7 +173,7 @@ def _groups(record: SurveyRecord, sensor_to_bit: float | None) -> list[str]:
     s = record.survey
     magnetic = s.magnetic_field_covariance[0] >= 0.0
     axes = ("Axial", "Tran1", "Tran2")
-    # Gravity points the other way than the specific force that holds the tool up.
+    # Gravity is opposite to the specific force.
     raw = [_measure(f"grav{a}Raw", fixed(-v, 6), "m/s2") for a, v in zip(axes, s.specific_force, strict=True)]
     if magnetic:
         raw += [_measure(f"mag{a}Raw", fixed(v * 1e9, 1), "nT") for a, v in zip(axes, s.magnetic_field, strict=True)]
@@ -193,7 +194,7 @@ def _groups(record: SurveyRecord, sensor_to_bit: float | None) -> list[str]:
 
 
 def _norths(s: Survey, tags: tuple[str, str]) -> list[str]:
-    """Declination and convergence of a survey under these tags, each where it is known."""
+    """Return the known ones of declination and convergence of a survey under these tags."""
     pairs = zip(tags, (s.declination, s.convergence), strict=True)
     return [_measure(tag, degrees(angle, 4), "dega") for tag, angle in pairs if angle is not None]
 
@@ -232,7 +233,7 @@ def _note(record: SurveyRecord | None, kind: str) -> str:
 
 
 def _assumed(table: SurveyTable, k: int) -> str:
-    """What is assumed of a station that is not a survey; a survey has it among its flags."""
+    """Return the assumption about a station that is not a survey; a survey has it among its flags."""
     if table.path.kind[k] == ASSUMED:
         return "assumed, not surveyed"
     return "coordinates assumed" if table.path.assumed and table.records[k] is None else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A forecast as a table: one line per station of the plan, degrees, nT and milli-g."""
+"""A forecast as a CSV table: one line per station of the plan, degrees, nT and milli-g."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _DEG = 180.0 / math.pi
 
 
 def forecast_csv(found: Forecast) -> str:
-    """Return the text of the file; what is not known is empty."""
+    """Return the text of the file; unknown values are empty."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(COLUMNS)

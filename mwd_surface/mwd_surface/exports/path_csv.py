@@ -37,9 +37,9 @@ COLUMNS = (
 
 def path_csv(table: SurveyTable) -> str:
     """
-    The path as text: one line a station, from the tie-on down; the projection to the bit, where there is one, last.
+    Return the path as text: one line per station, from the tie-on down; the projection to the bit, if any, last.
 
-    Sigmas and the ellipse in the map (half axes; azimuth of the major one) are at 1 sigma, empty where not known.
+    Sigmas and the horizontal ellipse (half axes; azimuth of the major one) are at 1 sigma, empty if unknown.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -66,7 +66,7 @@ def path_csv(table: SurveyTable) -> str:
 
 
 def _uncertainty(table: SurveyTable, k: int) -> list[str]:
-    """Sigma north, east and down, and the ellipse in the map, as text."""
+    """Return sigma north, east and down, and the horizontal ellipse, as text."""
     if table.covariance is None or not np.all(np.isfinite(table.covariance[k])):
         return [""] * 6
     covariance = table.covariance[k]
@@ -76,5 +76,5 @@ def _uncertainty(table: SurveyTable, k: int) -> list[str]:
 
 
 def _exact(value: float) -> str:
-    """A number to a tenth of a nanometre, without a minus before zero."""
+    """Return a number with ten decimals, without a minus before zero."""
     return f"{float(value) + 0.0:.10f}" if abs(value) >= 5e-11 else f"{0.0:.10f}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surveys repeated at one depth in the report: spread against the tool code, and the sensor biases they show."""
+"""Repeated surveys at one depth in the report: spread compared with the tool code, and the sensor biases they show."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _TINTS = {check_shots.PASS: GOOD, check_shots.DOUBTFUL: DOUBTFUL, check_shots.FA
 
 
 def repeated(table: SurveyTable) -> Section | None:
-    """Rotation shots and check shots of the list; None where nothing was repeated."""
+    """Return rotation shots and check shots of the list; None if nothing was repeated."""
     rows: list[tuple[str, ...]] = []
     tints = {}
     for shot, numbers in shots_of(table.surveys.records, table.surveys.well.error_model):
@@ -52,8 +52,8 @@ def repeated(table: SurveyTable) -> Section | None:
     if not rows:
         return None
     legend = (
-        "Spread and expected are standard deviations of the repeated surveys, uncorrected for interference; expected by"
-        " the tool code. Doubtful or fail: such differences come by chance once in 100 or in 1000 times."
+        "Spread and expected are standard deviations of the repeated surveys, uncorrected for interference; expected is"
+        " that of the tool code. Doubtful or fail: such differences occur by chance once in 100 or in 1000 times."
     )
     sheet = sheet_of("Rotation shots and check shots", _COLUMNS, rows, tints=tints, legend=legend)
     return Section(sheet.heading, sheets=(sheet,))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Offset wells in the report: clearance by the separation rule, its pictures, and how well the hole ahead is known."""
+"""Offset wells in the report: clearance by the separation rule, its plots, and the position uncertainty ahead."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ _AHEAD = (
     *(("MD", "m"), ("TVD", "m"), ("N/S", "m"), ("E/W", "m"), ("1σ N", "m"), ("1σ E", "m"), ("1σ V", "m")),
     *(("Ellipse 2σ", "m"), ("by", "m"), ("axis", "deg"), ("", "")),
 )
-_MOST = 40  # stations ahead that are printed; the last one is always among them
+_MOST = 40  # largest number of printed stations ahead; the last one is always printed
 
 
 def clearance_sections(
     surveys: SurveyList, plan: Plan | None, bit_depth: float | None = None, leg: str | None = None
 ) -> tuple[tuple[Section, ...], tuple[str, ...]]:
     """
-    Return the sections about offset wells, and sentences about what could not be compared.
+    Return the sections about offset wells, and sentences about comparisons that were not possible.
 
-    Both are empty where the well names no offset wells. Arguments as `well_clearance`.
+    Both are empty if the well has no offset wells. Arguments as for `well_clearance`.
     """
     try:
         offsets = offset_wells_of(surveys)
@@ -49,7 +49,7 @@ def clearance_sections(
 
 
 def clearance_section(near: WellClearance) -> Section:
-    """Return the section of a well: a line for each offset well over the whole path and from the last survey on."""
+    """Return the section of a well: for each offset well a line over the whole path and one from the last survey on."""
     rule = near.rule
     rule_words = (
         f"Separation rule of the ISCWSA (SPE 187073): k = {rule.k:g}, surface margin {rule.surface_margin_m:g} m, "
@@ -70,7 +70,7 @@ def clearance_section(near: WellClearance) -> Section:
         _COLUMNS,
         rows,
         tints=tints,
-        legend="Where the separation factor is least. Allowed: the least distance at factor 1. Toolface: direction to "
+        legend="At the point of the smallest separation factor. Allowed: distance at factor 1. Toolface: direction to "
         "the offset well from the high side.",
     )
     drawings = (
@@ -84,7 +84,7 @@ def clearance_section(near: WellClearance) -> Section:
 
 
 def ahead_sheet(near: WellClearance) -> Sheet:
-    """Return how well the hole is known from the last survey on: at the bit and along the plan."""
+    """Return the position uncertainty from the last survey on: at the bit and along the plan."""
     well, covariance = near.well, near.well.covariance()
     stations = planned_rows(near)
     chosen = np.unique(np.append(stations[:: max(1, math.ceil(stations.size / _MOST))], stations[-1]))
@@ -97,8 +97,8 @@ def ahead_sheet(near: WellClearance) -> Sheet:
         metres = (well.md[k], down, n, e, *sigmas, flat.major, flat.minor)
         rows.append((*(fixed(float(v), 2) for v in metres), fixed(math.degrees(flat.angle), 0), kind))
     legend = (
-        "The bit and the plan ahead count as stations of the tool in the hole. Ellipse: semi-axes in the map at 2 "
-        "sigma, and the direction of the larger one from north."
+        "The bit and the plan ahead count as stations of the present tool. Ellipse: horizontal semi-axes at 2 sigma, "
+        "and the direction of the larger one from north."
     )
     return sheet_of("Position ahead of the last survey", _AHEAD, rows, legend=legend)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The survey report, apart from its layout: head, sections in the order they are printed, certificate."""
+"""Content of the survey report without its layout: head, sections in printed order, certificate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED
 
 @dataclasses.dataclass(frozen=True)
 class Content:
-    """The report: title, head block, notes, sections, certificate and the lines to sign on."""
+    """The report: title, head block, notes, sections, certificate and signature lines."""
 
     title: str
     header: tuple[tuple[str, str], ...]
@@ -30,12 +30,12 @@ class Content:
 
     @property
     def sheets(self) -> tuple[Sheet, ...]:
-        """Every table, in the order they are printed."""
+        """Every table, in printed order."""
         return tuple(sheet for section in self.sections for sheet in section.sheets)
 
 
 def content(table: SurveyTable) -> Content:
-    """The report of a table, in words and printed numbers."""
+    """Return the report of a table, as texts and printed numbers."""
     well = table.surveys.well
     notes = [*table.left_out, *map(plain, table.remarks)]
     if table.path.kind[-1] == "projected":
@@ -43,7 +43,7 @@ def content(table: SurveyTable) -> Content:
     by_hand = [r for r in table.surveys.records if r.in_use and r.survey.verdict != Verdict.ACCEPT]
     if by_hand:
         numbers = ", ".join(str(r.survey.sequence) for r in by_hand)
-        notes.append(f"Used on a person's word against the automatic verdict: survey {numbers}.")
+        notes.append(f"Used by manual decision against the automatic verdict: survey {numbers}.")
     made = (make(table) for make in SECTIONS)
     return Content(
         title=plain(f"Survey report {well.name}" + (f", {well.wellbore}" if well.wellbore else "")),
@@ -54,7 +54,7 @@ def content(table: SurveyTable) -> Content:
             "Certified that this survey was computed by the minimum curvature method from the surveys marked as used,"
             f" from {well.north_reference} north, with the references and corrections stated above."
             + (
-                " Its depths and positions are not certified: they rest on the assumption stated."
+                " Its depths and positions are not certified: they are based on the assumption stated."
                 if table.path.assumed
                 else ""
             )
@@ -77,21 +77,21 @@ def definitive(table: SurveyTable) -> Section:
         (("Survey", ""), *((c.listed.title, c.unit) for c in shown), ("Flags", "")),
         rows,
         marks,
-        legend="Shaded lines: projected or assumed, not surveyed, or used on a person's word." if any(marks) else "",
+        legend="Shaded lines: projected or assumed, not surveyed, or used by manual decision." if any(marks) else "",
     )
     return Section(sheet.heading, sheets=(sheet,))
 
 
 def drawn(table: SurveyTable) -> Section:
-    """Plan view and vertical section, and what their ellipses mean."""
+    """Plan view and vertical section, with an explanation of the ellipses."""
     north = table.surveys.well.north_reference
     azimuth = dict(table.header)["Vertical section azimuth"]
     text = f"No position uncertainty: {table.covariance_note}."
     if table.covariance is not None:
         text = (
-            f"Ellipses show how well the position of a station is known: {ELLIPSE_SIGMAS:g} sigma in the plane of the"
-            f" drawing, which holds the station with a probability of 86 %; {table.covariance_note}. They say nothing"
-            " of gross errors."
+            f"Ellipses show the position uncertainty of a station at {ELLIPSE_SIGMAS:g} sigma in the plane of the"
+            f" drawing: they contain the station with a probability of 86 %; {table.covariance_note}. They do not"
+            " include gross errors."
         )
     return Section(
         "Well path",
@@ -104,7 +104,7 @@ def drawn(table: SurveyTable) -> Section:
     )
 
 
-# In the order they are printed; a function returns None where it has nothing to say.
+# In printed order; a function returns None if its section would be empty.
 SECTIONS: tuple[Callable[[SurveyTable], Section | None], ...] = (
     definitive,
     drawn,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was decided in the report: automatic verdicts, people's decisions one after the other, and the slide sheet."""
+"""Decisions in the report: automatic verdicts, manual decisions in order, and the slide sheet."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _VERDICT_TITLES = ("Survey", "MD", "Inc", "Azi", "Toolface", "What to do", "May 
 
 
 def verdicts(table: SurveyTable) -> Section | None:
-    """Automatic verdicts that are not all "accept", with the reason to act on and what may disturb the readings."""
+    """Automatic verdicts that are not all "accept", with the main reason and possible disturbances."""
     rows: list[tuple[str, ...]] = []
     marks, tints = [], {}
     for record in numbered(table):
@@ -39,12 +39,12 @@ def verdicts(table: SurveyTable) -> Section | None:
     if not rows:
         return None
     columns = [(title, "m" if title == "MD" else "") for title in _VERDICT_TITLES]
-    sheet = sheet_of("Automatic verdicts that want attention", columns, rows, marks, tints=tints)
+    sheet = sheet_of("Automatic verdicts that need attention", columns, rows, marks, tints=tints)
     return Section(sheet.heading, sheets=(sheet,))
 
 
 def decisions(table: SurveyTable) -> Section | None:
-    """Who decided what, one after the other, and what is worth attention or was remarked."""
+    """Return the decisions with their operators in order of time, and flags and remarks."""
     rows, marks, remarks = [], [], []
     for record in numbered(table):
         s, number = record.survey, str(record.survey.sequence)
@@ -70,14 +70,14 @@ def decisions(table: SurveyTable) -> Section | None:
     sheets = []
     if rows:
         columns = (("Survey", ""), ("UTC", ""), ("By", ""), ("Decision", ""), ("MD then", "m"), ("Why", ""))
-        sheets.append(sheet_of("Who decided what; the last line of a survey is in force", columns, rows, marks))
+        sheets.append(sheet_of("Decisions; the last line of a survey is in force", columns, rows, marks))
     if remarks:
         sheets.append(sheet_of("Flags and remarks", (("Survey", ""), ("Flags", ""), ("Remark", "")), remarks))
     return Section("Decisions", sheets=tuple(sheets)) if sheets else None
 
 
 def slides(table: SurveyTable) -> Section | None:
-    """The slide sheet and what the slides gave; None where nothing was slid."""
+    """Return the slide sheet and the yield of the slides; None if nothing was slid."""
     made = {mode: sum(s.length for s in table.stretches if s.mode == mode) for mode in (SLIDE, ROTATE)}
     if made[SLIDE] <= 0.0:
         return None
@@ -93,7 +93,7 @@ def slides(table: SurveyTable) -> Section | None:
     )
     gave = yields(table.stretches, table.path)
     motor = Sheet(
-        "What the slides gave; the tendency of formation and rotation is in it",
+        "Yield of the slides, including the tendency of formation and rotation",
         ("From", "To", "Slid", "Rotated", "Dogleg", "DLS", "Motor yield"),
         ("m", "m", "m", "m", "deg", "deg/30 m", "deg/30 m slid"),
         tuple(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The survey report as one HTML file: no script, nothing fetched, figures inside; prints on A4 with page numbers."""
+"""The survey report as one HTML file: no scripts, no external files, figures inside; prints as A4 with page numbers."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ figcaption { color: #444; }
 
 
 def report_html(table: SurveyTable) -> str:
-    """The report of a table as HTML text (UTF-8 when encoded); texts from people are escaped."""
+    """Return the report of a table as HTML text (UTF-8 when encoded); user texts are escaped."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=False)
     return environment.from_string(_PAGE).render(c=content(table), drawn=_drawn, tints=TINTS)
 
@@ -95,8 +95,8 @@ def report_html(table: SurveyTable) -> str:
 def _drawn(drawing: Drawing) -> str:
     figure = drawing.draw()
     text = svg(figure)
-    # An element of the page, without the head of a document.
+    # As an element of the page: without the document head.
     text = text[text.index("<svg") :]
-    # A figure is a web of cycles; a node that draws one a survey must not wait for the collector.
+    # A figure has many reference cycles; a node that draws one per survey must not wait for the garbage collector.
     figure.clear()
     return text

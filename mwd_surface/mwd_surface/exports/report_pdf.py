@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The survey report as PDF: A4 landscape, page x of y, head block, tables, figures, quality page, certificate."""
+"""The survey report as PDF: A4 landscape, numbered pages, head block, tables, figures, quality page, certificate."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MARK = (255, 243, 224)
 
 
 def report_pdf(table: SurveyTable) -> bytes:
-    """The report of a table as the bytes of a PDF file; the same table gives the same text."""
+    """Return the report of a table as the bytes of a PDF file; the same table gives the same text."""
     import matplotlib as mpl
     from fpdf import FPDF
 
@@ -27,7 +27,7 @@ def report_pdf(table: SurveyTable) -> bytes:
     title = report.title
 
     class Page(FPDF):  # type: ignore[misc]
-        """Pages that carry the title and their number."""
+        """Pages with the title and the page number."""
 
         def header(self) -> None:
             if self.page_no() > 1:
@@ -40,7 +40,7 @@ def report_pdf(table: SurveyTable) -> bytes:
             self.cell(0, 5, f"page {self.page_no()} of {{nb}}", align="R")
 
     pdf = Page(orientation="landscape", format="A4")
-    # Matplotlib brings a font with Greek and accented letters, under a free licence.
+    # Matplotlib includes a font with Greek and accented letters, under a free licence.
     fonts = Path(mpl.get_data_path()) / "fonts" / "ttf"
     pdf.add_font(_FONT, "", fonts / "DejaVuSans.ttf")
     pdf.add_font(_FONT, "B", fonts / "DejaVuSans-Bold.ttf")
@@ -96,7 +96,7 @@ def _section(pdf: Any, section: Section) -> None:
 
 
 def _drawings(pdf: Any, drawings: Sequence[Drawing]) -> None:
-    """Print drawings two beside each other, wide ones alone."""
+    """Print drawings in pairs side by side, wide ones alone."""
     narrow = 134.0
     column = 0
     for drawing in drawings:
@@ -126,7 +126,7 @@ def _sheet(pdf: Any, sheet: Sheet, heading: str) -> None:
         pdf.set_font(_FONT, "B", 9)
         pdf.cell(0, 7, heading, new_x="LMARGIN", new_y="NEXT")
     pdf.set_font(_FONT, "", 6.5)
-    # Columns as wide as their longest text, within reason, shared out over the page.
+    # Column widths in proportion to the longest text, up to 40 characters.
     lengths = (
         [
             min(40, max(len(t), len(u), *(len(r[k]) for r in sheet.rows), 3))

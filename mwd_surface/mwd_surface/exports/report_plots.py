@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 # Okabe and Ito's palette: distinguishable for colour-blind readers; the marks differ too.
 _SURVEY, _PLAN, _BAD, _ELLIPSE, _GOOD = "#0072B2", "#009E73", "#D55E00", "#999999", "#56B4E9"
 ELLIPSE_SIGMAS = 2.0
-# Of gravity, field and dip: label of the axis, factor from SI.
+# Gravity, field and dip: axis label and factor from SI.
 _QUALITY = (("ΔG, mg", 1e3 / STANDARD_GRAVITY), ("ΔB, nT", 1e9), ("Δdip, deg", 180.0 / math.pi))
 
 
 def _new(width: float, height: float) -> tuple[Figure, Any]:
-    # Not pyplot: figures of a server must not pile up in a global list.
+    # Not pyplot, which keeps every figure in a global list.
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), layout="constrained")
@@ -35,7 +35,7 @@ def _new(width: float, height: float) -> tuple[Figure, Any]:
 
 
 def plan_view(table: SurveyTable) -> Figure:
-    """The path on the map, with the ellipses of some stations and the plan."""
+    """Return the path in plan view, with the ellipses of some stations and the plan."""
     figure, ax = _new(6.2, 5.6)
     if table.plan is not None:
         line = interpolated(table.plan, 10.0).positions
@@ -54,7 +54,7 @@ def plan_view(table: SurveyTable) -> Figure:
 
 
 def section_view(table: SurveyTable) -> Figure:
-    """The path in the plane of the vertical section, with the ellipses of some stations and the plan."""
+    """Return the path in the plane of the vertical section, with the ellipses of some stations and the plan."""
     figure, ax = _new(6.2, 5.6)
     azimuth = table.path.section_azimuth
     along = np.array([math.cos(azimuth), math.sin(azimuth)])
@@ -73,7 +73,7 @@ def section_view(table: SurveyTable) -> Figure:
 
 
 def quality_view(table: SurveyTable) -> Figure:
-    """Deviation of gravity, field and dip of every survey over depth, with the limits as a band."""
+    """Return the deviations of gravity, field and dip of every survey over depth, with the limits as a band."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")
@@ -86,7 +86,7 @@ def quality_view(table: SurveyTable) -> Figure:
             depth = [r.measured_depth for r, _ in known]
             limit = np.array([t.limit for _, t in known]) * factor
             band = {"color": _GOOD, "alpha": 0.25, "linewidth": 0.8, "label": "within the limit"}
-            # A single survey has a band too.
+            # A single survey gets a band of 30 m.
             ends = ([depth[0] - 15.0], [depth[0] + 15.0]) if len(depth) == 1 else ([], [])
             ax.fill_betweenx([*ends[0], *depth, *ends[1]], -_padded(limit, ends), _padded(limit, ends), **band)
         for used, mark, colour, name in ((True, "o", _SURVEY, "used"), (False, "x", _BAD, "not used")):
@@ -105,7 +105,7 @@ def quality_view(table: SurveyTable) -> Figure:
 
 
 def _padded(limit: Any, ends: tuple[list[float], list[float]]) -> Any:
-    """Limits with one more at each end that was added."""
+    """Return the limits, repeated at each end that was extended."""
     return np.concatenate([limit[:1] if ends[0] else [], limit, limit[-1:] if ends[1] else []])
 
 
@@ -113,12 +113,12 @@ def _path_line(ax: Any, table: SurveyTable, axes: Any) -> None:
     projected = table.path.kind[-1] == "projected"
     last = len(table.path.kind) - projected
     assumed = table.path.kind[0] == ASSUMED
-    # Between stations the path is an arc; drawn as one.
+    # Between stations the path is drawn as an arc.
     md, whole = _dense(table)
     measured = (md >= table.path.md[1]) if assumed else np.full(md.size, True)
     ax.plot(*axes(whole[measured]), color=_SURVEY, linewidth=1.2)
     if assumed:
-        # Up to the first survey, so that no gap is left.
+        # Up to the first survey, to leave no gap.
         ax.plot(
             *axes(whole[md <= table.path.md[1]]), ":", color=_BAD, linewidth=1.4, label="hole assumed, not surveyed"
         )
@@ -129,7 +129,7 @@ def _path_line(ax: Any, table: SurveyTable, axes: Any) -> None:
 
 
 def _dense(table: SurveyTable) -> tuple[Array, Array]:
-    """Measured depths, m, shape (n,), and positions there, shape (n, 3), m, that draw the path as arcs."""
+    """Return dense measured depths, m, shape (n,), and positions, shape (n, 3), m, to draw the path as arcs."""
     from mwd_sensors.core import minimum_curvature as mc
 
     path = table.path
@@ -140,7 +140,7 @@ def _dense(table: SurveyTable) -> tuple[Array, Array]:
 
 
 def _some(table: SurveyTable) -> list[tuple[str, int]]:
-    """At most a dozen stations, the last one among them, and what the legend says: more ellipses hide the path."""
+    """Return legend label and index of at most 12 stations, the last one included: more ellipses hide the path."""
     good = [k for k in table.rows if table.covariance is not None and np.all(np.isfinite(table.covariance[k]))]
     step = max(1, math.ceil(len(good) / 12))
     return [(f"ellipse, {ELLIPSE_SIGMAS:g} sigma" if not j else "", k) for j, k in enumerate(good[::-1][::step])]

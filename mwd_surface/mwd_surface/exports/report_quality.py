@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Quality control in the report: the run in figures, every station against its limits, the azimuths by method."""
+"""Quality control in the report: figures of the run, every station against its limits, azimuths by method."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRec
 from mwd_surface.trajectory.north import North
 
 _DEG = 180.0 / math.pi
-# Of total gravity, total field and dip: title, unit of people, factor from SI, decimals.
+# Total gravity, total field and dip: title, display unit, factor from SI, decimals.
 TOTALS = (("G", "mg", 1e3 / STANDARD_GRAVITY, 2), ("B", "nT", 1e9, 0), ("Dip", "deg", _DEG, 2))
 _VERDICT_TINTS = {"accept": GOOD, "doubtful": DOUBTFUL, "reject": REJECT}
 _TINT_LEGEND = (
     "Green: within the limit. Yellow: beyond the limit, or doubtful. Red: beyond 1.5 times the limit, or rejected. "
-    "Shaded lines: not used, or used on a person's word. B and dip are judged without the drill string's axial field "
-    "where the azimuth is corrected for it (field: corrected), else as they were read; the limit is that of the value "
-    "beside it."
+    "Shaded lines: not used, or used by manual decision. B and dip are judged without the drill string's axial field "
+    "if the azimuth is corrected for it (field: corrected), otherwise as read; each limit applies to the value on its "
+    "left."
 )
 _RUN_LEGEND = (
     "rms: of the deviations of the surveys in use from their references, as judged. Axial: mean field of the drill "
-    "string along the tool, and its spread. 1σ: median of the surveys in use. Azi accepted: of those the attitude "
-    "determines."
+    "string along the tool, and its spread. 1σ: median of the surveys in use. Azi accepted: share of the surveys that "
+    "determine an azimuth."
 )
 # Columns of the tables: title and unit.
 _STATION = (
@@ -52,12 +52,12 @@ _RUN = (
 
 
 def numbered(table: SurveyTable) -> list[SurveyRecord]:
-    """Every survey taken, by number."""
+    """Return every survey taken, by number."""
     return sorted(table.surveys.records, key=lambda r: r.survey.sequence)
 
 
 def row_mark(record: SurveyRecord | None) -> str:
-    """Why the line of a survey stands out; empty where it does not."""
+    """Return why the line of a survey is highlighted; empty if it is not."""
     if record is None:
         return ""
     if not record.in_use:
@@ -66,13 +66,13 @@ def row_mark(record: SurveyRecord | None) -> str:
 
 
 def verdict_cells(survey: Survey, row: int, first: int) -> tuple[tuple[str, ...], dict[tuple[int, int], str]]:
-    """Verdicts of inclination, azimuth and toolface as cells from column `first` on, with their tints."""
+    """Return the verdicts of inclination, azimuth and toolface as cells from column `first` on, with their tints."""
     words = survey.verdicts
     return words, {(row, first + k): _VERDICT_TINTS[v] for k, v in enumerate(words) if v in _VERDICT_TINTS}
 
 
 def stations(table: SurveyTable) -> Section | None:
-    """Every survey taken against its limits, and the plot of that; None for a list of angles without readings."""
+    """Return every survey compared with its limits, with a plot; None for a list of angles without readings."""
     records = [record for record in numbered(table) if record.survey.has_readings]
     if not records:
         return None
@@ -116,7 +116,7 @@ def stations(table: SurveyTable) -> Section | None:
 
 
 def _as_read(records: Sequence[SurveyRecord]) -> Sheet:
-    """Totals as they were read, as they were judged, and their references."""
+    """Return the totals as read and as judged, and their references."""
     rows = []
     for record in records:
         gravity, field, dip = totals(record.survey)
@@ -135,7 +135,7 @@ def _as_read(records: Sequence[SurveyRecord]) -> Sheet:
 
 
 def run_quality(table: SurveyTable) -> Section | None:
-    """How good the run of each tool is, in figures; None for a list of angles without readings."""
+    """Return figures of the quality of each tool's run; None for a list of angles without readings."""
     records = [record for record in numbered(table) if record.survey.has_readings]
     if not records:
         return None
@@ -178,7 +178,7 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
 
 
 def azimuths(table: SurveyTable) -> Section | None:
-    """The azimuth of every survey by each method, from the same north."""
+    """Return the azimuth of every survey by each method, from the same north."""
     records = numbered(table)
     methods = list(dict.fromkeys(a.method for r in records for a in r.survey.azimuths if a.sigma >= 0.0))
     if not methods:
@@ -210,7 +210,7 @@ def azimuths(table: SurveyTable) -> Section | None:
         columns,
         rows,
         [row_mark(record) for record in records],
-        legend="Others that fit: azimuths that explain the readings too, with their probability.",
+        legend="Others that fit: other azimuths that explain the readings, with their probability.",
     )
     return Section(sheet.heading, sheets=(sheet,))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The high-density trajectory in the report: what the slide sheet says of the hole between the stations."""
+"""The high-density trajectory in the report: the hole between the stations according to the slide sheet."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COLUMNS = (
 
 
 def high_density(table: SurveyTable) -> Section | None:
-    """Vertical depth of the stations with the slides where they were made; None without a slide sheet."""
+    """Return the vertical depth of the stations with the slides at their actual depths; None without a slide sheet."""
     found = dense_trajectory(table.path, stretches=table.stretches)
     if not found.has_detail:
         return None
@@ -31,6 +31,10 @@ def high_density(table: SurveyTable) -> Section | None:
         rows.append(tuple(fixed(float(value), 2) for value in (found.md[k], down - apart, down, apart, north, east)))
     sheet = sheet_of("High-density trajectory", _COLUMNS, rows)
     what = (
-        "For comparison, not the definitive survey: the dogleg of each interval is where the slide sheet says that the"
+        "For comparison, not the definitive survey: the dogleg of each interval is assigned to the stretches where the"
     )
-    return Section(sheet.heading, (f"{what} string slid, in place of an even arc. {summary(found)}.",), sheets=(sheet,))
+    return Section(
+        sheet.heading,
+        (f"{what} string slid according to the slide sheet, instead of an even arc. {summary(found)}.",),
+        sheets=(sheet,),
+    )

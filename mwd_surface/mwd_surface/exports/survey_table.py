@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The definitive survey as it is printed: one set of numbers, rounded once, for every export and report.
+The definitive survey as printed: one set of numbers, rounded once, for every export and report.
 
-Units of people: m, deg, deg/30 m, nT. A value that is not known is an empty cell, never a stand-in. A station with a
-number that is not finite is left out, and the table says so.
+Display units: m, deg, deg/30 m, nT. An unknown value is an empty cell, never a placeholder. A station with a number
+that is not finite is omitted, and the table reports it.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from mwd_surface.trajectory.slide_sheet import Stretch
 from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
 _DEG = 180.0 / math.pi
-_FEW = 12  # numbers in a sentence
+_FEW = 12  # largest count of numbers listed in a sentence
 
 
 @dataclasses.dataclass(frozen=True)
 class Column:
     """
-    One column of numbers: its signal, where it stands in files, and one value per station, None where not known.
+    One column of numbers: its signal, its place in files, and one value per station, None if unknown.
 
-    The values are in the unit of people.
+    The values are in display units.
     """
 
     signal: Signal
@@ -54,23 +54,23 @@ class Column:
 
     @property
     def unit(self) -> str:
-        """Of people."""
+        """Symbol of the display unit."""
         return self.signal.people.symbol
 
     def cell(self, k: int, paper: bool = False) -> str:
-        """The number of a station as printed in files or on paper; empty where not known."""
+        """Return the number of a station as printed in files or on paper; empty if unknown."""
         return fixed(self.values[k], self.listed.shown if paper else self.listed.decimals, self.signal.wrap)
 
 
 @dataclasses.dataclass(frozen=True)
 class SurveyTable:
     """
-    Everything an export prints.
+    Everything that an export prints.
 
-    surveys, path: where it comes from. records: of each station, None for tie-ons and the projection. header: label
-    and value of the head block. covariance: shape (n, 3, 3), m^2, or None; why not is in covariance_note. left_out:
-    stations that could not be printed, and why. made_ns: when the table was asked for. stretches: the slide sheet.
-    sections: further ones of the report, whose data is no part of the list.
+    surveys, path: source of the table. records: of each station, None for tie-ons and the projection. header: label and
+    value of the head block. covariance: shape (n, 3, 3), m^2, or None; covariance_note then gives the reason. left_out:
+    stations that could not be printed, and why. made_ns: when the table was requested. stretches: the slide sheet.
+    sections: further sections of the report, with data that are not part of the list.
     """
 
     surveys: SurveyList
@@ -88,7 +88,7 @@ class SurveyTable:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences about what path, list and plan assume."""
+        """Sentences about the assumptions of path, list and plan."""
         planned = self.plan.remarks if self.plan is not None else ()
         return sentences((*self.path.assumptions, *self.surveys.remarks, *planned))
 
@@ -98,7 +98,7 @@ class SurveyTable:
         return range(len(self.records))
 
     def column(self, key: str) -> Column:
-        """The column of that name; KeyError where there is none."""
+        """Return the column of that name; KeyError if there is none."""
         for column in self.columns:
             if column.key == key:
                 return column
@@ -117,7 +117,7 @@ def survey_table(
     sections: Sequence[Section] = (),
 ) -> SurveyTable:
     """
-    The printed table of one leg.
+    Return the printed table of one leg.
 
     Parameters
     ----------
@@ -125,11 +125,11 @@ def survey_table(
     made_ns : int
         Time of the report, ns since the epoch.
     leg : str, optional
-        Other than the current one.
+        Leg to print, if not the current one.
     bit_depth : float, optional
-        m; the last row is then projected to it. Left out, to `sensor_to_bit` below the last survey.
+        Depth to which the last row is projected, m; if omitted, `sensor_to_bit` below the last survey.
     plan : Plan, optional
-        Other than that of the list; it adds distance and direction to it.
+        Plan, if not that of the list; it adds distance from it and direction to it.
     software : str
         Name and version for the head block.
     stretches : sequence of Stretch
@@ -140,7 +140,7 @@ def survey_table(
     Raises
     ------
     ValueError
-        No such leg, or a bit depth that is not finite.
+        The leg does not exist, or the bit depth is not finite.
     """
     if plan is not None:
         surveys = surveys.along(plan)
@@ -179,9 +179,9 @@ def table_of(
 
 def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
     """
-    A number with the given number of decimals; empty for None or what is not finite.
+    Return a number with the given number of decimals; empty for None or if not finite.
 
-    Never "-0.00", and a number that rounds to `wrap` (360.00 for an azimuth) is zero again.
+    Never "-0.00"; a number that rounds to `wrap` (360.00 for an azimuth) becomes zero.
     """
     if value is None or not math.isfinite(value):
         return ""
@@ -192,7 +192,7 @@ def fixed(value: float | None, decimals: int, wrap: float = 0.0) -> str:
 
 
 def utc(stamp_ns: int) -> str:
-    """A stamp as UTC text to the millisecond, "2026-05-14T13:57:00.123Z"; empty for 0."""
+    """Return a stamp as UTC text to the millisecond, "2026-05-14T13:57:00.123Z"; empty for 0."""
     if stamp_ns <= 0:
         return ""
     seconds, rest = divmod(stamp_ns, 10**9)
@@ -201,12 +201,12 @@ def utc(stamp_ns: int) -> str:
 
 
 def plain(text: str) -> str:
-    """Text on one line without control characters: what may stand in a cell, a header or an attribute."""
+    """Return text on one line without control characters, for a cell, a header or an attribute."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _columns(path: Definitive, covariance: Array | None, plan: Plan | None) -> tuple[Column, ...]:
-    """The columns of the signal table whose source is there."""
+    """Return the columns of the signal table whose source is available."""
     stations = range(len(path.md))
     sources: dict[str, Sequence[Any]] = {
         SURVEY: [{s.field: getattr(path, s.field)[k] for s, _ in LISTED if s.source == SURVEY} for k in stations],
@@ -227,13 +227,13 @@ def _people(signal: Signal, value: float | None) -> float | None:
 
 
 def _without_depth(surveys: SurveyList) -> tuple[str, ...]:
-    """What to do about surveys that have no place on the path, where there are any."""
+    """Return a sentence about the surveys without a depth, with the remedy, if there are any."""
     without = [r for r in surveys.records if r.measured_depth < 0.0 and r.judgement != Judgement.REJECTED]
     if not without:
         return ()
     numbers = ", ".join(str(r.survey.sequence) for r in without[:_FEW]) + (" ..." if len(without) > _FEW else "")
     remedy = "set it in the list, or give a table of depths to `mwd process --depths`"
-    return (f"left out for want of a depth: survey {numbers}; {remedy}",)
+    return (f"survey without measured depth not exported: {numbers}; {remedy}",)
 
 
 def _finite(path: Definitive) -> tuple[Definitive, tuple[str, ...]]:
@@ -244,7 +244,7 @@ def _finite(path: Definitive) -> tuple[Definitive, tuple[str, ...]]:
     why = tuple(
         f"station {k} ({path.kind[k]}"
         + (f" {path.sequence[k]}" if path.sequence[k] else "")
-        + ") left out: a number in it is not finite"
+        + ") omitted: a number in it is not finite"
         for k in np.flatnonzero(~good)
     )
     arrays = {
@@ -323,7 +323,7 @@ def _counted(own: Sequence[SurveyRecord]) -> str:
 
 
 def _telemetry(used: Sequence[Survey]) -> str:
-    """How many of the surveys in use came over which links, and how the others came; empty where none came over one."""
+    """Return how many of the surveys in use came by which link or way; empty if none came by a link."""
     if not any(one.link for one in used):
         return ""
     ways = Counter(one.link or ("tool's own topics" if one.has_readings else "imported list") for one in used)
@@ -337,7 +337,7 @@ def _placed(well: Well) -> tuple[tuple[str, str], ...]:
 
 
 def _tied(surveys: SurveyList, path: Definitive) -> str:
-    """Tie-on of the leg of a path in words; its numbers only where somebody gave them."""
+    """Return the tie-on of the leg of a path in words; its numbers only if they were given."""
     t = surveys.find_leg(path.leg).tie_on
     if path.kind[0] == ASSUMED:
         return "not given"
@@ -348,7 +348,7 @@ def _tied(surveys: SurveyList, path: Definitive) -> str:
 
 
 def _correction(reference: Survey | None, north: str) -> float | None:
-    """Return what was added to magnetic azimuths, rad; None where it is not known."""
+    """Return the correction of magnetic azimuths, rad; None if unknown."""
     if north == "magnetic":
         return 0.0
     if reference is None or reference.declination is None:
@@ -359,7 +359,7 @@ def _correction(reference: Survey | None, north: str) -> float | None:
 
 
 def degrees(angle: float | None, decimals: int) -> str:
-    """An angle, rad, in degrees with the given number of decimals; empty for None."""
+    """Return an angle, rad, in degrees with the given number of decimals; empty for None."""
     return "" if angle is None else fixed(angle * _DEG, decimals)
 
 
@@ -372,7 +372,7 @@ def _metres(length: float | None, words: str = "") -> str:
 
 
 def _map_grid(well: Well) -> str:
-    """Grid, coordinates of the wellhead, convergence and scale in words; empty where no grid is configured."""
+    """Return grid, coordinates of the wellhead, convergence and scale in words; empty if no grid is configured."""
     if not well.grid:
         return ""
     if well.latitude_deg is None or well.longitude_deg is None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A recording as one row per second: depth, rig data and attitude with sigmas, in the units of people.
+A recording as one row per second: depth, rig data and attitude with sigmas, in display units.
 
-The row of a whole second holds the last known value of each quantity stamped in the second that ends there. What is
-not known is empty; a second without any value has no row. Memory is constant whatever the length of the recording.
+The row of a whole second holds the last known value of each quantity stamped in the second before it. Unknown values
+are empty; a second without any value has no row. Memory is constant for any length of the recording.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from mwd_surface.signals.units import Scale
 ATTITUDE, RIG = "attitude", "rig/state"
 NORTHS = ("", "magnetic", "true", "grid")
 
-# Samples of two topics, or of one that reports late, meet in the same row if they are read within so many seconds.
+# Samples of two topics, or late ones of one topic, get into the same row if they are read within this time.
 _OPEN_S = 30
 _BATCH = 3600
 _S = 10**9
 
 
 class Quantity(NamedTuple):
-    """One column: its name, the field it comes from and its unit there, decimals, and what turns over (360)."""
+    """One column: its name, source field, display unit, decimals, and the value at which it wraps (360)."""
 
     key: str
     field: str
@@ -54,7 +54,7 @@ def _quantities(source: str) -> tuple[Quantity, ...]:
     )
 
 
-# A bit of RigState.valid vouches for each of these; for the attitude the sigma does that.
+# A bit of RigState.valid marks each of these as valid; for the attitude, the sigma does.
 _RIG_QUANTITIES, _ANGLES = _quantities(signal.RIG), _quantities(signal.ESTIMATOR)
 _SIGMAS = tuple(q._replace(key=f"sigma_{q.key}", field=f"sigma_{q.field}", wrap=0.0) for q in _ANGLES)
 QUANTITIES = (*_RIG_QUANTITIES, *_ANGLES, *_SIGMAS)
@@ -63,7 +63,7 @@ COLUMNS = ("timestamp_utc_iso", *(q.key for q in QUANTITIES), "azimuth_north")
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """A whole second, s since the epoch, what is known of it by column, and which north the azimuth is from."""
+    """A whole second, s since the epoch, its known values by column, and the north of the azimuth."""
 
     second: int
     values: dict[str, float]
@@ -71,13 +71,13 @@ class Row:
 
     @property
     def time(self) -> str:
-        """UTC text."""
+        """The second as UTC text."""
         return utc(self.second * _S)
 
 
 @dataclasses.dataclass
 class Written:
-    """What came of a recording: rows written, samples that came too late for theirs, topics, what is unusual."""
+    """Result of writing a recording: rows written, samples too late for their row, topics, and unusual facts."""
 
     rows: int = 0
     late: int = 0
@@ -103,24 +103,24 @@ def rows(
     progress: Callable[[float], None] = lambda _share: None,
 ) -> Iterator[Row]:
     """
-    The rows of a recording, in time.
+    Yield the rows of a recording, in order of time.
 
     Parameters
     ----------
     bag : Bag
     written : Written
-        Filled on the way.
+        Filled during iteration.
     well : str
-        Namespace, where the recording has several wells.
+        Namespace, needed if the recording has several wells.
     given : InputSettings, optional
         How the recording is read.
     progress : callable
-        Called with the share that is done, 0 to 1.
+        Called with the completed share, 0 to 1.
 
     Raises
     ------
     BagError
-        There is neither attitude nor rig data, or those of several wells and none is named.
+        There is neither attitude nor rig data, or there are several wells and none is named.
     """
     names = {
         relative: _topic(bag, layout, relative, well)
@@ -135,7 +135,7 @@ def rows(
     if not written.topics:
         raise BagError(
             f"{bag.path} has neither attitude nor rig data" + (f" of {well}" if well else ""),
-            "`mwd process` works out the attitude of a recording",
+            "`mwd process` computes the attitude of a recording",
         )
     waiting: dict[int, Row] = {}
     done = -(2**62)
@@ -149,7 +149,7 @@ def rows(
                 late = seconds <= done
                 written.late += int(np.count_nonzero(late))
                 take(samples[~late], seconds[~late], waiting)
-        # The middle of the slowest topic: one stamp that lies decides nothing.
+        # Median of the slowest topic, so that one wrong stamp has no effect.
         middle = min(int(np.median(part[1]["stamp_ns"])) // _S for part in block.values())
         ready = sorted(second for second in waiting if second < middle - _OPEN_S)
         for second in ready:
@@ -170,20 +170,20 @@ def write(
     progress: Callable[[float], None] = lambda _share: None,
 ) -> Written:
     """
-    Write the rows of a recording as .csv or .parquet, whole or not at all.
+    Write the rows of a recording as .csv or .parquet, completely or not at all.
 
     Raises
     ------
     ValueError
-        The ending is another.
+        Any other ending.
     BagError
-        As `rows`.
+        As for `rows`.
     OSError
-        The disk refuses.
+        The file cannot be written.
     """
     writers = {".csv": _write_csv, ".parquet": _write_parquet}
     if path.suffix not in writers:
-        raise ValueError(f"{path}: a time series is written as {' or '.join(writers)}")
+        raise ValueError(f"{path}: the ending of a time series must be {' or '.join(writers)}")
     written = Written()
 
     def counted() -> Iterator[Row]:
@@ -211,7 +211,7 @@ def _write_csv(path: Path, lines: Iterator[Row]) -> None:
 
 
 def _write_parquet(path: Path, lines: Iterator[Row]) -> None:
-    # Here, because it takes longer to load than most exports to write.
+    # Imported here because it takes longer to load than most exports take to write.
     import pyarrow as arrow
     from pyarrow import parquet
 
@@ -262,11 +262,11 @@ def _take(
     quantities: Sequence[Quantity],
     waiting: dict[int, Row],
 ) -> list[int]:
-    """Put the last known sample of each second into its row; their places come back."""
+    """Put the last known sample of each second into its row; return their indices."""
     for quantity in quantities:
         known = known & np.isfinite(samples[quantity.field])
     where = np.flatnonzero(known)
-    # The first from the end is the last one.
+    # The first one from the end is the last one.
     _, first = np.unique(seconds[where][::-1], return_index=True)
     places = [int(k) for k in where[::-1][first]]
     for k in places:

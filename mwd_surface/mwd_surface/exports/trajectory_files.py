@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The high-density trajectory as CSV and as LAS 2.0; never part of the definitive list's own files."""
+"""The high-density trajectory as CSV and as LAS 2.0; never part of the files of the definitive list."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ _NOTE = "HIGH-DENSITY TRAJECTORY, NOT THE DEFINITIVE SURVEY"
 
 def trajectory_csv(found: DenseTrajectory, path: Definitive) -> str:
     """
-    The trajectory as text, one line a point.
+    Return the trajectory as text, one line per point.
 
-    path: between whose stations it lies; the column `coordinates` says "assumed" where the path rests on an assumption.
+    path: path of the stations; the column `coordinates` is "assumed" if the path is based on an assumption.
     """
     north, assumed = path.north.name.lower(), "assumed" if path.assumed else ""
     names = ",".join([*(name for name, *_ in _COLUMNS), "azimuth_reference", "source", "coordinates"])
@@ -48,9 +48,9 @@ def trajectory_csv(found: DenseTrajectory, path: Definitive) -> str:
 
 def trajectory_las(found: DenseTrajectory, surveys: SurveyList) -> str:
     """
-    The trajectory as a LAS 2.0 file; SRC: 0 station, 1 continuous, 2 slide sheet, 3 arc.
+    Return the trajectory as a LAS 2.0 file; SRC: 0 station, 1 continuous, 2 slide sheet, 3 arc.
 
-    surveys: the list between whose stations it lies, with its well and its remarks.
+    surveys: list of the stations, with its well and remarks.
     """
     import lasio
 
@@ -73,7 +73,7 @@ def trajectory_las(found: DenseTrajectory, surveys: SurveyList) -> str:
 
 
 def _values(found: DenseTrajectory) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Columns of `_COLUMNS`, rounded so that no zero has a sign and no azimuth reads 360."""
+    """Return the columns of `_COLUMNS`, rounded, without negative zeros and without an azimuth of 360."""
     north, east, down = found.positions.T
     d_north, d_east, d_down = found.differences.T
     angles = np.degrees(found.inclination), np.degrees(found.azimuth)
@@ -85,14 +85,14 @@ def _values(found: DenseTrajectory) -> np.ndarray[tuple[int, int], np.dtype[np.f
 
 
 def largest_difference(found: DenseTrajectory) -> tuple[float, float, float]:
-    """Depth, m, where the vertical depth differs most from minimum curvature, that difference, and the last one, m."""
+    """Return the depth of the largest difference of vertical depth from minimum curvature, it, and the last one, m."""
     apart = found.differences[:, 2]
     worst = int(np.argmax(np.abs(apart)))
     return float(found.md[worst]), float(apart[worst]), float(apart[-1])
 
 
 def summary(found: DenseTrajectory) -> str:
-    """What the trajectory changes, in words."""
+    """Return the changes by the trajectory in words."""
     shares = [
         f"{100.0 * _share(found, kind):.0f} % {kind}" for kind in (CONTINUOUS, SLIDES, ARC) if kind in found.source
     ]
@@ -100,7 +100,7 @@ def summary(found: DenseTrajectory) -> str:
         return "no interval between stations"
     at, worst, last = largest_difference(found)
     return (
-        f"{', '.join(shares)}; vertical depth less minimum curvature: {last:+.2f} m at {found.md[-1]:.1f} m,"
+        f"{', '.join(shares)}; vertical depth minus minimum curvature: {last:+.2f} m at {found.md[-1]:.1f} m,"
         f" at most {worst:+.2f} m at {at:.1f} m"
     )
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many recordings at once: one task a bag, one data set of all of them, and a page that lists what came of each."""
+"""Processing of many recordings: one task per recording, one data set for all, and a page with the outcome of each."""

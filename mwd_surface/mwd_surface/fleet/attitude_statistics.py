@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of millions of attitudes in a table of a fleet: one row of statistics for every ten seconds."""
+"""Statistics of a fleet's attitudes: one row for every ten seconds instead of millions of samples."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _NAMES = (*_SUMS, *_MOTION, *(flag.name or "" for flag in FLAGS))
 
 
 class AttitudeStatistics:
-    """Sums by ten seconds of stamp; blocks in any order and of any length give the same rows."""
+    """Sums over ten seconds of stamp; the rows do not depend on order or length of the blocks."""
 
     def __init__(self) -> None:
         self._sums: dict[int, NDArray[np.float64]] = {}
         self._range: dict[int, tuple[float, float]] = {}
 
     def add(self, attitude: Samples, gravity: Samples) -> None:
-        """Take samples, dtypes of `wire.ATTITUDE` and `wire.GRAVITY`, row by row of one time."""
+        """Add samples, dtypes of `wire.ATTITUDE` and `wire.GRAVITY`, with equal times row by row."""
         if not len(attitude):
             return
         bins, place = np.unique(np.ascontiguousarray(attitude["stamp_ns"]) // BIN_NS, return_inverse=True)
@@ -67,7 +67,7 @@ class AttitudeStatistics:
             self._range[index] = min(low, float(lowest[k])), max(high, float(highest[k]))
 
     def rows(self) -> list[dict[str, Any]]:
-        """One row for every ten seconds with samples, in order of time: deg, r/min, m/s^2; None where unknown."""
+        """Return one row for every ten seconds with samples, in order of time: deg, r/min, m/s^2; None if unknown."""
         return [self._row(index) for index in sorted(self._sums)]
 
     def _row(self, index: int) -> dict[str, Any]:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The data set of a fleet: folders `bags/`, `surveys/` and `attitude/` of Parquet files.
+Data set of a fleet: folders `bags/`, `surveys/` and `attitude/` with Parquet files.
 
-Each recording has one file in each folder, named by what made it. The name (key) is the hash of the
-recording's bytes, of the settings and of this project's version. A file appears whole or not at all, that of
-`bags/` last: what it names is finished. So a run that was cut off goes on where it stopped, and nothing is in
-the data set twice. polars, duckdb and pandas read each folder as one table.
+Each recording has one file in each folder. The file name (key) is the hash of the recording's bytes, the settings and
+this project's version. A file appears completely or not at all, and the file in `bags/` is written last, so everything
+it names is finished. An interrupted run therefore continues where it stopped, and nothing is in the data set twice.
+polars, duckdb and pandas read each folder as one table.
 """
 
 from __future__ import annotations
@@ -100,19 +100,19 @@ SCHEMAS = {
 
 def key_of(path: Path, settings: str, version: str) -> str:
     """
-    Name of the results of a recording: of its bytes, wherever it lies, and of what works them out.
+    Return the key of a recording's results: a hash of its bytes, wherever it lies, and of settings and version.
 
     Raises
     ------
     OSError
-        It cannot be read.
+        The recording cannot be read.
     """
     total = hashlib.sha256()
     for text in (version, settings):
         total.update(text.encode() + b"\0")
     files = sorted(one for one in path.iterdir() if one.is_file()) if path.is_dir() else [path]
     for file in files:
-        # metadata.yaml repeats what the files say, together with names that change when a folder is moved.
+        # metadata.yaml only repeats the content of the files, with names that change when a folder is moved.
         if file.name == "metadata.yaml" and len(files) > 1:
             continue
         total.update(file.stat().st_size.to_bytes(8, "little"))
@@ -134,7 +134,7 @@ def write(folder: Path, key: str, tables: Mapping[str, list[dict[str, Any]]]) ->
     for name in TABLES:
         place = folder / name
         place.mkdir(parents=True, exist_ok=True)
-        # A name of its own for each writer: two tasks may have the same recording.
+        # Use a unique name for each writer, because two tasks may process the same recording.
         draft = place / f".{key}.{uuid.uuid4().hex}.unfinished"
         table = pa.Table.from_pylist(tables.get(name, []), schema=SCHEMAS[name])
         try:
@@ -145,14 +145,14 @@ def write(folder: Path, key: str, tables: Mapping[str, list[dict[str, Any]]]) ->
 
 
 def finished(folder: Path, key: str) -> dict[str, Any] | None:
-    """The row of `bags` of a recording that was worked out before; None where it was not, or failed."""
+    """Return the `bags` row of a recording that was processed before; None if it was not processed or failed."""
     file = folder / "bags" / f"{key}.parquet"
     if not file.is_file():
         return None
     try:
         (row,) = parquet.ParquetFile(file).read().to_pylist()
     except (pa.ArrowException, ValueError):
-        # Damaged on disk: worked out again.
+        # The file is damaged, so process the recording again.
         return None
     found: dict[str, Any] = row
     return found if found["outcome"] == DONE else None
@@ -160,9 +160,9 @@ def finished(folder: Path, key: str) -> dict[str, Any] | None:
 
 def tidy(folder: Path, keys: Mapping[str, str]) -> int:
     """
-    Delete unfinished files, results without their row in `bags`, and earlier results of the given recordings.
+    Delete unfinished files, results without a row in `bags`, and earlier results of the given recordings.
 
-    keys : key now by path of the recording. Returns the number of files deleted.
+    keys: present key by path of the recording. Return the number of deleted files.
     """
     going: list[Path] = []
     for name in TABLES:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a fleet: one line a recording, failures first, in one file without scripts."""
+"""Page of a fleet: one line per recording, failures first, in one file without scripts."""
 
 from __future__ import annotations
 
@@ -60,10 +60,10 @@ tr.failed td { background: #fff3e0; } tr.failed td:first-child { border-left: 4p
 
 
 def index_html(outcomes: Sequence[Outcome]) -> str:
-    """The page as text; texts from recordings are escaped."""
+    """Return the page as text; texts from recordings are escaped."""
     done = [one.row for one in outcomes if one.row["outcome"] != FAILED]
     totals = [
-        ("worked out", f"{len(done)} of {len(outcomes)}"),
+        ("processed", f"{len(done)} of {len(outcomes)}"),
         ("failed", str(len(outcomes) - len(done))),
         ("hours", f"{sum(row['seconds'] for row in done) / 3600.0:.2f}"),
         ("IMU samples", str(sum(row["samples"] for row in done))),
@@ -78,7 +78,7 @@ def index_html(outcomes: Sequence[Outcome]) -> str:
 
 def write_index(folder: Path, outcomes: Sequence[Outcome]) -> Path:
     """
-    Write index.html, whole or not at all.
+    Write index.html, completely or not at all.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A fleet of recordings over a Dask cluster: one task a bag.
+Processing of a fleet of recordings on a Dask cluster, one task per recording.
 
-What one task does, and why it can be done twice without harm, is in `fleet_task` and `fleet_dataset`. Here: finding the
-recordings, handing them out, and an outcome for each, whatever becomes of its worker.
+See `fleet_task` and `fleet_dataset` for what a task does and why it can safely run twice. This module finds the
+recordings, distributes them, and returns an outcome for each, even if its worker fails.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ _ENDINGS = (".mcap", ".db3", ".bag")
 
 def find_bags(patterns: Sequence[str]) -> list[Path]:
     """
-    The recordings that the patterns name, each once, sorted: folders with a metadata.yaml, and files on their own.
+    Return the recordings that the patterns name, each once, sorted: folders with a metadata.yaml, and single files.
 
-    A pattern may be a path, a folder to look through, or have `*` and `**` in it.
+    A pattern may be a path, a folder to search, or contain `*` and `**`.
 
     Raises
     ------
     ValueError
-        A pattern names nothing.
+        A pattern matches no recording.
     """
     found: set[Path] = set()
     for pattern in patterns:
-        # Not Path.glob: a pattern may begin at the root.
+        # Use glob.glob, because Path.glob does not accept absolute patterns.
         matches = [Path(one) for one in glob.glob(str(Path(pattern).expanduser()), recursive=True)]  # noqa: PTH207
         inside = [path for match in matches for path in (match.rglob("*") if match.is_dir() else ())]
         bags = {_bag_of(path) for path in (*matches, *inside) if path.suffix in _ENDINGS and path.is_file()}
         bags |= {path.parent for path in (*matches, *inside) if path.name == "metadata.yaml"}
         if not bags:
-            raise ValueError(f"{pattern}: no recording there")
+            raise ValueError(f"{pattern}: no recording found")
         found |= {path.resolve() for path in bags}
     return sorted(found)
 
@@ -59,7 +59,7 @@ def _bag_of(file: Path) -> Path:
 
 @dataclasses.dataclass(frozen=True)
 class Tls:
-    """Files of an encrypted cluster, PEM: its certificate authority, and certificate and key of ours."""
+    """Files for an encrypted cluster, PEM: certificate authority, and our certificate and key."""
 
     ca: str = ""
     cert: str = ""
@@ -80,17 +80,17 @@ def _security(scheduler: str, tls: Tls) -> distributed.Security | None:
 @contextlib.contextmanager
 def cluster(scheduler: str, workers: int = 0, tls: Tls | None = None) -> Iterator[distributed.Client]:
     """
-    A Dask client: of a cluster that is there (`tls://...`, `tcp://...`), or of one made for the run.
+    Yield a Dask client of an existing cluster (`tls://...`, `tcp://...`) or of one made for the run.
 
-    scheduler: "local" or "processes" (a process a core, started again when it dies), "threads" (in this process).
-    workers: how many; 0: as the machine has cores. tls: files for a cluster at tls://.
+    scheduler: "local" or "processes" (one process per core, restarted when it dies), "threads" (in this process).
+    workers: number of workers; 0: one per core. tls: files for a cluster at tls://.
 
     Raises
     ------
     ValueError
-        The name is none of these, or a tls:// cluster without its files.
+        The name is unknown, or files for a tls:// cluster are missing.
     OSError
-        Nobody answers at the address.
+        Nothing answers at the address.
     """
     if "://" in scheduler:
         with distributed.Client(scheduler, timeout="10s", security=_security(scheduler, tls or Tls())) as client:
@@ -106,7 +106,7 @@ def cluster(scheduler: str, workers: int = 0, tls: Tls | None = None) -> Iterato
             threads_per_worker=1 if processes else cores,
             processes=processes,
             host="127.0.0.1" if processes else None,
-            # Any port that is free: two fleets may run side by side.
+            # Use any free port, so that two fleets can run at the same time.
             dashboard_address="127.0.0.1:0",
             silence_logs=50,
         )
@@ -116,7 +116,7 @@ def cluster(scheduler: str, workers: int = 0, tls: Tls | None = None) -> Iterato
 
 @contextlib.contextmanager
 def _interrupts_ignored() -> Iterator[None]:
-    """Start processes that a Ctrl-C on the terminal does not reach: who started them ends them."""
+    """Start processes that ignore Ctrl-C on the terminal; the parent process ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -137,22 +137,21 @@ def run(
     changes: Mapping[str, Any] | None = None,
 ) -> list[Outcome]:
     """
-    Work out every recording that is not worked out yet, into the data set in `folder`.
+    Process every recording that is not yet in the data set in `folder`.
 
     Parameters
     ----------
     bags : sequence of Path
-        As `find_bags` gives them. Workers on other machines must see them, and `folder`, under the same paths.
+        Recordings from `find_bags`. Workers on other machines must see them, and `folder`, under the same paths.
     report : callable
-        Called with each outcome, and the share of recordings done.
+        Called with each outcome and the share of recordings done.
     changes : mapping, optional
-        Recordings that bring settings of their own are processed with those and these changes; None: all with
-        `estimator`.
+        Changes to the settings of recordings that bring their own. None: process all recordings with `estimator`.
 
     Returns
     -------
     list of Outcome
-        One for every bag, in their order.
+        One outcome per recording, in the same order.
 
     Raises
     ------
@@ -164,7 +163,7 @@ def run(
     place = str(folder.resolve())
     own = "" if changes is None else changes_text(changes)
     works = [Work(str(bag), place, text, given or InputSettings(), own) for bag in bags]
-    # A task whose worker dies is given to another by Dask, until it has taken a few of them with it.
+    # If a worker dies, Dask gives its task to another one, until the task has killed a few of them.
     futures = {client.submit(carry_out, work, pure=False): work for work in works}
     outcomes: dict[str, Outcome] = {}
     try:

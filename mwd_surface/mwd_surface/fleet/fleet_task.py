@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The task of one worker: a recording to its rows in the data set; called in another process, or on another machine."""
+"""Task of one worker: turns a recording into its rows of the data set, in another process or on another machine."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from mwd_surface.surveys.recorded_settings import Recorded, recorded_settings, w
 @dataclasses.dataclass(frozen=True)
 class Work:
     """
-    One recording to work out.
+    One recording to process.
 
-    bag: path of the recording. folder: of the data set. config: settings of the estimator as YAML, so that every worker
-    has the same whatever it was started with. given: how the recording is to be read. changes: of the settings that a
-    recording brings, YAML, where those hold; "" takes `config` for every recording.
+    bag: path of the recording. folder: folder of the data set. config: settings of the estimator as YAML, so that all
+    workers have the same. given: how to read the recording. changes: changes to the recording's own settings, YAML, if
+    these are to be used; "" uses `config` for every recording.
     """
 
     bag: str
@@ -50,9 +50,9 @@ class Work:
 @dataclasses.dataclass(frozen=True)
 class Outcome:
     """
-    What came of a recording: its row of the table `bags`, and whether it had been there before.
+    Result of a recording: its row of the table `bags`, and whether it was there before.
 
-    key: "" where the recording could not even be read.
+    key: "" if the recording could not be read.
     """
 
     bag: str
@@ -62,21 +62,21 @@ class Outcome:
 
 
 def config_text(estimator: EstimatorSettings) -> str:
-    """The settings as YAML, every one of them."""
+    """Return all settings as YAML."""
     return changes_text(settings_of.to_mapping(estimator))
 
 
 def changes_text(changes: Mapping[str, Any]) -> str:
-    """Some settings as YAML."""
+    """Return some settings as YAML."""
     text: str = yaml.safe_dump(dict(changes), sort_keys=True)
     return text
 
 
 def carry_out(work: Work) -> Outcome:
     """
-    Work out a recording and write its rows, unless they are there.
+    Process a recording and write its rows, unless they exist.
 
-    A recording that cannot be processed is an outcome with its reason, not an exception; a full disk is an exception.
+    A recording that cannot be processed gives an outcome with the reason, not an exception; a full disk raises one.
     """
     began = time.monotonic()
     path, folder = Path(work.bag), Path(work.folder)
@@ -97,12 +97,12 @@ def carry_out(work: Work) -> Outcome:
 
 
 def failed(work: Work, key: str, reason: str, began: float | None = None) -> Outcome:
-    """The outcome of a recording that gave nothing."""
+    """Return the outcome of a recording that failed."""
     return Outcome(work.bag, key, _row(work, key, began) | {"outcome": FAILED, "reason": reason, "warnings": []})
 
 
 def _row(work: Work, key: str, began: float | None) -> dict[str, Any]:
-    """What the table `bags` says of any recording; the rest is None."""
+    """Return the columns of table `bags` that every recording has; the others are None."""
     return dict.fromkeys(fleet_dataset.SCHEMAS["bags"].names) | {
         "key": key,
         "bag": work.bag,
@@ -146,7 +146,7 @@ def _estimated(
 
 
 def _settings(recorded: Recorded, work: Work) -> EstimatorSettings:
-    """Settings of the estimator: those of the recording with the changes, else those of the command."""
+    """Return the estimator's settings: those of the recording with the changes, else those of the command."""
     if recorded.estimator is None:
         return settings_of.from_mapping(EstimatorSettings, yaml.safe_load(work.config))
     return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes))

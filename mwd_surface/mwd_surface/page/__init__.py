@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the driller sees: the live state, its alarms, and the page that shows them."""
+"""The driller's page: live state, alarms, and the server that shows them."""

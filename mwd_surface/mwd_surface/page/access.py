@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Who may command: one secret, kept as a hash, and a pause for an address that guesses.
+Access to commands: one secret, kept as a hash, and a lock-out for addresses that guess.
 
-The secret comes from a file or the environment, never from a parameter: parameters are read by every node of the graph
-and recorded.
+The secret comes from a file or the environment, never from a parameter, because every node can read parameters and they
+are recorded.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from mwd_sensors.core.input_files import read_text
 
 VARIABLE = "MWD_PAGE_TOKEN"
 _SHORTEST = 8
-_MOST_WRONG = 5  # wrong secrets of an address before it has to wait
+_MOST_WRONG = 5  # wrong secrets from one address before it has to wait
 _WAIT_S = 60.0
-_REMEMBERED = 1000  # addresses
+_REMEMBERED = 1000  # number of addresses that are remembered
 
 
 def read_token(file: str, environment: Mapping[str, str]) -> str:
     """
-    Read the secret of the operator controls: the first line of a file, else the variable MWD_PAGE_TOKEN; "" for none.
+    Read the secret of the operator controls: first line of a file, else the variable MWD_PAGE_TOKEN; "" if none.
 
     Raises
     ------
     ValueError
-        The file cannot be read or others than its owner and group may read it, or the secret is too short.
+        The file cannot be read, others than its owner and group may read it, or the secret is too short.
     """
     token = environment.get(VARIABLE, "")
     if file:
@@ -53,14 +53,14 @@ def read_token(file: str, environment: Mapping[str, str]) -> str:
 
 class Access:
     """
-    Judges the secrets that come with commands.
+    Checker of the secrets that come with commands.
 
     Parameters
     ----------
     token : str
         The secret; only its hash is kept.
     clock : callable
-        Steady seconds.
+        Steady time, s.
 
     Raises
     ------
@@ -73,19 +73,19 @@ class Access:
             raise ValueError(f"token: a secret needs at least {_SHORTEST} characters")
         self._hash = _hashed(token)
         self._clock = clock
-        # Wrong secrets in a row by address, and when the last one came.
+        # Number of wrong secrets in a row by address, and the time of the last one.
         self._wrong: OrderedDict[str, tuple[int, float]] = OrderedDict()
 
     def wait_s(self, peer: str) -> int:
-        """Whole seconds that an address has to wait before its next secret is looked at."""
+        """Return how long an address must wait until its next secret is checked, whole s."""
         count, at = self._wrong.get(peer, (0, 0.0))
         return max(0, math.ceil(at + _WAIT_S - self._clock())) if count >= _MOST_WRONG else 0
 
     def allows(self, peer: str, given: str, *, forgive: bool = True) -> bool:
         """
-        Whether a secret is right; a wrong one is counted against its address.
+        Return whether a secret is right; a wrong one is counted against its address.
 
-        forgive : whether a right one clears that count.
+        forgive: whether a right secret clears that count.
         """
         if hmac.compare_digest(_hashed(given), self._hash):
             if forgive:
@@ -98,5 +98,5 @@ class Access:
 
 
 def _hashed(token: str) -> bytes:
-    # A header may hold bytes that are no text.
+    # A header may hold bytes that are not valid text.
     return hashlib.sha256(token.encode("utf-8", "surrogateescape")).digest()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of the page, and the check of their arguments."""
+"""Commands of the page, and the checks of their arguments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mwd_sensors.core.foreign_text import unprintable
 from mwd_surface.page.request_body import json_object
 
 Command = Callable[[str, dict[str, Any]], tuple[bool, str]]
-# Commands, and of each argument: its type and whether it may be left out.
+# Arguments of each command: type, and whether the argument is optional.
 COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
     "accept_survey": {
         "sequence": (int, False),
@@ -40,29 +40,30 @@ COMMANDS: dict[str, dict[str, tuple[type, bool]]] = {
     },
     "export": {"format": (str, False), "name": (str, True)},
 }
-# Decisions that only give the rig back or refuse something: they wait for nobody, and for no lock-out.
+# Decisions that give the rig back or refuse something; they are never delayed or locked out.
 _SAFE: dict[str, tuple[int, ...]] = {"judge_control": (1, 2), "decide_downlink": (2, 3)}
 _MAX_TEXT = 500
 
 
 def is_safe(command: str, arguments: Mapping[str, Any]) -> bool:
-    """Whether a command denies or aborts: an operator who knows the token can give it at any time."""
+    """Return whether a command denies or aborts; an operator with the token can give it at any time."""
     return arguments.get("decision") in _SAFE.get(command, ())
 
 
 def may_be_safe(command: str) -> bool:
-    """Whether a command is safe with some of its arguments."""
+    """Return whether a command is safe with some of its arguments."""
     return command in _SAFE
 
 
 def checked_arguments(command: str, body: bytes) -> dict[str, Any]:
     """
-    Arguments of a command from a request's body.
+    Parse the arguments of a command from the body of a request.
 
     Raises
     ------
     web.HTTPBadRequest
-        Not JSON, or a field is missing, unknown, of another type, not finite or too long; the text names it.
+        The body is not JSON, or a field is missing, unknown, of another type, not finite or too long; the text names
+        it.
     """
     given = json_object(body)
     fields = COMMANDS[command]

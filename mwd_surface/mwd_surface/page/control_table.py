@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control of the rig and the advice on steering for the page: what ROS and rig interfaces have, in words."""
+"""Tables of rig control and steering advice for the page, in words."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _STATES = {
 
 
 def control_table(status: ControlStatus) -> dict[str, Any]:
-    """Return who has control, what was asked and what the rig does; None where it is not known."""
+    """Return the owner of control, the commanded values and the achieved ones; None where unknown."""
     achieved = status.achieved
     return {
         "enabled": status.enabled,
@@ -52,7 +52,7 @@ def control_table(status: ControlStatus) -> dict[str, Any]:
 
 
 def advice_table(advice: Advice) -> dict[str, Any]:
-    """Return the advice; None where something is not known."""
+    """Return the advice; None where unknown."""
     return {
         "mode": advice.mode.name.lower(),
         "magnetic": advice.magnetic,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command to the tool at hand, for the page."""
+"""Table of the downlink command for the page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mwd_surface.page.plain import number
 
 
 def downlink_table(status: DownlinkStatus | None) -> dict[str, Any]:
-    """Return the downlink as a plain table; without one only known: False."""
+    """Return the downlink as a plain table; only known: False if there is none."""
     if status is None:
         return {"known": False}
     turns = status.medium == ROTATION

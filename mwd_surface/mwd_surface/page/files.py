@@ -14,7 +14,7 @@ PAGE = Path(__file__).parent / "static"
 
 
 def page_files(folder: Path) -> dict[str, tuple[bytes, str]]:
-    """All files of the page by their address; nothing else can be asked for."""
+    """Return all files of the page by their address; no other files are served."""
     found = {}
     for path in sorted(folder.rglob("*")):
         if path.is_file() and not any(part.startswith((".", "__")) for part in path.relative_to(folder).parts):
@@ -28,7 +28,7 @@ def page_files(folder: Path) -> dict[str, tuple[bytes, str]]:
 
 
 def sender(body: bytes, kind: str) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
-    """Handler that sends a file kept in memory."""
+    """Return a handler that sends a file from memory."""
 
     async def send(_request: web.Request) -> web.StreamResponse:
         charset = "utf-8" if kind.startswith("text/") else None

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Lets clients of the older name of Foxglove's protocol in: a relay that changes one word of the handshake.
+Relay that lets Foxglove clients with the older protocol name connect, by changing one word of the handshake.
 
-The server of the SDK takes `foxglove.sdk.v1` alone. Its messages are those of `foxglove.websocket.v1`; only the name
-of the subprotocol is another one (foxglove/ros-foxglove-bridge, issue 382). The relay changes the name on the way in
-and back on the way out, and passes every byte after the handshake as it is.
+The server of the SDK accepts only `foxglove.sdk.v1`. Its messages are the same as those of `foxglove.websocket.v1`;
+only the name of the subprotocol differs (foxglove/ros-foxglove-bridge, issue 382). The relay changes the name in the
+request and back in the answer, and passes all later bytes unchanged.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _CHUNK = 1 << 16
 
 def renamed(head: bytes, old: bytes, new: bytes) -> tuple[bytes, bool]:
     """
-    Change the name of the subprotocol in the head of a request or an answer; return it, and whether it was changed.
+    Change the subprotocol name in the head of a request or an answer; return the head and whether it was changed.
 
-    A head that has the new name already is left as it is: that side speaks it.
+    A head that already has the new name is left unchanged, because that side supports it.
     """
     line = _HEADER.search(head)
     if line is None or new in line.group() or old not in line.group():
@@ -34,24 +34,24 @@ def renamed(head: bytes, old: bytes, new: bytes) -> tuple[bytes, bool]:
 
 class HandshakeRelay:
     """
-    Listens on an address and passes connections to a server on this machine's loopback.
+    Relay that listens on an address and forwards connections to a server on the loopback of this machine.
 
     Parameters
     ----------
     host, port : str, int
-        To listen on; port 0: any that is free.
+        Address to listen on; port 0 selects a free port.
     inner_port : int
-        Of the server.
+        Port of the server.
 
     Attributes
     ----------
     port : int
-        It listens on.
+        Port on which the relay listens.
 
     Raises
     ------
     OSError
-        The address cannot be listened on.
+        The address cannot be opened.
     """
 
     def __init__(self, host: str, port: int, inner_port: int) -> None:
@@ -89,7 +89,7 @@ class HandshakeRelay:
         if task is None:
             raise RuntimeError("a connection is served in a task of the loop")
         if len(self._connections) >= MOST_CONNECTIONS:
-            # Each costs two file handles, which page and recorder need too.
+            # Each connection costs two file handles, which page and recorder need too.
             writer.close()
             return
         self._connections.add(task)
@@ -109,7 +109,7 @@ class HandshakeRelay:
                     way.cancel()
                 await asyncio.gather(*ways, return_exceptions=True)
         except (OSError, TimeoutError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
-            # No handshake, or the other side has gone: nobody is left to tell.
+            # There was no handshake, or the other side has gone, so no answer can be sent.
             return
         finally:
             for one in (writer, inner):
@@ -119,7 +119,7 @@ class HandshakeRelay:
 
 
 async def _pass(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    """Pass bytes on until the end; a slow reader holds the sender up, so that the server drops its oldest."""
+    """Forward bytes until the end; a slow reader blocks the sender, so that the server drops its oldest messages."""
     while data := await reader.read(_CHUNK):
         writer.write(data)
         await writer.drain()

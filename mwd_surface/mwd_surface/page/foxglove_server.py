@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The graph's messages live to Foxglove, as they came: raw bytes under the schemas a recording carries.
+Live server of the graph's messages for Foxglove: raw bytes with the same schemas as in a recording.
 
-Anybody who may connect may watch everything, and nothing can be changed through it. The server itself is the
-`foxglove-sdk` package, an extra of this one.
+Everyone who may connect can watch everything, and nothing can be changed. The server itself is the package
+`foxglove-sdk`, an optional extra of this package.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from mwd_surface.page.foxglove_relay import HandshakeRelay
 
 
 class FoxgloveError(Exception):
-    """A server that cannot be; one sentence with the reason and what to do."""
+    """Raised if the server cannot run; the message gives the reason and what to do."""
 
 
 @dataclasses.dataclass(frozen=True)
 class FoxgloveSettings:
-    """A live server for Foxglove."""
+    """Settings of the live server for Foxglove."""
 
     enabled: bool = setting(
         False, "Serve the topics live to Foxglove; needs the extra package foxglove-sdk", fixed=True
     )
     host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
-    port: int = setting(8765, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
+    port: int = setting(8765, "TCP port; 0 selects a free port", low=0, high=65535, fixed=True)
     allow_network: bool = setting(
         False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
     )
@@ -46,17 +46,17 @@ class FoxgloveSettings:
 
 class FoxgloveServer:
     """
-    The server of one well.
+    Foxglove server of one well.
 
     Parameters
     ----------
     settings : FoxgloveSettings
     name : str
-        What a client shows as the source.
+        Name of the source shown by a client.
     definitions : Definitions, optional
-        Where schema texts come from; by default this installation's.
+        Source of schema texts; by default this installation.
     simulated_clock : bool
-        The time is not that of the wall: clients are told it (`set_time`).
+        Whether the time is not wall-clock time; clients are then told the time (`set_time`).
 
     Raises
     ------
@@ -91,7 +91,7 @@ class FoxgloveServer:
 
     def start(self) -> None:
         """
-        Listen until `stop`.
+        Listen until `stop` is called.
 
         Raises
         ------
@@ -107,13 +107,14 @@ class FoxgloveServer:
             ) from error
         settings = self._settings
         self._context = self._sdk.Context()
-        # Before anybody can connect: one who subscribes to a topic the moment it appears may come too early.
+        # Advertise before clients can connect, because a client that subscribes at once may miss a topic that appears
+        # later.
         for topic, type_name in self._wanted:
             self._advertised(topic, type_name)
         try:
             self._server = self._sdk.start_server(
                 name=self._name,
-                # Clients come by the relay, which knows both names of the protocol.
+                # Clients connect through the relay, which knows both names of the protocol.
                 host="127.0.0.1",
                 port=0,
                 context=self._context,
@@ -129,29 +130,29 @@ class FoxgloveServer:
 
     @property
     def address(self) -> str:
-        """``ws://host:port`` of the running server; empty when it does not run."""
+        """Address ``ws://host:port`` of the running server; empty while it is not running."""
         return f"ws://{self._settings.host}:{self._relay.port}" if self._relay is not None else ""
 
     def advertise(self, topic: str, type_name: str) -> None:
-        """Show a topic to viewers before its first message; full name, and ``package/msg/Name``."""
+        """Show a topic to viewers before its first message; topic: full name; type_name: ``package/msg/Name``."""
         self._wanted.append((topic, type_name))
         if self._server is not None:
             self._advertised(topic, type_name)
 
     def put(self, topic: str, type_name: str, data: bytes, log_ns: int, *, latched: bool = False) -> None:
         """
-        Hand over one serialised message; never waits.
+        Send one serialised message; never waits.
 
         Parameters
         ----------
         topic, type_name : str
             Full name, and ``package/msg/Name``.
         data : bytes
-            As it came from the middleware.
+            Bytes as they came from the middleware.
         log_ns : int
-            When it was received, ns since the epoch.
+            Time of reception, ns since the epoch.
         latched : bool
-            The last one is sent again to later subscribers.
+            Whether the last message is sent again to later subscribers.
         """
         if self._server is None:
             return
@@ -166,12 +167,12 @@ class FoxgloveServer:
         channel.log(data, log_time=log_ns)
 
     def set_time(self, now_ns: int) -> None:
-        """Tell clients the time, ns since the epoch, where it is not that of the wall."""
+        """Tell clients the time, ns since the epoch, if it is not wall-clock time."""
         if self._server is not None and self._simulated_clock:
             self._server.broadcast_time(now_ns)
 
     def stop(self) -> None:
-        """Close all connections; the port is free a moment later. Nothing happens if it is not running."""
+        """Close all connections; the port is free a moment later. Does nothing if the server is not running."""
         relay, self._relay = self._relay, None
         if relay is not None:
             relay.stop()
@@ -198,8 +199,8 @@ class FoxgloveServer:
         return channel
 
     def _listener(self) -> Any:
-        """What the SDK calls in its own threads; only subscriptions matter here."""
-        # The SDK's class has an empty answer for everything else.
+        """Return the listener that the SDK calls in its own threads; only subscriptions matter here."""
+        # The SDK's base class ignores all other events.
         answers = {"on_subscribe": lambda _own, _client, channel: self._again(channel.id)}
         return type("Listener", (self._sdk.ServerListener,), answers)()
 

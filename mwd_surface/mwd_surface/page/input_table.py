@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inputs of the surface for the page: whose clock, how far off, how old, and which gives the depth."""
+"""Table of the surface's inputs for the page: clock, offset, age, and which input gives the depth."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ROLES = {Role.NO_DEPTH: "", Role.STANDBY: "stands by", Role.IN_FORCE: "in force
 
 
 def input_table(inputs: InputTable) -> dict[str, Any]:
-    """Return all inputs; None where something is not known."""
+    """Return all inputs; None where unknown."""
     return {
         "depth_source": inputs.depth_source,
         "depth_age": number(inputs.depth_age),

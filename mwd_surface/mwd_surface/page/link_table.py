@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The telemetry link for the page: state, words of the last survey, passes, and the pictures of the pressure."""
+"""Table of the telemetry link for the page: state, words of the last survey, passes, and pictures of the pressure."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MAX_FRAMES = 12
 
 
 def link_table(link: LinkStatus | None) -> dict[str, Any]:
-    """Return the link in use as a plain table, and those beside it; without one only known: False."""
+    """Return the link in use and the other links as a plain table; only known: False if there is none."""
     if link is None:
         return {"known": False}
     others = [_table(one) for one in link.others]

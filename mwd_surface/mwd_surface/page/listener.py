@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The listening socket of the page, with errors that name the port."""
+"""Listening socket of the page, with errors that name the port."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 
 def peer_of(transport: asyncio.BaseTransport | None) -> str:
-    """Address of the other side; empty where it is gone."""
+    """Return the address of the other side; empty if the connection is gone."""
     name = None if transport is None else transport.get_extra_info("peername")
     return str(name[0]) if name else ""
 
 
 def listener(host: str, port: int) -> socket.socket:
-    """Listening socket that does not block; OSError where the address is not to be had."""
+    """Return a listening, non-blocking socket; raise OSError if the address cannot be opened."""
     family, _, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
     listener = socket.create_server(where[:2], family=family, backlog=64)
     listener.setblocking(False)
@@ -26,11 +26,11 @@ def listener(host: str, port: int) -> socket.socket:
 
 
 def port_error(error: OSError, host: str, port: int) -> OSError:
-    """The error again, with what to do about it."""
+    """Return the error with a message that says what to do."""
     if error.errno == errno.EADDRINUSE:
-        why = "is taken by another program; end that one or set another port (0: any that is free)"
+        why = "is taken by another program; stop that program or set another port (0 selects a free one)"
     elif error.errno == errno.EACCES:
-        why = "is not allowed to this user; take one above 1023"
+        why = "may not be opened by this user; use a port above 1023"
     elif error.errno == errno.EADDRNOTAVAIL:
         why = "is on an address this machine does not have"
     else:
@@ -39,7 +39,7 @@ def port_error(error: OSError, host: str, port: int) -> OSError:
 
 
 def request_logger() -> logging.Logger:
-    """Logger of the web server; requests that are none, which anybody can send without end, leave no line in it."""
+    """Return the web server's logger, filtered so that malformed requests cannot flood the log."""
     logger = logging.getLogger("mwd.page")
     logger.addFilter(_is_own_error)
     return logger

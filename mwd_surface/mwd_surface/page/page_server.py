@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Serves the driller's page and pushes the state to every browser; one thread with its own event loop.
+Server of the driller's page that pushes the state to every browser, in one thread with its own event loop.
 
-Each client gets what changed since the last thing it got, at a bounded rate: a slow one skips states instead of
-queueing them, so memory does not grow. The page is read-only; commands need a token and go to a callback.
-
-Guarded against the open web: loopback unless set otherwise, Host and Origin checked (a name that is not ours may be a
-rebound one), a content policy without any other source, limits on size, time and number of connections.
+Each client gets what changed since its last message, at a bounded rate. A slow client skips states instead of queueing
+them, so memory does not grow. The page is read-only; commands need a token and go to a callback. Protection against the
+open web: loopback unless set otherwise, Host and Origin checked (a foreign name may be a rebound one), a content policy
+without other sources, limits on size, time and number of connections.
 """
 
 from __future__ import annotations
@@ -52,29 +51,29 @@ _BUSY = b"HTTP/1.1 503 Service Unavailable\r\nRetry-After: 5\r\nConnection: clos
 
 class PageServer:
     """
-    The page of one well.
+    Page server of one well.
 
     Parameters
     ----------
     settings : PageSettings
     on_command : callable, optional
-        `on_command(name, arguments) -> (ok, message)`, called in a thread of the server, one at a time, and in a second
-        one for what denies or aborts; arguments are checked against `COMMANDS`. None, or an empty token: read-only.
+        `on_command(name, arguments) -> (ok, message)`, called one at a time in a thread of the server. Commands that
+        deny or abort use a second thread. Arguments are checked against `COMMANDS`. None, or an empty token: read-only.
     token : str
-        The secret that commands need (`access.read_token`).
+        Secret that commands need (`access.read_token`).
     clock : callable
-        Steady seconds.
+        Steady time, s.
     page : Path
-        Folder of the page's files; they are read once, at start.
+        Folder of the page's files, which are read once at start.
     on_replay : callable, optional
-        Called with what `replay_route` takes, of a page that plays a recording.
+        Called with the checked request of `replay_route`, for a page that plays a recording.
     now : callable, optional
-        Clock of the snapshots' `now` where that is not `clock`: of a recording.
+        Clock of the snapshots' `now` if it is not `clock`, as for a recording.
 
     Raises
     ------
     ValueError
-        The address is not loopback and `allow_network` is not set, or the token is too short to be a secret.
+        The address is not loopback and `allow_network` is not set, or the token is too short.
     """
 
     def __init__(
@@ -101,7 +100,7 @@ class PageServer:
         self._on_replay = on_replay
         if self._on_command is not None:
             self._feed.own |= {"controls": True, "exports": [[kind, made.what] for kind, made in FORMATS.items()]}
-        # Connections that have not made a whole request yet, oldest first.
+        # Connections that have not sent a complete request yet, oldest first.
         self._silent: dict[Any, None] = {}
         self._executor: concurrent.futures.ThreadPoolExecutor | None = None
         self._safe_executor: concurrent.futures.ThreadPoolExecutor | None = None
@@ -114,12 +113,12 @@ class PageServer:
     @property
     def address(self) -> str:
         """
-        `http://host:port/` of the running page.
+        Address `http://host:port/` of the running page.
 
         Raises
         ------
         RuntimeError
-            It is not running.
+            The page is not running.
         """
         if self._address is None:
             raise RuntimeError("the page is not running; call start first")
@@ -128,17 +127,17 @@ class PageServer:
 
     @property
     def clients(self) -> int:
-        """Browsers that watch now."""
+        """Number of browsers watching now."""
         return len(self._feed.clients)
 
     @property
     def skipped(self) -> int:
-        """States that clients did not get because they were too slow."""
+        """Number of states that slow clients did not get."""
         return self._feed.skipped
 
     def push(self, snapshot: Mapping[str, Any]) -> None:
         """
-        Take a new state (`StateJson.snapshot`), from any thread; the last one counts.
+        Set a new state (`StateJson.snapshot`), from any thread; the last one counts.
 
         The snapshot is not copied and must not change afterwards.
         """
@@ -148,26 +147,26 @@ class PageServer:
             try:
                 loop.call_soon_threadsafe(self._feed.wake)
             except RuntimeError:
-                # The loop closed between the two lines: no client is left.
+                # The loop closed between the two lines, so no client is left.
                 return
 
     def tell(self, **own: Any) -> None:
-        """Tell the page about its server: tables beside the state, sent with every message."""
+        """Set tables about the server itself, sent with every message in addition to the state."""
         self._feed.own = {**self._feed.own, **own}
 
     def start(self) -> None:
         """
-        Listen and serve until `stop`.
+        Listen and serve until `stop` is called.
 
         Raises
         ------
         OSError
             The port is taken or not allowed; the message names it.
         RuntimeError
-            It is running already.
+            The page is already running.
         """
         if self._thread is not None:
-            raise RuntimeError("the page is running already")
+            raise RuntimeError("the page is already running")
         self._started = concurrent.futures.Future()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
@@ -179,7 +178,7 @@ class PageServer:
             raise
 
     def stop(self) -> None:
-        """Close all connections and end the thread, within a second; nothing happens if it is not running."""
+        """Close all connections and end the thread within a second; does nothing if the page is not running."""
         thread, loop, stop = self._thread, self._loop, self._stop
         self._thread, self._address = None, None
         if thread is None or loop is None or stop is None:
@@ -187,7 +186,7 @@ class PageServer:
         loop.call_soon_threadsafe(stop.set)
         thread.join(timeout=1.0)
 
-    # In the thread.
+    # Methods that run in the server's thread.
 
     def _run(self) -> None:
         try:
@@ -244,13 +243,13 @@ class PageServer:
         safe_executor.shutdown(wait=False, cancel_futures=True)
 
     async def _accept(self, listening: socket.socket, server: web.Server) -> None:
-        """Let connections in, not too many; each must make a whole request in time or go."""
+        """Accept connections up to the limits; drop those without a complete request in time."""
         loop = asyncio.get_running_loop()
         while True:
             try:
                 connection, peer = await loop.sock_accept(listening)
             except OSError:
-                # Out of file handles, or the other side has gone already: the next one may do better.
+                # No file handle is free, or the other side has gone; the next connection may succeed.
                 await asyncio.sleep(0.05)
                 continue
             if not self._has_room(server, peer[0]):
@@ -268,7 +267,7 @@ class PageServer:
             loop.call_later(self.settings.request_timeout, self._expire, protocol)
 
     def _has_room(self, server: web.Server, peer: str) -> bool:
-        """Whether one more connection of an address is let in; one that has asked for nothing yet makes room for it."""
+        """Return whether another connection of an address is accepted; drop one without a request to make room."""
         there = [peer_of(handler.transport) for handler in server.connections]
         full = len(there) >= self.settings.max_connections
         if not full and there.count(peer) < self.settings.max_per_peer:
@@ -299,20 +298,20 @@ class PageServer:
                     response.headers[name] = value
         if not response.prepared:
             response.headers.update(_HEADERS)
-            # One request each: an idle connection then cannot hold a place.
+            # Close after each request, so that an idle connection does not occupy a place.
             response.force_close()
         return response
 
     def _check_origin(self, request: web.Request) -> None:
         host = request.headers.get("Host", "")
         if not self._is_ours(host):
-            raise web.HTTPMisdirectedRequest(text=f"host {host[:100]!r} is not one this page is called by")
+            raise web.HTTPMisdirectedRequest(text=f"host {host[:100]!r} is not a name of this page")
         origin = request.headers.get("Origin")
         if origin is not None and origin not in (f"http://{host}", f"https://{host}"):
-            raise web.HTTPForbidden(text="this page does not answer other sites")
+            raise web.HTTPForbidden(text="requests from other sites are refused")
 
     def _is_ours(self, host: str) -> bool:
-        # An address cannot be rebound to another machine, a foreign name can.
+        # An IP address cannot be rebound to another machine, but a foreign name can.
         name = host[1:].rpartition("]")[0] if host.startswith("[") else host.rpartition(":")[0] or host
         if name.lower() in ("localhost", *(h.lower() for h in self.settings.allowed_hosts)):
             return True
@@ -331,9 +330,9 @@ class PageServer:
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
         if request.headers.get("Upgrade", "").lower() != "websocket":
-            raise web.HTTPUpgradeRequired(text="this address speaks WebSocket; /state.json is plain")
+            raise web.HTTPUpgradeRequired(text="this address needs WebSocket; use /state.json for plain HTTP")
         if request.headers.get("Origin") is None and request.headers.get("Sec-Fetch-Site") not in (None, "same-origin"):
-            raise web.HTTPForbidden(text="this page does not answer other sites")
+            raise web.HTTPForbidden(text="requests from other sites are refused")
         if len(self._feed.clients) >= self.settings.max_clients:
             self.refused += 1
             raise web.HTTPServiceUnavailable(text=f"{self.settings.max_clients} browsers are watching already")
@@ -344,7 +343,7 @@ class PageServer:
         client = Client(talk, request.transport)
         self._feed.clients.add(client)
         sender = asyncio.create_task(self._feed.send(client))
-        # Without its sender an open talk would show the last state for ever; the browser connects again.
+        # Without its sender, an open socket would show the last state forever; abort it so that the browser reconnects.
 
         def ended(task: asyncio.Task[None]) -> None:
             if not task.cancelled() and task.exception() is not None:
@@ -353,7 +352,7 @@ class PageServer:
         sender.add_done_callback(ended)
         try:
             async for message in talk:
-                # Nothing is expected from a browser; what is not a control frame ends the talk.
+                # A browser sends nothing but control frames; any other message ends the connection.
                 if message.type == WSMsgType.PONG:
                     client.answered()
                 elif message.type == WSMsgType.PING:
@@ -362,9 +361,9 @@ class PageServer:
                     break
         finally:
             self._feed.clients.discard(client)
-            # Closed first: in Python 3.11 a wait that ends as it is cancelled swallows the cancellation, and the sender
-            # would go on; a closed talk ends it all the same.
-            # Where the page ends, this may come before the goodbye of `_serve`.
+            # Close the socket before cancelling: in Python 3.11 a wait that ends while it is cancelled swallows the
+            # cancellation, and the sender would continue; a closed socket ends it anyway. When the page stops, this may
+            # run before the closing message of `_serve`.
             await talk.close(code=1001 if self._stop is not None and self._stop.is_set() else 1000)
             sender.cancel()
             await asyncio.gather(sender, return_exceptions=True)
@@ -374,13 +373,13 @@ class PageServer:
         if self._on_command is None or self._access is None:
             raise web.HTTPForbidden(text="this page is read-only: no token is configured")
         name, peer = request.match_info["name"], peer_of(request.transport)
-        # Whoever guesses may have the operator's address: what only gives the rig back is not locked out.
+        # An attacker may share the operator's address, so commands that only give the rig back are not locked out.
         wait_s = self._access.wait_s(peer)
         if wait_s and not may_be_safe(name):
             raise web.HTTPTooManyRequests(text=_WAIT.format(wait_s))
         kind, _, given = request.headers.get("Authorization", "").partition(" ")
         if kind != "Bearer" or not self._access.allows(peer, given, forgive=not wait_s):
-            # Slows guessing down without blocking anybody else.
+            # Slow down guessing without blocking other clients.
             await asyncio.sleep(0.3)
             raise (
                 web.HTTPTooManyRequests(text=_WAIT.format(wait_s))
@@ -388,12 +387,12 @@ class PageServer:
                 else web.HTTPUnauthorized(text="the token is missing or wrong")
             )
         if name not in COMMANDS:
-            raise web.HTTPNotFound(text=f"no such command: {name[:60]!r}; there are {', '.join(COMMANDS)}")
+            raise web.HTTPNotFound(text=f"unknown command {name[:60]!r}; choose one of {', '.join(COMMANDS)}")
         arguments = checked_arguments(name, await read_body(request, self.settings.request_timeout))
         safe = is_safe(name, arguments)
         if wait_s and not safe:
             raise web.HTTPTooManyRequests(text=_WAIT.format(wait_s))
-        # With a thread of its own an abort does not wait for an export.
+        # Run an abort in its own thread, so that it does not wait for an export.
         executor = self._safe_executor if safe else self._executor
         work = asyncio.get_running_loop().run_in_executor(executor, self._on_command, name, arguments)
         try:
@@ -401,7 +400,9 @@ class PageServer:
         except ValueError as error:
             ok, message = False, str(error)
         except TimeoutError:
-            raise web.HTTPGatewayTimeout(text=f"{name} is still at work; the event log will show the result") from None
+            raise web.HTTPGatewayTimeout(
+                text=f"{name} has not finished yet; the event log will show the result"
+            ) from None
         return _json({"ok": ok, "message": message}, 200 if ok else 409)
 
 

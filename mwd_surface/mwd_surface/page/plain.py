@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers as a page can take them: finite, with as many digits as people can use, or None."""
+"""Numbers for the page: finite, rounded to the digits people can use, or None."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 
 def number(value: Any) -> float | None:
-    """A finite number with what a double of people's interest needs, or None."""
+    """Return a finite number rounded to ten digits, or None."""
     if value is None:
         return None
     value = float(value)
@@ -17,5 +17,5 @@ def number(value: Any) -> float | None:
 
 
 def numbers(values: Iterable[Any]) -> list[float | None]:
-    """Each of some values."""
+    """Return `number` of each value."""
     return [number(v) for v in values]

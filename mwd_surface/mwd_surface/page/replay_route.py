@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The request by which the page of a recording is played, paused and wound: POST /replay."""
+"""Request that plays, pauses and seeks the page of a recording: POST /replay."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _LONGEST_S, _FASTEST = 1e9, 1000.0
 
 def replay_handler(on_replay: OnReplay, timeout_s: float) -> Callable[[web.Request], Awaitable[web.StreamResponse]]:
     """
-    Handler of the request; its JSON may hold playing (true or false), rate (0.01 to 1000) and seek (s).
+    Return the handler of the request; its JSON may hold playing (true or false), rate (0.01 to 1000) and seek (s).
 
-    on_replay : called with what was given, in the thread of the server. timeout_s : for the body to arrive.
+    on_replay: called with the given fields in the thread of the server. timeout_s: longest wait for the body.
     """
 
     async def handle(request: web.Request) -> web.StreamResponse:
@@ -36,7 +36,7 @@ def _checked(given: dict[str, Any]) -> dict[str, float | bool]:
     for name, low, high in (("rate", 0.01, _FASTEST), ("seek", 0.0, _LONGEST_S)):
         value = given.get(name, high)
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        # A whole number may be beyond every float; one that is not finite is beyond both ends or compares with none.
+        # An int may exceed every float. Infinity is beyond a limit, and NaN fails every comparison.
         if not number or not low <= value <= high:
             raise web.HTTPBadRequest(text=f"{name}: expected a number from {low:g} to {high:g}")
     return given

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The body of a request: read in time, and parsed as a JSON object."""
+"""Body of a request: read within a time limit and parsed as a JSON object."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from mwd_sensors.core.input_files import load_json
 
 async def read_body(request: web.Request, timeout_s: float) -> bytes:
     """
-    Body of a request that sends JSON.
+    Read the body of a request that sends JSON.
 
     Raises
     ------
     web.HTTPException
-        It is of another type, too large, or did not arrive in time.
+        The body has another type, is too large, or did not arrive in time.
     """
     if request.content_type != "application/json":
-        # Another site can send a plain form without being asked; not JSON.
+        # Another site can make a browser send a plain form, but not JSON, without permission.
         raise web.HTTPUnsupportedMediaType(text="send application/json")
     try:
         return await asyncio.wait_for(request.read(), timeout_s)
@@ -32,12 +32,12 @@ async def read_body(request: web.Request, timeout_s: float) -> bytes:
 
 def json_object(body: bytes) -> dict[str, Any]:
     """
-    Object that a body holds; an empty body is an empty one.
+    Parse a body as a JSON object; an empty body gives an empty object.
 
     Raises
     ------
     web.HTTPBadRequest
-        It is no JSON object, or one nested too deep.
+        The body is not a JSON object, or is nested too deeply.
     """
     try:
         given = load_json(body.decode() or "{}", budgets.PAGE, parse_constant=_refuse_constant)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the live page: its address, who may ask for it, and its limits."""
+"""Settings of the live page: address, access and limits."""
 
 from __future__ import annotations
 
@@ -10,33 +10,35 @@ from mwd_sensors.core.settings import setting
 
 @dataclasses.dataclass(frozen=True)
 class PageSettings:
-    """Where the page is, who may ask for it, and how much it may cost."""
+    """Address of the page, who may request it, and its limits."""
 
     host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
-    port: int = setting(8080, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
+    port: int = setting(8080, "TCP port; 0 selects a free port", low=0, high=65535, fixed=True)
     allow_network: bool = setting(
         False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
     )
     allowed_hosts: tuple[str, ...] = setting(
-        (), "further host names in requests that are answered; protects against DNS rebinding", fixed=True
+        (),
+        "further host names under which requests are answered; others are refused as protection against DNS rebinding",
+        fixed=True,
     )
     token_file: str = setting(
         "",
-        "file whose first line is the secret for the operator controls, 8 characters or more, readable by you alone; "
-        "empty: the environment variable MWD_PAGE_TOKEN, and without it the page is read-only",
+        "file whose first line is the secret for the operator controls, at least 8 characters, readable only by you; "
+        "if empty, the environment variable MWD_PAGE_TOKEN is used, and without it the page is read-only",
         fixed=True,
     )
     max_rate: float = setting(
         15.0,
-        "most updates per second to one browser; more cost computing time per browser",
+        "largest number of updates per second to one browser; raising it costs computing time per browser",
         unit="Hz",
         low=0.5,
         high=20.0,
         fixed=True,
     )
-    max_clients: int = setting(32, "most browsers that receive updates at a time", low=1, high=500, fixed=True)
-    max_connections: int = setting(96, "most connections at a time", low=4, high=1000, fixed=True)
-    max_per_peer: int = setting(64, "most connections at a time from one address", low=2, high=1000, fixed=True)
+    max_clients: int = setting(32, "largest number of browsers that receive updates", low=1, high=500, fixed=True)
+    max_connections: int = setting(96, "largest number of connections at a time", low=4, high=1000, fixed=True)
+    max_per_peer: int = setting(64, "largest number of connections from one address", low=2, high=1000, fixed=True)
     request_timeout: float = setting(
         5.0, "longest time a client may take to send a request", unit="s", low=0.1, high=60.0, fixed=True
     )

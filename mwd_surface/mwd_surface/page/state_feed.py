@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Sends the state of the page to its clients: to each what changed since it was last sent, at a bounded rate.
+Sender of the page's state to its clients: each gets what changed since its last message, at a bounded rate.
 
-A client that is too slow skips states instead of queueing them, so that memory does not grow and what it sees is not
-old: behind each state goes a ping, which a browser answers by itself once it has read so far, and only a few states are
-on their way at a time.
+A slow client skips states instead of queueing them, so memory does not grow and the client does not see old states.
+Each state is followed by a ping, which a browser answers once it has read up to there, and only a few states may be
+unanswered at a time.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from typing import Any
 
 from aiohttp import web
 
-# Sections that grow by rows: a client gets the new ones.
+# Sections that grow row by row: a client is sent only the new rows.
 _STRIPS = ("history", "depth_log")
 _HEARTBEAT = 1.0  # s
-_ON_THE_WAY = 4  # states at most; at 15 Hz a round trip of a quarter of a second costs no update
+_ON_THE_WAY = 4  # largest number of unanswered states; at 15 Hz a round trip of a quarter of a second costs no update
 
 
 @dataclasses.dataclass(frozen=True)
 class Seen:
-    """What a client has: the revision of each section, and the first column of the last row of each strip."""
+    """State known to a client: section revisions, and the first column of the last row of each growing section."""
 
     revisions: Mapping[str, int] = dataclasses.field(default_factory=dict)
     strips: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
 
 class Client:
-    """One browser, and what it has seen."""
+    """One browser, and the state known to it."""
 
     def __init__(self, socket: web.WebSocketResponse, transport: asyncio.Transport) -> None:
         self.socket = socket
@@ -46,31 +46,31 @@ class Client:
         self.may_send.set()
 
     def sent_one(self) -> None:
-        """Count a state that goes out."""
+        """Count a state that is sent."""
         self.on_the_way += 1
         if self.on_the_way >= _ON_THE_WAY:
             self.may_send.clear()
 
     def answered(self) -> None:
-        """Take the answer to the ping behind a state: the client has read that state."""
+        """Process the answer to the ping after a state: the client has read that state."""
         self.on_the_way = max(0, self.on_the_way - 1)
         self.may_send.set()
 
 
 class StateFeed:
     """
-    The snapshot in force and the clients that follow it.
+    The present snapshot and the clients that follow it.
 
     Parameters
     ----------
     period : float
         Shortest time between two messages to a client, s.
     send_timeout : float
-        A client that takes no byte for so long, s, is dropped.
+        Time, s, after which a client that accepts no data is dropped.
     clock : callable
-        Steady seconds.
+        Steady time, s.
     now : callable
-        The clock of the snapshots' `now`.
+        Clock of the snapshots' `now`.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class StateFeed:
     ) -> None:
         self.snapshot: Mapping[str, Any] | None = None
         self.clients: set[Client] = set()
-        # Of the server itself: whether it takes commands, and the formats of the survey list it can write.
+        # Facts of the server itself: whether it accepts commands, and the export formats.
         self.own: dict[str, Any] = {"controls": False, "exports": []}
         self.skipped = 0
         self._period, self._send_timeout, self._clock = period, send_timeout, clock
@@ -86,7 +86,7 @@ class StateFeed:
         self._texts: dict[str, tuple[int, str]] = {}
 
     async def send(self, client: Client) -> None:
-        """Send a client what is new, at the allowed rate, and a heartbeat at least once a second, until it leaves."""
+        """Send new states to a client at the allowed rate, with a heartbeat at least every second, until it leaves."""
         period = self._period
         while not client.socket.closed:
             if not client.may_send.is_set():
@@ -94,7 +94,7 @@ class StateFeed:
                 try:
                     await asyncio.wait_for(client.may_send.wait(), self._send_timeout)
                 except TimeoutError:
-                    # Nothing was read for too long; the browser connects again when it can.
+                    # Nothing was read for too long; the browser reconnects when it can.
                     client.transport.abort()
                     return
                 if self.snapshot is not before:
@@ -109,7 +109,7 @@ class StateFeed:
                 try:
                     await asyncio.wait_for(_sent(client.socket, text), self._send_timeout)
                 except (TimeoutError, ConnectionError):
-                    # No byte was taken for too long; the browser connects again when it can.
+                    # No data was accepted for too long; the browser reconnects when it can.
                     client.transport.abort()
                     return
                 client.seen, client.sent = seen, started
@@ -123,15 +123,15 @@ class StateFeed:
                 continue
 
     def wake(self) -> None:
-        """Let all clients look at the new snapshot."""
+        """Wake the senders of all clients for a new snapshot."""
         for client in self.clients:
             client.wake.set()
 
     def message(self, seen: Seen, skipped: int, *, cached: bool = True) -> tuple[str, Seen, bool]:
         """
-        Return the text with all sections that are new to a client, what it has seen then, and whether any is new.
+        Return the text of the sections that are new to a client, the state it then knows, and whether any is new.
 
-        cached: use the texts kept for all clients, whose ages are those of the first sending.
+        cached: whether to use the texts kept for all clients, whose ages are those at the first sending.
         """
         snapshot = self.snapshot
         own = {
@@ -157,13 +157,13 @@ class StateFeed:
                 if rows:
                     strips[name] = rows[-1][0]
             else:
-                # A client computes ages from `at`, so that the kept text serves all.
+                # A client computes ages from `at`, so the same text serves all clients.
                 text = self._text(name, now_has[name], section) if cached else dumps(section)
                 parts.append(f"{json.dumps(name)}: {text}")
         return head + ", ".join(parts) + "}}", Seen(dict(now_has), strips), bool(parts)
 
     def _text(self, name: str, revision: int, section: Any) -> str:
-        """Return the JSON of a section, made once for all clients."""
+        """Return the JSON of a section, which is made once for all clients."""
         known = self._texts.get(name)
         if known is None or known[0] != revision:
             known = self._texts[name] = (revision, dumps(section))

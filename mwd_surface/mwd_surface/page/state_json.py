@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The state of a well as the JSON of the live page: finite numbers, text, lists, None for unknown.
+State of a well as the JSON of the live page: finite numbers, text, lists, and None for unknown.
 
-Numbers stay SI and rad; the page converts them. Each table has a revision, which changes whenever the table does apart
-from the ages in it, so that a client is sent only what is new to it.
+Numbers stay in SI and rad; the page converts them. The revision of each table changes whenever the table changes, apart
+from the ages in it, so that clients are sent only what is new to them.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _RECORDER_WORDS = {
 }
 _TOOLFACE_WORDS = ("gravity", "magnetic")
 _LEVEL_WORDS = ("ok", "warning", "error", "stale")
-_MAX_NEAR = 3  # offset wells shown
+_MAX_NEAR = 3  # number of offset wells shown
 _MAX_EVENTS = 200
 _MAX_DIAGNOSTICS = 200
 
@@ -53,15 +53,14 @@ class StateJson:
     """
     Tables of the page with their revisions.
 
-    Tables that cost much to build are kept until the part of the state they are made of changes.
-
-    revised_from : tables of another state, such as before a recording was wound back; each gets a higher revision.
+    Tables that are expensive to build are kept until the part of the state from which they are made changes.
+    revised_from: tables of an earlier state, for example before a recording was rewound; each gets a higher revision.
     """
 
     def __init__(self, settings: LiveSettings | None = None, revised_from: StateJson | None = None) -> None:
         self._settings = settings or LiveSettings()
         self._signatures: dict[str, Any] = {}
-        # Of another state from now on: every table is a new one to whoever has seen those of before.
+        # Start from the earlier revisions, so that every table counts as new to clients that saw the earlier state.
         self._revisions: dict[str, int] = {} if revised_from is None else dict(revised_from._revisions)
         self._kept: dict[str, Table] = {}
         self._links_at = -math.inf
@@ -74,12 +73,13 @@ class StateJson:
         Returns
         -------
         dict
-            now: of the state. sections: name to table. revisions: name to a number that changes whenever the table
-            does, apart from the ages in it. Single values are {value, sigma, unit, at, measured_at, age, stale_after,
-            state, reason}: value None while there never was one, state "live", "stale" or "no data", at when it came,
-            from which it turns stale, measured_at when it was measured, both in s of the clock of `now`. Tables carry
-            since and age of their last change. Sections history and depth_log are {columns, rows}, oldest and
-            shallowest row first; the first column is s of that clock, or m of depth of the sensor.
+            now: time of the state. sections: table by name. revisions: by name, a number that changes whenever the
+            table does, apart from the ages in it. Single values are {value, sigma, unit, at, measured_at, age,
+            stale_after, state, reason}: value is None if there never was one; state is "live", "stale" or "no data"; at
+            is the time of arrival, which decides when the value becomes stale; measured_at is the time of measurement;
+            both in s of the clock of `now`. Tables have since and age of their last change. Sections history and
+            depth_log are {columns, rows}, with the oldest or shallowest row first; the first column is s of that clock,
+            or the depth of the sensor, m.
         """
         sections = {**self._streams(state), **self._tables(state)}
         for name, chart in (("history", state.history), ("depth_log", state.depth_log)):
@@ -88,8 +88,8 @@ class StateJson:
         return {"now": number(state.now), "sections": sections, "revisions": dict(self._revisions)}
 
     def _streams(self, state: WellState) -> dict[str, Table]:
-        """Build the tables whose freshness is part of them."""
-        # The counts of the links run all the time; once a second is enough to show them.
+        """Build the tables that contain their own freshness."""
+        # Stream counts change all the time; updating them once per second is enough.
         if state.now - self._links_at >= 1.0 or state.now < self._links_at:
             self._links_at = state.now
             self._links_count += 1
@@ -126,7 +126,7 @@ class StateJson:
         return tables
 
     def _tables(self, state: WellState) -> dict[str, Table]:
-        """Build the tables that change only with what arrives."""
+        """Build the tables that change only with new data."""
         north, section, most = state.well.north_reference, _section(state), self._settings.max_rows
         builders: dict[str, tuple[str, Any, Callable[[], Table]]] = {
             "well": ("well", section, lambda: _well(state)),
@@ -165,7 +165,7 @@ class StateJson:
         return {"rows": rows, "left_out": len(state.records) - len(kept), "remarks": list(sentences(state.remarks))}
 
     def _revise(self, name: str, signature: Any) -> bool:
-        """Count the revision of a table up where its signature is new; return whether it is."""
+        """Increase the revision of a table if its signature has changed; return whether it has."""
         if name in self._signatures and self._signatures[name] == signature:
             return False
         self._signatures[name] = signature
@@ -179,7 +179,7 @@ def plain_alarms(alarms: Iterable[Alarm]) -> list[Table]:
 
 
 def _alarms(state: WellState) -> Table:
-    """Alarms; raised_at: s of the steady clock, None where the clock of their stamps is not known."""
+    """Return the alarms; raised_at: s of the steady clock, None if the clock of their stamps is unknown."""
     offset = state.clock_offset
     ages = [None if offset is None else number(a.raised_ns * 1e-9 - offset) for a in state.alarms]
     rows = [{**row, "raised_at": at} for row, at in zip(plain_alarms(state.alarms), ages, strict=True)]
@@ -196,7 +196,7 @@ def _dated(table: Table, state: WellState, part: str) -> Table:
 
 
 def _values(section: str, part: Any) -> Table:
-    """Live values of a section of the page, as the signal table names them."""
+    """Return the live values of a section of the page, by their names in the signal table."""
     return {name: _value(getattr(part, signal.field)) for name, signal in page_fields(section).items()}
 
 
@@ -291,7 +291,7 @@ def _well(state: WellState) -> Table:
 
 
 def _section(state: WellState) -> float:
-    """Azimuth of the vertical section, rad: that of the path, before there is one that of the well or the plan."""
+    """Return the azimuth of the vertical section, rad: of the path, else of the well, else of the plan."""
     if state.path is not None:
         return state.path.section_azimuth
     if state.well.section_azimuth_deg >= 0.0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One line of text for a terminal from the state of the live page: angles, toolface, depth, surveys, recorder."""
+"""Line of text for a terminal from the state of the page: angles, toolface, depth, surveys, recorder."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def summary_line(sections: Mapping[str, Any]) -> str:
     """
     Return one line of text for a snapshot of the page.
 
-    sections : its sections by name; a missing section reads "-". Stale values carry their age.
+    sections: sections of the page by name; a missing section reads "-". Stale values carry their age.
     """
     attitude, rig = sections.get("attitude", {}), sections.get("rig", {})
     toolface = sections.get("toolface", {})

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Tables of the page about surveys: rows of the table, quality lights of the last one, the well path with ellipses.
+Survey tables of the page: rows of the survey table, quality lights of the last survey, the well path with ellipses.
 
-Plain tables ready for JSON; numbers are SI and rad, None is unknown.
+The tables are plain JSON data; numbers are in SI and rad, None is unknown.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mwd_surface.uncertainty.position_covariance import ellipse, in_section
 
 NORTH_WORDS = ("", "magnetic", "true", "grid")
 _ON_PATH = {signal.name for signal, _ in LISTED}
-# What a record has of the path, beside the depth and angles of the survey itself.
+# Path values in a record, other than the depth and angles of the survey itself.
 _PLACED = tuple(
     name
     for name, signal in page_fields("surveys").items()
@@ -34,9 +34,9 @@ _PLACED = tuple(
 
 def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None = None) -> dict[str, Any]:
     """
-    Return one row of the survey table; the azimuth is from `north` where known, else from its own north.
+    Return one row of the survey table; the azimuth is from `north` if possible, else from the survey's own north.
 
-    limits: of the totals, where the survey brings none.
+    limits: limits of the totals, used if the survey has none.
     """
     s = record.survey
     azimuth, azimuth_north = _azimuth(s, north)
@@ -60,7 +60,7 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
         "automatic": Verdict(s.verdict).word,
         "verdicts": list(s.verdicts),
         "headline": s.action,
-        # What the estimator says now that it knows later surveys; None: what it said first.
+        # Verdict of the estimator after later surveys; None if it has not changed.
         "revised": None if record.revision is None else Verdict(record.revision.verdict).word,
         "alternatives": _alternatives(s, azimuth_north),
         "totals": _lights(s, limits),
@@ -79,7 +79,7 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
 
 
 def _azimuth(s: Survey, north: North) -> tuple[float | None, North]:
-    """Return the azimuth from `north` where that is known, else from the survey's own north, and which it is."""
+    """Return the azimuth from `north` if possible, else from the survey's own north, and the north that was used."""
     azimuth = s.azimuth_from(north)
     if azimuth is not None:
         return azimuth, north
@@ -91,7 +91,7 @@ def _alternatives(s: Survey, north: North) -> list[list[float | None]]:
 
 
 def _verdict(record: SurveyRecord) -> tuple[str, str]:
-    """Return the verdict in force and who gave it."""
+    """Return the verdict in force and its author."""
     if record.judgement == Judgement.ACCEPTED:
         return "accepted", record.operator_name
     if record.judgement == Judgement.REJECTED:
@@ -124,9 +124,9 @@ def _lights(s: Survey, limits: QualityLimits | None) -> list[dict[str, Any]]:
 
 def quality_lights(record: SurveyRecord | None, limits: QualityLimits, north: North = North.UNKNOWN) -> dict[str, Any]:
     """
-    Return the quality of a survey: verdicts, totals, and what else its azimuth may be.
+    Return the quality of a survey: verdicts, totals, and alternative azimuths.
 
-    limits: of the totals, where the survey brings none. north: of the azimuths, where it is known.
+    limits: limits of the totals, used if the survey has none. north: north of the azimuths, if possible.
     """
     if record is None:
         return {"known": False, "lights": [], "verdict": "", "reasons": [], "sequence": None, "stamp_ns": None}
@@ -150,8 +150,8 @@ def path_table(path: Definitive | None, section: float, covariance: Array | None
     """
     Return the path as columns.
 
-    section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): of the first m positions, m^2, for the
-    ellipses. most: number of stations kept, the last ones.
+    section: azimuth of the vertical section, rad. covariance, shape (m, 3, 3): covariance of the first m positions,
+    m^2, for the ellipses. most: number of stations to keep, counted from the last.
     """
     columns = {name: signal.field for name, signal in page_fields("path").items() if signal.name in _ON_PATH}
     if path is None:

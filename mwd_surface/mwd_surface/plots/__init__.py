@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a recording, in constant memory."""
+"""Plots of recordings, surveys and forecasts; plots of recordings need constant memory."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A picture of a bag for people who drill: sensors, rig, truth, attitude, surveys, spectra and Allan deviation."""
+"""Plot of a bag for the driller: sensors, rig, truth, attitude, surveys, spectra and Allan deviation."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _NORTH_TRUE = 2
 
 @dataclasses.dataclass
 class _Row:
-    """A strip of the picture: its height in inches and who draws on it, each beside the other."""
+    """A row of the plot: height and space below, inches, and the functions that draw its axes, side by side."""
 
     height: float
     draw: list[Callable[[Axes], None]]
@@ -49,17 +49,17 @@ class _Row:
 
 
 def sections(data: PlotData, what: Sequence[str]) -> list[str]:
-    """The words of `what` of which there is something to draw, in the order they are drawn."""
+    """Return the words of `what` that have something to draw, in the order of drawing."""
     return [word for word in WHAT if word in what and _section(data, word)]
 
 
 def figure(data: PlotData, what: Sequence[str]) -> Figure:
     """
-    The picture.
+    Return the plot.
 
     Every panel has a title with its topic, an axis with its unit, and a legend.
     """
-    # Not pyplot: figures of a server must not pile up in a global list.
+    # Not pyplot, which keeps every figure in a global list.
     from matplotlib.figure import Figure
 
     rows = [row for word in WHAT if word in what for row in _section(data, word)]
@@ -86,20 +86,20 @@ def figure(data: PlotData, what: Sequence[str]) -> Figure:
 
 def image(picture: Figure, kind: str) -> bytes:
     """
-    The picture as a file's bytes; kind: png or svg. The same picture gives the same bytes.
+    Return the plot as the bytes of a file; kind: png or svg. The same plot gives the same bytes.
 
     Raises
     ------
     ValueError
-        Another kind.
+        Any other kind.
     """
     if kind not in ("png", "svg"):
-        raise ValueError(f"a picture is written as .png or .svg, not as .{kind}")
+        raise ValueError(f"a plot is written as .png or .svg, not as .{kind}")
     return png(picture, _DOTS_PER_INCH) if kind == "png" else svg(picture).encode()
 
 
 def _place(k: int, count: int, top: float, row: float, height: float) -> tuple[float, float, float, float]:
-    """Left, bottom, width and height of one of several axes of a row, in shares of the picture."""
+    """Return left, bottom, width and height of one of several axes of a row, as shares of the figure."""
     if count == 1:
         width, left = _WIDTH - _LEFT - _RIGHT, _LEFT
     else:
@@ -186,7 +186,7 @@ def _per_second(speed_rpm: Any) -> Any:
 
 
 def _truth_beside(data: PlotData, panel: Panel) -> Panel | None:
-    """The panel of truth that an attitude's panel is compared with; an azimuth only from the same north."""
+    """Return the truth panel to compare an attitude panel with; for an azimuth only with the same north."""
     key = panel.trace.key
     if panel.trace.what != "attitude" or not key or (key == "azimuth" and panel.north != _NORTH_TRUE):
         return None
@@ -209,7 +209,7 @@ def _as_angles(ax: Axes, half: bool) -> None:
         ax.set_ylim(-185.0, 185.0)
         ax.set_yticks([-180.0, -90.0, 0.0, 90.0, 180.0])
     else:
-        # A hole that hardly turns is a line, not noise blown up to the height of the panel.
+        # A nearly constant angle is drawn as a line, not as noise magnified to the height of the panel.
         if high - low < 1.0:
             middle = 0.5 * (low + high)
             ax.set_ylim(middle - 0.5, middle + 0.5)
@@ -221,7 +221,7 @@ def _spectrum_rows(data: PlotData) -> list[_Row]:
     rows: list[_Row] = []
     for start in range(0, len(data.spectra), 3):
         drawers = [drawer(_draw_spectrum, item) for item in data.spectra[start : start + 3]]
-        # A lone or second axis keeps the width of three.
+        # One or two axes keep the width of three.
         rows.append(_Row(_SQUARE, drawers + [_nothing] * (3 - len(drawers)), _AXIS))
     rows += [
         _Row(1.6, [drawer(_draw_waterfall, data, item)], _AXIS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of clearance: the ladder along the hole, and the travelling cylinder around it."""
+"""Plots of clearance: the ladder plot along the hole and the travelling cylinder around it."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 # Okabe and Ito's palette: distinguishable for colour-blind readers.
 _COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#000000")
 _STOP, _WARNING = "#D55E00", "#F0E442"
-_MOST = 12  # wells drawn; more hide each other
-# Factors above this are far away; the axis ends there.
+_MOST = 12  # largest number of wells drawn; more would hide each other
+# The axis ends at this factor.
 _FAR = 10.0
 
 
 def ladder(found: Sequence[Clearance]) -> Figure:
     """
-    Draw separation factor and centre-to-centre distance along the hole; dashed: the least distance allowed.
+    Draw separation factor and centre-to-centre distance along the hole; dashed: least allowed distance.
 
-    found: clearances, the nearest by the rule first; at most twelve are drawn.
+    found: clearances, the smallest separation factor first; at most twelve are drawn.
     """
     from matplotlib.figure import Figure
 
@@ -41,7 +41,7 @@ def ladder(found: Sequence[Clearance]) -> Figure:
         distance.plot(other.distance, other.md, line, color=colour)
         distance.plot(other.allowed, other.md, "--", color=colour, linewidth=0.9)
     factor.set(xlabel=f"separation factor (drawn to {_FAR:g})", ylabel="measured depth, m", xlim=(-0.5, _FAR))
-    distance.set(xlabel="centre to centre, m; dashed: least distance allowed")
+    distance.set(xlabel="centre to centre, m; dashed: least allowed distance")
     distance.set_xlim(0.0, 1.05 * _near(found))
     factor.invert_yaxis()
     for ax in (factor, distance):
@@ -54,8 +54,8 @@ def travelling_cylinder(found: Sequence[Clearance], radius: float | None = None)
     """
     Draw the other wells around the hole: direction from north (toolface + azimuth), distance from the centre.
 
-    radius: largest distance drawn, m; left out, what shows every well at its nearest. Numbers along the lines are
-    measured depths of the well that is drilled.
+    radius: largest distance drawn, m; if omitted, it shows every well at its nearest. Numbers along the lines are
+    measured depths of the drilled well.
     """
     from matplotlib.figure import Figure
 
@@ -95,7 +95,7 @@ def _bands(ax: Any, rule: ClearanceRule) -> None:
 
 
 def _labelled(other: Clearance, shown: Array, apart: float) -> list[int]:
-    """Return the points that get their depth written beside them: at least so far from each other, m."""
+    """Return the points that get a depth label: at least `apart` m from each other."""
     chosen: list[int] = []
     last = np.array([math.inf, math.inf])
     for at in np.flatnonzero(np.isfinite(shown)):
@@ -107,7 +107,7 @@ def _labelled(other: Clearance, shown: Array, apart: float) -> list[int]:
 
 
 def _near(found: Sequence[Clearance]) -> float:
-    """Distance that shows every well around its least factor, and not where it is far away, m."""
+    """Return the distance, m, that shows every well around its smallest factor but not where it is far away."""
     least = max(float(c.distance[c.least]) for c in found[:_MOST])
     allowed = max(float(c.allowed[c.least]) for c in found[:_MOST])
     return 10.0 * math.ceil(max(3.0 * allowed, 1.5 * least) / 10.0)

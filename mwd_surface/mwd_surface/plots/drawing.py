@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all pictures share: units, colours, the style of axes, and the bytes of a file."""
+"""Common parts of all plots: units, colours, style of axes, and the bytes of a file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DEGREES = 180.0 / math.pi
 
 
 def drawer(draw: Callable[..., None], *given: Any) -> Callable[[Axes], None]:
-    """Return a function of the axes alone that draws what is given."""
+    """Return a function of the axes alone that calls `draw` with the other arguments given."""
     return lambda ax: draw(ax, *given)
 
 
@@ -46,7 +46,7 @@ def svg(figure: Figure) -> str:
 
 
 def time_unit(seconds: float) -> tuple[float, str]:
-    """Return the unit that a span is drawn in: its seconds and its name."""
+    """Return the time unit of the axis for a span: its length in seconds and its name."""
     if seconds <= 300.0:
         return 1.0, "seconds"
     return (60.0, "minutes") if seconds <= 3.0 * 3600.0 else (3600.0, "hours")

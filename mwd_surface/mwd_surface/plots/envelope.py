@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A long signal as wide as a picture: lowest and highest value in each of a fixed number of bins of time.
+A long signal at the width of a plot: lowest and highest value in each of a fixed number of time bins.
 
-Memory does not grow with the signal; a peak of one sample stays a peak however much is drawn; a signal with no more
-than one sample in a bin is kept as it is.
+Memory does not grow with the signal; a peak of one sample remains visible at any length; a signal with at most one
+sample per bin is kept unchanged.
 """
 
 from __future__ import annotations
@@ -14,28 +14,28 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array, Stamps
 
-# A hole in the line wherever samples are further apart than this many times their usual distance.
+# The line is interrupted where samples are further apart than this multiple of their usual interval.
 _GAP = 5.0
 
 
 class Envelope:
     """
-    Lowest and highest value of k columns in each bin of a span of time.
+    Lowest and highest value of k columns in each time bin of a span.
 
     Parameters
     ----------
     start_ns, end_ns : int
-        The span; samples outside are left out.
+        The span; samples outside are ignored.
     columns : int
     bins : int
     circle : float
-        Above zero: the values are angles that come round after so much. They are taken as near as possible to the
-        first of their column, so that a line does not jump where it passes north.
+        If positive, the values are angles with this period. They are unwrapped to the turn nearest to the first value
+        of their column, so that a line does not jump where it passes north.
 
     Raises
     ------
     ValueError
-        The span is empty, or there is no bin or column.
+        The span is empty, or there are no bins or columns.
     """
 
     def __init__(self, start_ns: int, end_ns: int, columns: int, bins: int = 1600, circle: float = 0.0) -> None:
@@ -51,19 +51,19 @@ class Envelope:
 
     @property
     def exact(self) -> bool:
-        """Whether every sample is kept by itself."""
+        """Whether every sample has its own bin."""
         return int(self._count.max()) <= 1
 
     @property
     def samples(self) -> int:
-        """Samples taken."""
+        """Number of samples added."""
         return int(self._count.sum())
 
     def add(self, stamp_ns: Stamps, values: Array) -> None:
         """
-        Take samples, in any order of time.
+        Add samples, in any order of time.
 
-        stamp_ns, shape (n,); values, shape (n, columns): what is not finite counts as missing.
+        stamp_ns, shape (n,); values, shape (n, columns): values that are not finite count as missing.
         """
         inside = (stamp_ns >= self._start) & (stamp_ns < self._start + self._span)
         if not inside.all():
@@ -74,7 +74,7 @@ class Envelope:
         if self.circle:
             values = self._near_first(values)
         bins = len(self._at)
-        # Floats: nanoseconds times bins would not fit an integer for a run of days.
+        # As floats: for a run of days, nanoseconds times bins would overflow an integer.
         index = np.minimum(((stamp_ns - self._start) / self._span * bins).astype(np.int64), bins - 1)
         order = np.argsort(stamp_ns, kind="stable")
         index, stamp_ns, values = index[order], stamp_ns[order], values[order]
@@ -88,10 +88,10 @@ class Envelope:
 
     def line(self, column: int) -> tuple[Array, Array]:
         """
-        One column as a line to draw: seconds from the start of the span, and values.
+        Return one column as a line to draw: seconds from the start of the span, and values.
 
-        A bin with several samples gives its lowest and its highest value at one time; a nan breaks the line where
-        samples are missing, or where an angle went round.
+        A bin with several samples gives its lowest and highest value at one time; a nan interrupts the line where
+        samples are missing or an angle wraps.
         """
         filled = np.flatnonzero(self._count)
         seconds = np.asarray((self._at[filled] - self._start) * 1e-9, dtype=float)

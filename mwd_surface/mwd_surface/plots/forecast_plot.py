@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a forecast: sigmas and pass rate along the plan, and where the axial correction is of no use."""
+"""Plot of a forecast: sigmas and pass rate along the plan, and the no-go zone of the axial correction."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def forecast_figure(found: Forecast, chart: tuple[Array, Array, Array] | None) -
     """
     Draw a forecast.
 
-    chart: true azimuths, inclinations and sigmas of the corrected azimuth as `correction_map` gives them; None where
-    the tool code has no such correction.
+    chart: true azimuths, inclinations and sigmas of the corrected azimuth from `correction_map`; None if the tool code
+    has no such correction.
     """
     from matplotlib.figure import Figure
 

@@ -2,9 +2,9 @@
 """
 Allan deviation of a record of any length, in constant memory.
 
-The first part is kept as it is and gives the short averaging times, where it holds averages enough; the whole is kept
-as means of ever more samples and gives the long ones. A record that
-fits gives exactly `mwd_sensors.calibration.allan.allan`.
+The first part is kept unchanged and gives the short averaging times if it contains enough averages; the whole record is
+kept as means of an increasing number of samples and gives the long ones. A record that fits gives exactly
+`mwd_sensors.calibration.allan.allan`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from mwd_sensors.calibration.allan import AllanCurve, allan
 from mwd_sensors.core.arrays import Array
 
-# Averaging times below this many of the kept means are read off the first part.
+# Averaging times below this number of kept means are taken from the first part.
 _FROM_MEANS = 16
 
 
@@ -25,10 +25,10 @@ class LongAllan:
     Parameters
     ----------
     rate : float
-        Hz.
+        Sampling rate, Hz.
     columns : int
     capacity : int
-        Samples kept; an even number, at least 64.
+        Number of samples kept; even, at least 64.
 
     Raises
     ------
@@ -46,7 +46,7 @@ class LongAllan:
         self._short: AllanCurve | None = None
 
     def add(self, values: Array) -> None:
-        """Take samples, shape (n, columns), equally spaced and at rest."""
+        """Add samples, shape (n, columns), equally spaced and at rest."""
         self.samples += len(values)
         pending = np.concatenate([self._left, values])
         self._left = pending[:0]
@@ -64,7 +64,7 @@ class LongAllan:
 
     def curve(self) -> AllanCurve:
         """
-        Deviation over averaging times up to a fifth of the record; the columns are its axes.
+        Return the deviation over averaging times up to a fifth of the record; its axes are the columns.
 
         Raises
         ------

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of two surveys of one hole: what differs between them along the hole."""
+"""Plot of two surveys of one hole: their differences along the hole."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BAND = 2.0  # sigmas
 
 def picture(found: PathDifference, first: str, second: str) -> bytes:
     """
-    PNG of the differences of inclination, azimuth and position against measured depth, with bands of 2 sigma.
+    Return a PNG of the differences of inclination, azimuth and position against measured depth, with bands of 2 sigma.
 
     first, second : names of the two lists.
     """
@@ -27,9 +27,9 @@ def picture(found: PathDifference, first: str, second: str) -> bytes:
 
     figure = Figure(figsize=(10.0, 8.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    figure.suptitle(f"{first} less {second}", fontsize=11)
+    figure.suptitle(f"{first} minus {second}", fontsize=11)
     upper.plot(found.md, found.turn[:, 0] * DEGREES, color=_COLOURS[0], label="inclination")
-    # The turn of the hole's axis: an azimuth near vertical moves little.
+    # Rotation of the hole axis: near vertical, a change of azimuth has little effect.
     across = found.turn[:, 1] * np.sin(found.inclination[:, 0])
     upper.plot(found.md, across * DEGREES, color=_COLOURS[1], label="azimuth x sin(inclination)")
     _finish(upper, "deg")
@@ -40,7 +40,7 @@ def picture(found: PathDifference, first: str, second: str) -> bytes:
             lower.fill_between(found.md, -band, band, color=_COLOURS[k], alpha=0.12, linewidth=0.0)
     if np.isfinite(found.sigma).any():
         lower.fill_between(
-            [], [], [], color="#888888", alpha=0.3, label="2 sigma of the difference, each in its colour"
+            [], [], [], color="#888888", alpha=0.3, label="2 sigma of the difference, in the same colour"
         )
     _finish(lower, "m")
     lower.set_xlabel("measured depth, m", fontsize=9)

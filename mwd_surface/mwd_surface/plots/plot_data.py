@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Everything a picture of a bag needs, gathered in one pass and constant memory; only an Allan plot needs a second."""
+"""Data for a plot of a bag, collected in one pass and constant memory; only an Allan plot needs a second pass."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from mwd_surface.surveys.message_conversion import record_of, survey_of
 from mwd_surface.surveys.survey_record import Survey, SurveyRecord
 
 _SURVEY, _RECORD = "mwd_msgs/msg/Survey", "mwd_msgs/msg/SurveyRecord"
-# A stamp further than this from the time of recording is of another clock: the time of recording is drawn.
+# A stamp further than this from the time of recording is from another clock; the time of recording is used instead.
 _OTHER_CLOCK_NS = 60 * wire.NANOSECONDS
-# Still: every half second keeps within this of itself, rad/s and m/s^2, and within so many times the quietest tenth.
+# Still: every half second varies less than this, rad/s and m/s^2, and less than _AS_QUIET times the quietest tenth.
 _QUIET_RATE, _QUIET_FORCE = 0.03, 0.25
 _AS_QUIET = 1.8
 _STILL_S = 10.0
@@ -37,7 +37,7 @@ _SEGMENT_S = 10.0
 
 @dataclasses.dataclass
 class Panel:
-    """One panel over time: what it shows, of which topic, and the signal."""
+    """One panel over time: its trace, topic and signal."""
 
     trace: Trace
     topic: str
@@ -46,7 +46,7 @@ class Panel:
 
     @property
     def title(self) -> str:
-        """Topic and quantity, the north named."""
+        """Topic and quantity, including the north reference."""
         return f"{self.topic}: {self.trace.title.format(north=NORTHS.get(self.north, 'unnamed'))}"
 
 
@@ -74,18 +74,18 @@ class AllanOf:
 @dataclasses.dataclass
 class PlotData:
     """
-    What is drawn.
+    Data to draw.
 
     Attributes
     ----------
     name : str
-        Of the bag.
+        Name of the bag.
     start_ns, end_ns : int
-        Span that is drawn.
+        Span drawn.
     panels, spectra, allan, surveys : list
-        A survey carries its measured depth, m, or nan.
+        Each survey comes with its measured depth, m, or nan.
     remarks : list of str
-        What cannot be shown and why.
+        Reasons for things that cannot be shown.
     """
 
     name: str
@@ -112,7 +112,7 @@ def gather(
     progress: Callable[[float], None] = lambda _share: None,
 ) -> PlotData:
     """
-    Read a bag for a picture of it.
+    Read the data for a plot from a bag.
 
     Parameters
     ----------
@@ -122,18 +122,18 @@ def gather(
     given : InputSettings, optional
         How the samples are read, and of which span.
     topics : sequence of str
-        Only these, full names; empty: all that are known how to draw.
+        Full names of the topics to draw; empty: all that can be drawn.
     bins : int
-        Columns of the picture.
+        Number of time bins of the plot.
     progress : callable
-        Called with the share that is done, 0 to 1.
+        Called with the completed share, 0 to 1.
 
     Raises
     ------
     ValueError
         An unknown word, or a span that ends before it starts.
     BagError
-        A topic the bag doesn't have, or nothing to draw of what is asked.
+        The bag does not have a topic, or it has nothing to draw of `what`.
     """
     given = given or InputSettings()
     _check_request(bag, what, given.start_s)
@@ -170,14 +170,14 @@ def gather(
 def _check_request(bag: Bag, what: Sequence[str], start_s: float) -> None:
     for word in what:
         if word not in WHAT:
-            raise ValueError(f"--what {word}: no such word; one of {', '.join(WHAT)}")
+            raise ValueError(f"--what {word}: unknown; use one of {', '.join(WHAT)}")
     if start_s > bag.duration_s:
         raise ValueError(f"--start {start_s:g}: the recording ends after {bag.duration_s:.1f} s")
 
 
 def _chosen(bag: Bag, topics: Sequence[str]) -> list[str]:
     if not topics:
-        # The estimator's copy of the IMU with its orientation would be drawn twice.
+        # imu/data is the estimator's copy of the IMU data: it would be drawn twice.
         return sorted((name for name in bag.topics if not name.endswith("imu/data")), key=_order)
     names = []
     for name in topics:
@@ -189,7 +189,7 @@ def _chosen(bag: Bag, topics: Sequence[str]) -> list[str]:
 
 
 def _order(topic: str) -> tuple[str, int, str]:
-    """Well by well, each in the order of the contract."""
+    """Return a sort key: by well, then in the order of `wire.SONDE_TOPICS`."""
     for k, relative in enumerate(wire.SONDE_TOPICS):
         if topic.endswith(f"/{relative}"):
             return topic.removesuffix(relative), k, topic
@@ -197,17 +197,17 @@ def _order(topic: str) -> tuple[str, int, str]:
 
 
 class _Pen(abc.ABC):
-    """Takes the samples of one topic."""
+    """Collects the samples of one topic."""
 
     def __init__(self, topic: str) -> None:
         self.topic = topic
 
     @abc.abstractmethod
     def draw(self, part: tuple[Stamps, Any]) -> None:
-        """Take the times of recording and the samples of a block."""
+        """Add the times of recording and the samples of a block."""
 
     def end(self) -> None:  # noqa: B027  (most have nothing left to do)
-        """All blocks were taken."""
+        """Finish after the last block."""
 
 
 def _pens(bag: Bag, stream: RecordingStream, what: Sequence[str], data: PlotData, bins: int) -> list[_Pen]:
@@ -229,7 +229,7 @@ def _pens(bag: Bag, stream: RecordingStream, what: Sequence[str], data: PlotData
 
 
 def _compared(trace: Trace, what: Sequence[str]) -> bool:
-    """Truth is read too where an attitude is drawn that it can be compared with."""
+    """Return whether a trace is a truth that is also read for comparison with a drawn attitude."""
     return trace.what == "truth" and "attitude" in what
 
 
@@ -268,7 +268,7 @@ class _SurveyPen(_Pen):
                 self.found[survey.uuid] = (survey, math.nan)
 
     def end(self) -> None:
-        # The list knows depths: its record of a survey takes the place of the bare one.
+        # The survey list knows depths: its record replaces the survey without depth.
         known = {survey.uuid: (survey, depth) for survey, depth in self.data.surveys}
         for uuid, (survey, depth) in self.found.items():
             if uuid not in known or not math.isnan(depth):
@@ -305,7 +305,7 @@ class _SpectrumPen(_Pen):
         if rate <= 0.0:
             return False
         seconds = self.data.seconds
-        # Short runs get shorter segments: an average of one is no average.
+        # Short runs get shorter segments, so that there are several to average.
         longest = min(_SEGMENT_S, max(seconds / 8.0, 16.0 / rate))
         segment = max(16, 1 << int(math.log2(longest * rate)))
         bins = int(min(240, max(1, seconds * rate / segment)))
@@ -325,7 +325,7 @@ class _StillPen(_Pen):
         self.rate = 0.0
         self._stamps = np.empty(0, dtype=np.int64)
         self._held = np.empty((0, 6))
-        # Of every half second: first and last stamp, spread of rate and force, mean force. A day is 170 000 of them.
+        # For every half second: first and last stamp; spread of rate and force, mean force. A day has 170 000 of them.
         self._edges: list[tuple[int, int]] = []
         self._moved: list[tuple[float, ...]] = []
 
@@ -348,18 +348,18 @@ class _StillPen(_Pen):
         self._stamps, self._held = self._stamps[whole * window :], self._held[whole * window :]
 
     def _longest(self) -> tuple[int, int]:
-        """First and last stamp of the longest still interval; twice 0 where there is none."""
+        """Return first and last stamp of the longest still interval; (0, 0) if there is none."""
         if not self._edges:
             return 0, 0
         edges, moved = np.array(self._edges), np.array(self._moved)
         spread, mean = moved[:, :2], moved[:, 2:]
-        # A steady rotation keeps its rate too, but its specific force turns.
+        # A steady rotation also has a constant rate, but its specific force turns.
         turned = np.abs(np.diff(mean, axis=0, prepend=mean[:1])).max(axis=1)
         quiet = (spread < (_QUIET_RATE, _QUIET_FORCE)).all(axis=1) & (turned < 0.5 * _QUIET_FORCE)
         quiet &= (edges[:, 1] - edges[:, 0]) * 1e-9 < 0.75
         if not quiet.any():
             return 0, 0
-        # Pumps shake a still tool by less than that: only what is as quiet as the quietest shows the sensor.
+        # Pumps shake a still tool by less than these limits: only the quietest parts show the noise of the sensor.
         floor = np.percentile(spread[quiet], 10, axis=0)
         quiet &= (spread <= np.maximum(_AS_QUIET * floor, 1e-9)).all(axis=1)
         changes = np.flatnonzero(np.diff(np.concatenate([[0], quiet.astype(np.int8), [0]]))).reshape(-1, 2)
@@ -387,13 +387,13 @@ class _StillPen(_Pen):
 
 
 def rate_of(stamps: Stamps) -> float:
-    """Samples in a second, from the usual step of their stamps; 0 where it is unknown."""
+    """Return the sampling rate, Hz, from the median step of the stamps; 0 if unknown."""
     steps = np.diff(stamps)
     steps = steps[steps > 0]
     return float(1e9 / np.median(steps)) if len(steps) >= 8 else 0.0
 
 
 def _times(log_ns: Stamps, samples: Samples) -> Stamps:
-    """Times of measurement, or of recording where the stamps are of another clock."""
+    """Return the times of measurement, or of recording if the stamps are from another clock."""
     stamps = samples["stamp_ns"]
     return np.where(np.abs(stamps - log_ns) > _OTHER_CLOCK_NS, log_ns, stamps)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of two runs over one recording: inclination and azimuth of both, and what differs between them."""
+"""Plot of two runs over one recording: inclination and azimuth of both, and their differences."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _COLOURS = ("#0072B2", "#D55E00")
-_MOST = 6000  # rows drawn of each run
+_MOST = 6000  # largest number of rows drawn of each run
 _ANGLES = ("inclination_deg", "azimuth_deg")
 _NAMES = ("inclination", "azimuth")
 
 
 class Run(NamedTuple):
-    """A run as `mwd process` writes it: its name, blocks of attitude with stamp_ns and angles, deg, and its surveys."""
+    """A run written by `mwd process`: name, blocks of attitude with stamp_ns and angles, deg, and surveys."""
 
     name: str
     attitude: Iterable[Mapping[str, Any]]
@@ -30,9 +30,9 @@ class Run(NamedTuple):
 
 def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
     """
-    Some rows of the attitude of a run, in constant memory: stamp_ns and the angles, shape (n,), ns and deg.
+    Return some rows of the attitude of a run, in constant memory: stamp_ns and the angles, shape (n,), ns and deg.
 
-    Rows are taken at equal distances, at most `_MOST` of them.
+    Rows are taken at equal intervals, at most 2 * `_MOST` of them.
     """
     kept: dict[str, list[Array]] = {name: [] for name in ("stamp_ns", *_ANGLES)}
     step, place = 1, 0
@@ -43,13 +43,13 @@ def thinned(attitude: Iterable[Mapping[str, Any]]) -> dict[str, Array]:
             parts.append(np.asarray(block[name][first::step]))
         if sum(map(len, kept["stamp_ns"])) > 2 * _MOST:
             step *= 2
-            # The first row stays, so that those to come fall between those kept.
+            # The first row stays, so that later rows fit the same spacing.
             kept = {name: [np.concatenate(parts)[::2]] for name, parts in kept.items()}
     return {name: np.concatenate(parts) if parts else np.empty(0) for name, parts in kept.items()}
 
 
 def picture(ours: Run, expected: Run) -> bytes:
-    """PNG of two runs."""
+    """Return a PNG of two runs."""
     from matplotlib.figure import Figure
 
     runs = [(run.name, thinned(run.attitude), run.surveys) for run in (ours, expected)]
@@ -72,7 +72,7 @@ def picture(ours: Run, expected: Run) -> bytes:
     for ax, label in (
         (upper, "inclination, deg"),
         (middle, "azimuth, deg"),
-        (lower, f"{runs[0][0]} less {runs[1][0]}, deg"),
+        (lower, f"{runs[0][0]} minus {runs[1][0]}, deg"),
     ):
         _finish(ax, label)
     lower.set_xlabel(unit, fontsize=9)
@@ -80,14 +80,14 @@ def picture(ours: Run, expected: Run) -> bytes:
 
 
 def _stations(surveys: list[dict[str, str]], angle: str, begin: int, unit_s: float) -> tuple[list[float], list[float]]:
-    """Times and angles of the surveys of a run that have the angle."""
+    """Return times and angles of the surveys of a run that have the angle."""
     known = [row for row in surveys if row.get(angle)]
     return [(int(row["stamp_ns"]) - begin) * 1e-9 / unit_s for row in known], [float(row[angle]) for row in known]
 
 
 def differences(ours: dict[str, Array], expected: dict[str, Array]) -> dict[str, Array]:
     """
-    Differences of two runs as `thinned` gives them, at the stamps of ours, by the expected rows interpolated.
+    Return the differences of two runs from `thinned`, at the stamps of `ours`, with `expected` interpolated.
 
     stamp_ns and the angles, shape (n,): ns and deg, azimuth the short way round.
     """

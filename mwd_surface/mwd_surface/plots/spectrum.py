@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Spectrum of a signal of any length, and how it changes: averaged periodograms, in constant memory.
+Spectrum of a signal of any length and its change over time: averaged periodograms, in constant memory.
 
 Source: P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", IEEE Trans. Audio and
-Electroacoustics 15 (1967): Hann window, segments that overlap by half, each with its mean taken off.
+Electroacoustics 15 (1967): Hann window, segments that overlap by half, each with its mean removed.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from mwd_sensors.core.arrays import Array, Stamps
 
 class Spectrum:
     """
-    One-sided power spectral density of k columns, over all and in bins of time.
+    One-sided power spectral density of k columns, over the whole span and in time bins.
 
     Parameters
     ----------
     rate : float
-        Hz.
+        Sampling rate, Hz.
     columns : int
     start_ns, end_ns : int
-        The span that the bins of time divide.
+        The span that is divided into time bins.
     segment : int
-        Samples in a periodogram.
+        Number of samples in a periodogram.
     bins : int
-        Of time.
+        Number of time bins.
 
     Raises
     ------
     ValueError
-        A rate that is not positive, or fewer than 16 samples in a segment.
+        The rate is not positive, or a segment has fewer than 16 samples.
     """
 
     def __init__(
@@ -56,20 +56,20 @@ class Spectrum:
 
     @property
     def density(self) -> Array:
-        """Power spectral density over all, (unit of the signal)^2 / Hz, shape (frequencies, columns)."""
+        """Power spectral density over the whole span, (unit of the signal)^2 / Hz, shape (frequencies, columns)."""
         return np.asarray(self._sum.sum(axis=0) / max(self.segments, 1))
 
     @property
     def waterfall(self) -> Array:
-        """Power spectral density in each bin of time, shape (bins, frequencies, columns); nan where there is none."""
+        """Power spectral density in each time bin, shape (bins, frequencies, columns); nan in an empty bin."""
         count = np.where(self._count > 0, self._count, np.nan)
         return np.asarray(self._sum / count[:, None, None])
 
     def add(self, stamp_ns: Stamps, values: Array) -> None:
         """
-        Take samples in order of time; blocks of any length give the same spectrum.
+        Add samples in order of time; the division into blocks has no effect on the spectrum.
 
-        A segment with a gap in it, or a value that is not finite, is left out.
+        A segment with a gap or with a value that is not finite is skipped.
         """
         stamps = np.concatenate([self._held_ns, stamp_ns])
         signal = np.concatenate([self._held, values])

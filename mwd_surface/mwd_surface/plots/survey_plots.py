@@ -21,7 +21,7 @@ _VERDICTS = (("o", "#009E73", "accepted"), ("^", "#E69F00", "doubtful"), ("x", "
 
 
 def survey_drawers(data: PlotData) -> list[Callable[[Axes], None]]:
-    """Return the functions that draw the panels of the surveys, beside each other."""
+    """Return the functions that draw the panels of the surveys, side by side."""
     surveys = [survey for survey, _ in data.surveys]
     norths = {NORTHS.get(s.north, "unnamed") for s in surveys if _azimuth_sigma(s) >= 0.0}
     north = " and ".join(sorted(norths)) or "unnamed"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a picture of a bag shows of each kind of message: panels, their series, units and titles, as one table."""
+"""Panels of a plot of a bag for each message type, with their series, units and titles, as one table."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ class Trace:
     Attributes
     ----------
     what : str
-        The word of `WHAT` it belongs to.
+        The word of `WHAT` that selects it.
     title, unit : str
-        "{north}" in a title stands for the name of the north that the samples refer to.
+        "{north}" in a title is replaced by the north reference of the samples.
     labels : tuple of str
-        Of the series.
+        Labels of the series.
     values : callable
-        Samples -> (n, series); nan where a value is not available.
+        Samples -> (n, series); nan if a value is not available.
     circle : float
-        Above zero: angles that come round after so much.
+        If positive, the values are angles with this period.
     down : bool
-        The axis points down, as depth does.
+        Whether the axis points down, as for depth.
     log : bool
-        Logarithmic axis.
+        Whether the axis is logarithmic.
     rotary : bool
-        A second axis in r/min beside one in deg/s.
+        Whether to add a second axis in r/min to one in deg/s.
     key : str
-        Name by which attitude and truth are paired; empty for none.
+        Name that pairs attitude and truth; empty for none.
     """
 
     what: str
@@ -60,12 +60,12 @@ class Trace:
 
 
 def traces_of(type_name: str) -> tuple[Trace, ...]:
-    """The panels of a message type; none for types that are not drawn over time."""
+    """Return the panels of a message type; none for types that are not drawn over time."""
     return _TABLE.get(type_name, ())
 
 
 def north_of(samples: Samples) -> int:
-    """The north that attitude samples refer to, as `NORTHS` numbers it; 0 where none names one."""
+    """Return the north reference of attitude samples as a key of `NORTHS`; 0 if they have none."""
     named = samples["north"][(samples["sigma_azimuth"] >= 0.0) & (samples["north"] > 0)]
     return int(named[0]) if len(named) else 0
 
@@ -102,7 +102,7 @@ def _gauge(*fields: str, scale: float = 1.0) -> Callable[[Samples], Array]:
 
 
 def _estimate(angle: str, half_circle: bool = False) -> Callable[[Samples], Array]:
-    """An angle with its sigma on both sides, deg; nan where it is withheld."""
+    """Return a function that gives an angle, deg; nan where it is withheld."""
 
     def values(samples: Samples) -> Array:
         value, sigma = samples[angle] * _DEG, samples["sigma_" + angle] * _DEG
@@ -138,7 +138,7 @@ def _interference(samples: Samples) -> Array:
 
 
 def _stick_slip(samples: Samples) -> Array:
-    """Index and share of standing time; -1: the string did not turn."""
+    """Return stick-slip index and share of time at rest; -1 in a message means that the string did not turn."""
     both = np.column_stack([samples["stick_slip_index"], samples["stick_share"]])
     return np.where(both >= 0.0, both, np.nan)
 
@@ -208,9 +208,7 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
             360.0,
             key="toolface",
         ),
-        Trace(
-            "attitude", "1 sigma as stated", "deg", ("inclination", "azimuth", "gravity toolface"), _sigmas, log=True
-        ),
+        Trace("attitude", "stated 1 sigma", "deg", ("inclination", "azimuth", "gravity toolface"), _sigmas, log=True),
     ),
     wire.GRAVITY.type_name: (
         Trace("attitude", "acceleration that is not gravity", "m/s²", ("level",), _non_gravity),
@@ -221,14 +219,14 @@ _TABLE: dict[str, tuple[Trace, ...]] = {
             "attitude",
             "rotary speed over the last seconds",
             "r/min",
-            ("least", "mean", "most"),
+            ("lowest", "mean", "highest"),
             _columns("rotary_speed_least", "rotary_speed", "rotary_speed_most", scale=_RPM),
         ),
-        Trace("attitude", "stick-slip", "index, share", ("index", "share of time standing"), _stick_slip),
+        Trace("attitude", "stick-slip", "index, share", ("index", "share of time at rest"), _stick_slip),
         Trace("attitude", "vibration", "m/s² rms", ("axial", "lateral"), _columns("axial_rms", "lateral_rms")),
         Trace(
             "attitude",
-            "hardest of the last seconds",
+            "peak of the last seconds",
             "m/s²",
             ("axial", "lateral", "shock"),
             _columns("axial_peak", "lateral_peak", "shock_peak"),

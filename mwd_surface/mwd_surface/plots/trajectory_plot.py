@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Picture of a high-density trajectory: inclination between the stations and what it changes in position."""
+"""Plot of a high-density trajectory: inclination between the stations and its effect on the position."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73")
 
 
 def trajectory_plot(found: DenseTrajectory) -> bytes:
-    """PNG of inclination, with the stations marked, and of the position less minimum curvature, along the hole."""
+    """Return a PNG of the inclination, with the stations marked, and of the position minus minimum curvature."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 8.0), layout="constrained")
@@ -25,7 +25,7 @@ def trajectory_plot(found: DenseTrajectory) -> bytes:
     for k, name in enumerate(("north", "east", "vertical depth")):
         lower.plot(found.md, found.differences[:, k], color=_COLOURS[k], label=name)
     lower.axhline(0.0, color="k", linewidth=0.7)
-    lower.set_ylabel("less minimum curvature, m", fontsize=9)
+    lower.set_ylabel("minus minimum curvature, m", fontsize=9)
     lower.set_xlabel("measured depth, m", fontsize=9)
     for ax in (upper, lower):
         finish_axes(ax)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Attitude as CSV text, a million rows a second: fixed-point numbers written digit by digit, the same bytes everywhere.
+Attitude as CSV text, a million rows per second: fixed-point numbers written digit by digit, identical on every machine.
 
-Angles have six decimals of a degree, gravity nine decimals; what is unknown is an empty cell.
+Angles have six decimals of a degree, gravity nine decimals; an unknown value is an empty cell.
 """
 
 from __future__ import annotations
@@ -22,34 +22,34 @@ HEADER = ",".join(
     ("stamp_ns", *_ANGLES, *(f"sigma_{key}" for key in _ANGLES), "gravity_x", "gravity_y", "gravity_z", "status")
 )
 _DEG = 180.0 / math.pi
-# Numbers are counted in these parts of a degree and of one: six and nine decimals.
+# Units of the last decimal: six decimals of a degree, nine of a gravity component.
 _ANGLE_UNIT, _GRAVITY_UNIT = 10**6, 10**9
 _TURN = 360 * _ANGLE_UNIT
-# Stamp with sign, angles and their sigmas, three components, commas and the end of the line; words come on top.
+# Stamp with sign, angles and their sigmas, three components, commas and the end of the line, without the status words.
 _ROW_BYTES = 21 + 2 * len(_ANGLES) * 13 + 3 * 14 + 2
-# The digits of 0 to 9999: a division gives four of them.
+# The digits of 0 to 9999: each division yields four digits.
 _DIGITS = 48 + (np.arange(10000)[:, None] // np.array([1000, 100, 10, 1]) % 10).astype(np.uint8)
 
 
 class Lines:
-    """Lines of one block after the other, in a buffer that is used again: what a call returns holds until the next."""
+    """Makes the lines of successive blocks in a reused buffer: a result is valid until the next call."""
 
     def __init__(self) -> None:
         self._buffer = np.empty(0, dtype=np.uint8)
 
     def __call__(self, attitude: Samples, gravity: Samples) -> memoryview:
         """
-        Lines of n samples, without the header.
+        Return the lines of n samples, without the header.
 
         Parameters
         ----------
         attitude, gravity : samples of `wire.ATTITUDE` and `wire.GRAVITY`, shape (n,)
-            Of the same stamps. A negative sigma: its value is unknown.
+            Samples of the same stamps. A negative sigma means that the value is unknown.
 
         Raises
         ------
         ValueError
-            The two are not of the same length.
+            The two differ in length.
         """
         n = len(attitude)
         if len(gravity) != n:
@@ -71,8 +71,8 @@ class Lines:
 
 
 def _status_index(status: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
-    """Masks that occur, and which of them each row has."""
-    # Status changes seldom: look only at the places where it does.
+    """Return the distinct status masks and the index of the mask of each row."""
+    # Status changes rarely: look only at the rows where it changes.
     starts = np.flatnonzero(np.concatenate([[True], status[1:] != status[:-1]]))
     masks, which = np.unique(status[starts], return_inverse=True)
     return masks, np.repeat(which, np.diff(np.append(starts, len(status)))).astype(np.int64)
@@ -80,14 +80,14 @@ def _status_index(status: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArr
 
 @compiled
 def _four(buffer: NDArray[np.uint8], at: int, value: int) -> None:
-    """Four digits of a number below 10 000, with leading zeros."""
+    """Write the four digits of a number below 10 000, with leading zeros."""
     for k in range(4):
         buffer[at + k] = _DIGITS[value, k]
 
 
 @compiled
 def _whole(buffer: NDArray[np.uint8], at: int, value: int) -> int:
-    """A whole number that is not negative; returns the place after it."""
+    """Write a non-negative integer; return the position after it."""
     groups, rest = 0, value
     while rest >= 10000:
         rest //= 10000
@@ -105,7 +105,7 @@ def _whole(buffer: NDArray[np.uint8], at: int, value: int) -> int:
 
 @compiled
 def _angle(buffer: NDArray[np.uint8], at: int, value: float, known: bool, wraps: bool) -> int:
-    """A comma and an angle, rad, in degrees with six decimals; what rounds up to the full circle is north again."""
+    """Write a comma and an angle, rad, in degrees with six decimals; rounding up to a full circle gives 0."""
     buffer[at] = 44
     if not known:
         return at + 1
@@ -129,7 +129,7 @@ def _angle(buffer: NDArray[np.uint8], at: int, value: float, known: bool, wraps:
 
 @compiled
 def _component(buffer: NDArray[np.uint8], at: int, value: float) -> int:
-    """A comma and a component of a unit vector with nine decimals."""
+    """Write a comma and a component of a unit vector with nine decimals."""
     buffer[at] = 44
     at += 1
     units = math.floor(value * _GRAVITY_UNIT + 0.5)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Attitude as Parquet: the columns of the CSV, their numbers not rounded, and the north that the azimuth is from."""
+"""Attitude as Parquet: the columns of the CSV, not rounded, and the north reference of the azimuth."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ class Writer:
     """
     Writes a file row group by row group.
 
-    What is unknown is null. `status` is words joined by bars, as in the CSV.
+    Unknown values are null. `status` is words joined by bars, as in the CSV.
 
     Raises
     ------
     OSError
-        From every method: the disk refuses.
+        From every method: the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
-        # Numbers of sensors hardly compress but for their high bytes; a dictionary of them only costs time.
+        # Sensor data compress only in their high bytes; a dictionary of them only costs time.
         self._file = pq.ParquetWriter(
             path,
             SCHEMA,
@@ -60,7 +60,7 @@ class Writer:
         self._rows = 0
 
     def write(self, attitude: Samples, gravity: Samples) -> None:
-        """Rows of `wire.ATTITUDE` and `wire.GRAVITY` of the same stamps."""
+        """Write rows of `wire.ATTITUDE` and `wire.GRAVITY` of the same stamps."""
         if not len(attitude):
             return
         columns = [pa.array(np.ascontiguousarray(attitude["stamp_ns"]))]
@@ -79,7 +79,7 @@ class Writer:
             self._flush()
 
     def close(self) -> None:
-        """Write what waits and the end of the file."""
+        """Write the pending rows and the end of the file."""
         self._flush()
         self._file.close()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fewer rows of a fast stream: the first of each equal interval of time since the epoch, wherever blocks end."""
+"""Fewer rows of a fast stream: the first one in each equal interval since the epoch, whatever the block boundaries."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class Thinner:
     """
     Picks rows of streams by their stamps.
 
-    rate_hz : at most so many rows a second; 0 keeps every row.
+    rate_hz : largest number of rows per second; 0 keeps every row.
     """
 
     def __init__(self, rate_hz: float) -> None:
@@ -19,7 +19,7 @@ class Thinner:
         self._last = -1
 
     def __call__(self, stamp_ns: NDArray[np.int64]) -> slice | NDArray[np.bool_]:
-        """Which rows of a block to keep, by their stamps, ns."""
+        """Return which rows of a block to keep, by their stamps, ns."""
         if self._period_ns <= 0 or not len(stamp_ns):
             return slice(None)
         intervals = stamp_ns // self._period_ns

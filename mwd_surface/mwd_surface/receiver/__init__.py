@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiver: standpipe pressure to words with confidence and sigma. Pure; nodes and commands feed it."""
+"""The receiver: turns standpipe pressure into words with confidence and sigma. Free of ROS; nodes feed it."""

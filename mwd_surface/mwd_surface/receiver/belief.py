@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How far a decoded word is to be believed: its probability, and what parities say of the tool configuration.
+Probability that a decoded word is right, and that the tool configuration is the one the tool uses.
 
-By a wrong table, a wrong pulse width or without a tool, parities hold half the time; then no word is believed. How
-probable that is, follows from how often they hold. No truth is needed.
+With a wrong word table, a wrong pulse width or no tool at all, a parity holds by chance half the time, and no word may
+be believed. The probability of this case is estimated from how often the parities hold; the true words are not needed.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ import dataclasses
 import math
 from collections import deque
 
-# Probability that parities mean nothing, before any is seen.
+# Prior probability that parities hold only by chance.
 _FAILING = 0.06
-# The same of a tool whose words have no parity.
+# The same prior for a tool that sends words without parity.
 _UNSEEN = 0.002
-# A transmission of a tool whose parities held: how much of the prior it begins with, the rest as the last one ended.
-# Another sequence, a second tool or a false sync remain possible.
+# Share of the prior with which the next transmission begins when the parities of the last one held. It is not smaller
+# because another sequence, a second tool or a false sync remain possible.
 _ANEW = 0.25
 _REMEMBERED = 32  # words with parity
 SURVEY_LEVEL, TOOLFACE_LEVEL = 0.99, 0.95
-# A likelihood is never surer than one slip in a hundred words: one odd word proves little.
+# Bound on the likelihood of one word, so that one odd word in a hundred does not decide.
 _SLIP = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
 class Candidate:
-    """One value of a word: code without parity, and its probability if parities mean anything."""
+    """A possible value of a word: its code without parity, and its probability if the configuration is right."""
 
     code: int
     probability: float
@@ -37,13 +37,14 @@ class Candidate:
 @dataclasses.dataclass(frozen=True)
 class Soft:
     """
-    A word before it is judged.
+    A decoded word before the probability of a wrong configuration is applied.
 
     Attributes
     ----------
     candidates : tuple of Candidate
     holds : float or None
-        Probability that its parity holds, parity not being used; None for a word without.
+        Probability that the parity of the word holds, computed without using the parity; None for a word without
+        parity.
     """
 
     candidates: tuple[Candidate, ...]
@@ -52,7 +53,7 @@ class Soft:
 
 @dataclasses.dataclass(frozen=True)
 class Judged:
-    """Most probable code, its confidence, and the next ones with theirs."""
+    """The most probable code, its confidence, and the next most probable codes with their confidences."""
 
     code: int
     confidence: float
@@ -61,13 +62,13 @@ class Judged:
 
 class Doubt:
     """
-    What the last parities say of the tool configuration.
+    Probability of a wrong tool configuration, estimated from the last parities.
 
     Parameters
     ----------
     parity : bool
-        Whether the tool sends words with parity: without any, nothing tells a wrong table, and it is left to whoever
-        wrote the table.
+        Whether the tool sends words with parity. Without parity a wrong table cannot be detected, so the table is
+        trusted.
     """
 
     def __init__(self, parity: bool = True) -> None:
@@ -77,10 +78,10 @@ class Doubt:
 
     def following(self) -> Doubt:
         """
-        Return what is believed before the next transmission by the same configuration.
+        Return the doubt with which the next transmission by the same configuration begins.
 
-        As far as the parities so far have shown that the configuration is right, they count for the next transmission
-        too; parities that failed do not: a false sync says nothing of the next one.
+        Parities that held lower the prior of the next transmission. Parities that failed do not raise it, because one
+        false sync says nothing about the next.
         """
         proven = max(1.0 - self.failing / self._first, 0.0) * (1.0 - _ANEW)
         after = copy.copy(self)
@@ -89,19 +90,19 @@ class Doubt:
         return after
 
     def learn(self, words: list[Soft]) -> None:
-        """Take the parities of more words."""
+        """Add the parities of more words."""
         self._seen.extend(word.holds for word in words if word.holds is not None)
 
     @property
     def failing(self) -> float:
-        """Probability that parities mean nothing: wrong table, wrong pulse width, no tool."""
+        """Probability that the parities hold only by chance: wrong table, wrong pulse width, or no tool."""
         odds = math.log(1.0 / self._prior - 1.0)
         for holds in self._seen:
             odds += math.log((_SLIP + (1.0 - 2.0 * _SLIP) * holds) / 0.5)
         return 1.0 / (1.0 + math.exp(odds))
 
     def judge(self, word: Soft) -> Judged:
-        """Confidence of a word's values."""
+        """Return the most probable code of a word with its confidence, and up to three alternatives."""
         meant = 1.0 - self.failing
         found = sorted(
             ((meant * one.probability, one.code) for one in word.candidates), key=lambda row: (-row[0], row[1])

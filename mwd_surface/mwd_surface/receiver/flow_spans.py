@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the pumps were off, from the pressure alone: surveys are taken then, and a pulse tool is silent."""
+"""Spans without flow, found from the pressure: surveys are taken in them, and a pulse tool is silent."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 
 OFF = 0.25
-"""Share of the usual pressure below which the pumps are off; friction of a mud line falls faster than its flow."""
+"""Share of the usual pressure below which the pumps count as off; friction in a mud line falls faster than its flow."""
 _ON = 0.4
 _FORGET_S = 3600.0
 SURVEY_S = 10.0
-"""How long a survey takes at rest, s: after a longer one the tool sends another."""
-# No rig drills with less at its standpipe.
+"""Time at rest that a survey takes, s; after a longer rest the tool sends a new survey."""
+# Lowest standpipe pressure of a drilling rig.
 _LEAST_PA = 1.0e6
 
 
 class Span(NamedTuple):
-    """Time without flow, s on the clock of the pressure; its end is inf while it lasts."""
+    """Span without flow, s on the clock of the pressure; the end is inf while the span lasts."""
 
     start_s: float
     end_s: float
@@ -29,12 +29,12 @@ class Span(NamedTuple):
 
 class FlowSpans:
     """
-    Spans without flow, from blocks of pressure.
+    Finder of spans without flow in blocks of pressure.
 
     Parameters
     ----------
     block_s : float
-        Pressure is averaged over so long before it is judged, s; the same result however the samples are cut.
+        Averaging time before the pressure is judged, s; it makes the result independent of how the samples are cut.
     """
 
     def __init__(self, block_s: float = 1.0) -> None:
@@ -47,7 +47,7 @@ class FlowSpans:
         self._gaps: list[Span] = []
 
     def push(self, time_s: Array, pressure_pa: Array) -> None:
-        """Take samples, shape (n,): rising times, s, and Pa. One that is not finite is left out."""
+        """Add samples, shape (n,): rising times, s, and Pa; samples that are not finite are ignored."""
         time, pressure = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
         finite = np.isfinite(time) & np.isfinite(pressure)
         time, pressure = time[finite], pressure[finite]
@@ -66,7 +66,7 @@ class FlowSpans:
             self._count += float(len(inside))
 
     def switch(self, at_s: float, flowing: bool) -> None:
-        """Take that the pumps are on or off since a time, s, from whoever knows: a voltage does not tell it."""
+        """Set the pumps on or off from a time on, s, for links whose samples do not show it (voltage)."""
         self._known = True
         off = bool(self.spans) and math.isinf(self.spans[-1].end_s)
         if off and flowing:
@@ -75,31 +75,31 @@ class FlowSpans:
             self.spans.append(Span(at_s, math.inf))
 
     def flowing(self, at_s: float) -> bool | None:
-        """Whether the pumps are on at a time, s, that is not later than what is known; None before anything is."""
+        """Return whether the pumps are on at a time, s, within the known span; None before anything is known."""
         if not self._known:
             return None
         last = next((span for span in reversed(self.spans) if span.start_s <= at_s), None)
         return last is None or at_s >= last.end_s
 
     def rested(self, from_s: float, until_s: float) -> bool:
-        """Whether a rest long enough for a survey lies between two times, s, or a data gap that may hide one."""
+        """Return whether two times, s, enclose a rest long enough for a survey, or a data gap that may hide one."""
         return any(
             from_s <= span.start_s and span.end_s <= until_s and span.end_s - span.start_s >= SURVEY_S
             for span in (*self.spans, *self._gaps)
         )
 
     def on_since(self, time_s: float) -> float:
-        """Since when there may be flow, before a time, s: the last rest or data gap ended; -inf: none was seen."""
+        """Return the end of the last rest or data gap before a time, s: the earliest flow-on; -inf if not seen."""
         return max((span.end_s for span in (*self.spans, *self._gaps) if span.end_s <= time_s), default=-math.inf)
 
     def before(self, time_s: float) -> Span | None:
-        """Last span without flow that ended before a time, s; None where there was none, or a data gap may hide it."""
+        """Return the last span without flow before a time, s; None if there is none or a data gap may hide one."""
         last = next((span for span in reversed(self.spans) if span.end_s <= time_s), None)
         gap = next((gap for gap in reversed(self._gaps) if gap.end_s <= time_s), None)
         return None if last is None or (gap is not None and gap.end_s > last.start_s) else last
 
     def _judge(self, at: float, mean: float) -> None:
-        # Follows a higher pressure at once, a lower one over an hour: mud and depth change slowly.
+        # Follow a rising pressure at once and a falling one over an hour, because mud and depth change slowly.
         self._usual = max(mean, self._usual * math.exp(-self._block_s / _FORGET_S), _LEAST_PA)
         if mean > _ON * self._usual or mean < OFF * self._usual:
             self.switch(at, mean > _ON * self._usual)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pressure on an even grid that grows at its end and is forgotten at its beginning."""
+"""Even grid of pressure values that grows at its end and drops its oldest values."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from mwd_surface.receiver.resampling import interpolate
 from mwd_surface.receiver.strokes import Strokes
 
 STEPS_PER_TU = 8
-# Values beyond the last one wanted that the interpolation uses: they must be there, or a later call would give others.
+# Values after the last one wanted that the interpolation needs; without them a later call would give other results.
 REACH = 4
 
 
 class Grid:
     """
-    Pressure, `STEPS_PER_TU` values a TU, and the strokes of the pumps.
+    Grid of pressure with `STEPS_PER_TU` values per TU, and the strokes of the pumps.
 
     Parameters
     ----------
@@ -34,11 +34,11 @@ class Grid:
 
     @property
     def end(self) -> int:
-        """Position behind the last value."""
+        """Position after the last value."""
         return self.first + len(self._values)
 
     def append(self, values: Array, known: Array) -> None:
-        """Add values; in a gap the last known one stands."""
+        """Append values; a gap is filled with the last known value."""
         filled = values.copy()
         last = self._values[-1] if len(self._values) else (values[known > 0.0][0] if np.any(known > 0.0) else 0.0)
         for k in range(len(filled)):
@@ -50,29 +50,29 @@ class Grid:
         self._known = np.concatenate([self._known, known])
 
     def forget(self, before: int) -> None:
-        """Drop what lies before a position."""
+        """Drop the values before a position."""
         drop = min(max(before - self.first, 0), len(self._values))
         self._values, self._known = self._values[drop:], self._known[drop:]
         self.first += drop
         self.strokes.forget(self.seconds(self.first))
 
     def seconds(self, position: float) -> float:
-        """Time of a position, s, on the clock of the pressure."""
+        """Return the time of a position, s, on the clock of the pressure."""
         return self.origin_s + position * self.step_s
 
     def angles(self, position: float, pace: float, count: int) -> Array:
-        """Crank angles of the pumps that are counted, rad, shape (pumps, count); arguments as `samples`."""
+        """Return the crank angles of the pumps with counters, rad, shape (pumps, count); arguments as in `samples`."""
         at: Array = self.origin_s + (position + pace * np.arange(count, dtype=np.float64)) * self.step_s
         return self.strokes.angles(at)
 
     def samples(self, position: float, pace: float, count: int) -> tuple[Array, Array]:
         """
-        Values between those of the grid.
+        Interpolate values between those of the grid.
 
         Parameters
         ----------
         position, pace : float
-            Of the first value and from one to the next, steps.
+            Position of the first value, and distance from one value to the next, steps.
         count : int
 
         Returns
@@ -80,12 +80,12 @@ class Grid:
         ndarray, shape (count,)
             Pressure, Pa.
         ndarray, shape (count,)
-            1 where it is known, 0 in a gap.
+            1 where the pressure is known, 0 in a gap.
         """
         out = np.empty(count)
         low = max(int(position) - self.first - 4, 0)
         high = min(int(position + pace * count) - self.first + 5, len(self._values))
-        # A copy: the same bits wherever the values lie in memory.
+        # Copy, so that the result has the same bits wherever the values lie in memory.
         interpolate(self._values[low:high].copy(), position - self.first - low, pace, out)
         nearest = np.rint(position + pace * np.arange(count)).astype(np.int64) - self.first
         inside = (nearest >= 0) & (nearest < len(self._known))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A picture of what was received: pressure with words and pulses chosen, their confidence, the spectrum."""
+"""Figure of a decoded recording: pressure with words and chosen pulses, confidence of the words, and spectrum."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_POINTS = 6000
 
 
 class Quantity(NamedTuple):
-    """What was recorded, for the axes: name, unit shown, and size of the unit."""
+    """Recorded quantity for the axes: its name, the unit shown, and the size of the unit in SI."""
 
     name: str
     unit: str
@@ -40,18 +40,18 @@ def image(
     quantity: Quantity = PRESSURE,
 ) -> bytes:
     """
-    Picture of a decoded recording.
+    Return a figure of a decoded recording.
 
     Parameters
     ----------
     time_s, pressure_pa : ndarray, shape (n,)
     words : sequence of ReceivedWord
     tool : ToolConfiguration
-        Its pulses are drawn on the last survey, and the spectrum as far as they reach.
+        Tool configuration: its pulses are drawn on the last survey, and it sets the range of the spectrum.
     kind : str
         "png" or "svg".
     quantity : Quantity
-        What the samples are.
+        Quantity of the samples.
     """
     from matplotlib.figure import Figure
 
@@ -63,7 +63,7 @@ def image(
         _pulses(ax, time_s, pressure_pa / quantity.size, words, tool)
         ax.set_ylabel(quantity.unit)
     if words:
-        # The pressure while the tool sends: a flow-on would hide the pulses.
+        # Scale the pressure axis to the time while the tool sends: the step at flow-on would hide the pulses.
         heard = pressure_pa[(time_s >= words[0].start_s) & (time_s <= words[-1].end_s)] / quantity.size
         if len(heard) and np.ptp(heard) > 0.0:
             pressure.set_ylim(float(heard.min()), float(heard.max()))
@@ -91,7 +91,7 @@ def image(
 
 
 def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: Quantity) -> None:
-    """Lowest and highest value of as many pieces as the picture has columns, so that no pulse is lost."""
+    """Draw the lowest and highest value of each column of pixels, so that no pulse is lost."""
     pieces = max(len(time_s) // _MOST_POINTS, 1)
     count = len(time_s) // pieces * pieces
     blocks = pressure_pa[:count].reshape(-1, pieces) / quantity.size
@@ -102,7 +102,7 @@ def _pressure(ax: Axes, time_s: Array, pressure_pa: Array, quantity: Quantity) -
 
 
 def _pulses(ax: Axes, time_s: Array, value: Array, words: Sequence[ReceivedWord], tool: ToolConfiguration) -> None:
-    """Pressure of the last survey, and below it the pulses chosen; without a survey, of the last words."""
+    """Draw the pressure of the last survey (else of the last words) with the chosen pulses below it."""
     frame = max((word.frame for word in words if word.kind == "survey"), default=words[-1].frame)
     shown = [word for word in words if word.frame == frame]
     inside = (time_s >= shown[0].start_s) & (time_s <= shown[-1].end_s)
@@ -121,7 +121,7 @@ def _pulses(ax: Axes, time_s: Array, value: Array, words: Sequence[ReceivedWord]
 
 
 def _spectrum(ax: Axes, time_s: Array, pressure_pa: Array, tu_s: float, quantity: Quantity) -> None:
-    """Mean of the spectra of pieces of 64 pulse widths (Welch's method), by the rate of the samples."""
+    """Draw the mean spectrum of pieces of 64 pulse widths (Welch's method)."""
     step = float(np.median(np.diff(time_s)))
     length = min(max(round(128.0 * tu_s / step), 64), len(pressure_pa))
     window = np.hanning(length)

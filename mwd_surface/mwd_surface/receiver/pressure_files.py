@@ -21,16 +21,16 @@ from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 
 _LONGEST_HEADER = 20_000
 _TIME, _VOLTAGE = "time_s", "voltage_v"
-# What a CSV may say behind the name of a quantity, and its SI value.
+# Units that a CSV may append to the name of a column, with their SI values.
 _TIMES = {"s": 1.0, "ms": 1e-3}
 _PRESSURES = {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "bar": 1e5, "psi": 6894.757293168}
-# Samples of a WAV are shares of full scale; a pressure of this size keeps them far from any rounding.
+# WAV samples are fractions of full scale; this full-scale pressure keeps them far above any rounding.
 _WAV_FULL_SCALE = 1.0e7
-# No recording pauses longer; a clock that was set does.
+# Longest pause of a recording; a longer one means that the clock was set.
 _LONGEST_GAP_S = 86400.0
-# Samples of a gauge come at least ten times a second where pulses are read from them.
+# Longest usual time between samples. A gauge for pulses samples at least ten times per second.
 _SLOWEST_S = 10.0
-# A recording of more than a day that is mostly pauses: each pause is filled sample by sample.
+# A recording longer than a day that consists mostly of pauses is refused: each pause would be filled with samples.
 _GAP_S, _MOST_GAPS = 60.0, 0.9
 
 
@@ -39,7 +39,7 @@ class PressureFile:
     """
     Rising times, s, and pressure, Pa, shape (n,), finite.
 
-    `origin` says what time 0 is; notes what is wrong with the data; strokes: of each pump, s, where they were recorded.
+    origin: what time 0 is. notes: faults of the data. strokes: times of each pump's strokes, s, if they were recorded.
     """
 
     time_s: Array
@@ -51,29 +51,29 @@ class PressureFile:
 
 def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse") -> PressureFile:
     """
-    Read pressure.
+    Read pressure from a file.
 
     Parameters
     ----------
     path : Path
         `.csv` with columns time_s (or time_ms), pressure_pa (or _kpa, _mpa, _bar, _psi; or voltage_v) and for a
         second gauge pressure_2_pa, where an empty cell is a missing sample; `.wav`, PCM or float, a channel for each
-        gauge; anything else is taken for a recording.
+        gauge; any other file is read as a recording.
     gauge : int
         1 or 2.
     topic : str
-        Of a recording with several topics of pressure.
+        Topic to read from a recording that has several pressure topics.
     link : str
-        mud_pulse or em: what of a recording is read.
+        mud_pulse or em: the link to read from a recording.
 
     Raises
     ------
     ValueError
-        The file has no pressure that can be read; the message says what is missing.
+        The file has no readable pressure; the message says what is missing.
     OSError
         The file cannot be read.
     BagError
-        It is no recording, or has no such topic.
+        The file is not a recording, or it has no such topic.
     """
     if gauge not in (1, 2):
         raise ValueError(f"--gauge {gauge}: 1 or 2")
@@ -101,12 +101,12 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse") -
 
 def _check_times(path: Path, time: Array) -> None:
     """
-    Refuse times that would make far more samples of an even grid than there are samples.
+    Refuse times whose even grid would have far more samples than the file.
 
     Raises
     ------
     ValueError
-        A step is longer than any pause, or the whole is longer than the budget or mostly made of gaps.
+        A step is longer than any pause, or the total is longer than the budget or consists mostly of gaps.
     """
     steps = np.diff(time)
     longest = float(steps.max())
@@ -136,7 +136,7 @@ def read_strokes(path: Path) -> dict[int, Array]:
     Raises
     ------
     ValueError
-        A column is missing, or a row is no number.
+        A column is missing, or a row is not numeric.
     OSError
         The file cannot be read.
     """
@@ -146,7 +146,7 @@ def read_strokes(path: Path) -> dict[int, Array]:
 
 def read_bytes(path: Path, baud: int) -> PressureFile:
     """
-    Read what came over a serial line: a recording, or bytes as captured, whose times are those without a pause.
+    Read the bytes of a serial line from a recording or a raw capture; the times of a capture assume no pauses.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def _csv(path: Path, gauge: int) -> tuple[Array, Array, str]:
 
 
 def _in_unit(path: Path, names: list[str], quantity: str, units: dict[str, float]) -> tuple[str, float]:
-    """Column of a quantity and the SI value of its unit."""
+    """Return the name of a quantity's column and the SI value of its unit."""
     for unit, factor in units.items():
         if f"{quantity}_{unit}" in names:
             return f"{quantity}_{unit}", factor
@@ -191,7 +191,7 @@ def _no_column(path: Path, names: list[str], name: str, more: str = "") -> str:
 
 
 def _header(path: Path) -> tuple[list[str], str]:
-    """Names of the columns in lower case, and what stands between them: comma, semicolon or tab."""
+    """Return the column names in lower case, and the delimiter: comma, semicolon or tab."""
     try:
         check_regular(path, budgets.PRESSURE)
         with path.open(encoding="utf-8-sig") as file:
@@ -205,7 +205,7 @@ def _header(path: Path) -> tuple[list[str], str]:
 
 
 def _columns(path: Path, wanted: tuple[str, str]) -> Array:
-    """Two columns of a CSV; shape (n, 2)."""
+    """Read two columns of a CSV; shape (n, 2)."""
     names, between = _header(path)
     for name in wanted:
         if name not in names:
@@ -215,7 +215,7 @@ def _columns(path: Path, wanted: tuple[str, str]) -> Array:
         file.readline()
         try:
             with warnings.catch_warnings():
-                # A table without rows is refused by who counts its samples.
+                # A table without rows is refused later, where the samples are counted.
                 warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
                 table = np.loadtxt(
                     file,
@@ -235,25 +235,25 @@ def _columns(path: Path, wanted: tuple[str, str]) -> Array:
 
 
 def _number(cell: str) -> float:
-    """Number of a cell; not a number where it is empty."""
+    """Return the number in a cell; NaN if the cell is empty."""
     return float(cell) if cell.strip() else math.nan
 
 
 def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
     try:
         with warnings.catch_warnings():
-            # Chunks that are not samples, and an end that is missing, as a recorder leaves when its power fails.
+            # Ignore chunks that are not samples, and a missing end, which a recorder leaves after a power failure.
             warnings.simplefilter("ignore", wavfile.WavFileWarning)
             data = read_file(path, budgets.PRESSURE)
-            # From memory: of a file, what its head claims would be allocated before anything is read.
+            # Read into memory first: from a file, scipy would allocate the size that the header claims before reading.
             rate, samples = wavfile.read(io.BytesIO(data))
             budgets.PRESSURE.check("records", samples.size)
             budgets.PRESSURE.check_ratio(len(data), samples.nbytes)
     except BudgetError as error:
         raise ValueError(f"{path}: {error}") from error
     except (ValueError, EOFError, struct.error, ZeroDivisionError, UnboundLocalError) as error:
-        # The last two are scipy's answer to a file without a chunk of its format or samples, or with a width of 0.
-        raise ValueError(f"{path}: no WAV that can be read (PCM or float): {error}") from error
+        # scipy raises the last two for a file without a format or data chunk, or with a sample width of 0.
+        raise ValueError(f"{path}: not a WAV that can be read (PCM or float): {error}") from error
     table = samples if samples.ndim == 2 else samples[:, np.newaxis]
     if gauge > table.shape[1]:
         raise ValueError(f"{path}: has {table.shape[1]} channel, so there is no gauge {gauge}")
@@ -262,17 +262,17 @@ def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:
     one = table[:, gauge - 1].astype(float)
     if samples.dtype.kind == "u":
         one -= 128.0
-    # 24 bits come as the upper ones of 32; floats are shares of full scale already.
+    # 24-bit samples come in the upper bits of 32; floats are already fractions of full scale.
     full = 1.0 if samples.dtype.kind == "f" else 2.0 ** (8 * samples.dtype.itemsize - 1)
     return np.arange(len(one)) / rate, one * (_WAV_FULL_SCALE / full), "begin of the WAV"
 
 
 def _notes(time: Array, pressure: Array) -> tuple[str, ...]:
-    """What a survey engineer should know of the data before trusting what is read from it."""
+    """Return notes on faults of the data that a survey engineer should know before trusting the result."""
     notes = []
     known = np.isfinite(pressure) & np.isfinite(time)
     if not known.all():
-        notes.append(f"{int((~known).sum())} samples are no numbers and are left out")
+        notes.append(f"{int((~known).sum())} samples are not numbers and are left out")
     steps = np.diff(time[known])
     usual = float(np.median(steps)) if len(steps) else 0.0
     rising = time[known]
@@ -286,7 +286,7 @@ def _notes(time: Array, pressure: Array) -> tuple[str, ...]:
     top = values.max(initial=-np.inf)
     highest = int(np.sum(values == top))
     clipped = highest / max(len(values), 1)
-    # A single highest sample is one among many; a converter at its end gives the same value again and again.
+    # One highest sample is normal; a clipping converter gives the same highest value again and again.
     if clipped > 0.001 and highest > 3 and np.ptp(values) > 0.0:
         notes.append(
             f"{100.0 * clipped:.1f} % of the samples are at the highest value: the gauge or its converter clips"
@@ -294,6 +294,6 @@ def _notes(time: Array, pressure: Array) -> tuple[str, ...]:
     distinct = np.unique(values)
     if len(distinct) < 64:
         notes.append(
-            f"the pressure takes {len(distinct)} values only: the resolution is too coarse, or the gauge stands"
+            f"the pressure takes only {len(distinct)} values: the resolution is too coarse, or the gauge is stuck"
         )
     return tuple(notes)

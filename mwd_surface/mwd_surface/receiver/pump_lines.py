@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Pump noise taken out: narrow lines of the spectrum, at the strokes that are counted or found without a counter.
+Removal of pump noise: narrow spectral lines, at harmonics of counted strokes or found without a counter.
 
-Strokes make lines at their multiples, strongest at 3, 6, 9 x of a triplex. A line is demodulated, averaged over some
-pulse widths and subtracted; what hunts faster than the average stays for the noise model.
+Strokes make lines at their multiples, strongest at 3, 6 and 9 times the rate of a triplex pump. A line is demodulated,
+averaged over some pulse widths and subtracted. Variations faster than the average are left to the noise model.
 Source: B. Widrow et al., Adaptive noise cancelling, Proc. IEEE 63 (1975) 1692 (a notch that follows its line).
 """
 
@@ -18,19 +18,20 @@ import scipy
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-# Lines weaker than this multiple of the floor are left to the noise model, which then does better: with pulses of
-# 0.3 s lines lie among the pulses' own spectrum, and a lower bound lost words of healthy pumps.
+# Power over the spectral floor above which a line is subtracted. Weaker lines are left to the noise model, which
+# handles them better: with pulses of 0.3 s the lines lie within the spectrum of the pulses, and a lower limit lost
+# words with healthy pumps.
 _STANDS_OUT = 200.0
 _MOST_LINES = 16
-# Power of a line over that of noise in its average: below, taking it out adds more than it removes.
+# Least power of a line over that of noise in its average; below it, subtraction adds more noise than it removes.
 _COHERENT = 4.0
-# Harmonics of counted strokes: how many, up to which share of the highest frequency, and for how many times longer
-# than without a counter they are averaged, for the counter follows the pump's rate.
+# Harmonics of counted strokes: their number, their upper limit as a share of the highest frequency, and the factor of
+# the averaging time relative to uncounted lines. It is longer because the counter follows the rate of the pump.
 _MOST_HARMONICS, _HIGHEST, _STROKES_HOLD = 12, 0.9, 3.0
-_NEIGHBOURHOOD = 32  # bins over which the floor of the spectrum is judged
-_BLOCK = 16  # samples averaged first
-# 1 sigma of the Gaussian average: over 24 TU where pulses are still in the pressure; 10 s, for which pumps hold their
-# strokes, where they are known and cannot be taken for a line.
+_NEIGHBOURHOOD = 32  # bins over which the floor of the spectrum is estimated
+_BLOCK = 16  # samples that are averaged before smoothing
+# 1 sigma of the Gaussian average: 24 TU while pulses are still in the pressure, and 10 s, over which pumps hold their
+# rate, once the pulses are known and cannot be taken for a line.
 SEARCH_SAMPLES = 96.0
 STEADY_S = 10.0
 
@@ -42,11 +43,11 @@ def _window(length: int) -> Array:
 
 def line_frequencies(noise: Array) -> Array:
     """
-    Frequencies of the lines, strongest first.
+    Return the frequencies of the lines, strongest first.
 
-    noise, shape (n,): pressure without its pulses, Pa. Returns shape (k,), radians a sample.
+    noise, shape (n,): pressure without its pulses, Pa. Returns shape (k,), rad per sample.
     """
-    # The first difference takes the slope of 1/f noise out, so that the floor is even.
+    # The first difference removes the slope of 1/f noise, so that the noise floor is flat.
     step = np.diff(noise)
     whole = scipy.fft.next_fast_len(len(step), real=True)
     power = np.abs(np.fft.rfft((step - step.mean()) * _window(len(step)), whole)) ** 2
@@ -60,7 +61,7 @@ def line_frequencies(noise: Array) -> Array:
     peak = (inner >= power[1:-3]) & (inner >= power[3:-1]) & (inner > power[:-4]) & (inner > power[4:])
     found = 2 + np.flatnonzero(peak & (inner > _STANDS_OUT * floor[2:-2]))
     found = found[np.argsort(-power[found] / np.maximum(floor[found], 1e-300), kind="stable")][:_MOST_LINES]
-    # Middle of a Hann-windowed line from the amplitudes beside its largest one.
+    # Interpolate the frequency of a Hann-windowed line from the amplitudes next to its largest one.
     left, middle, right = (np.sqrt(power[found + k]) for k in (-1, 0, 1))
     share = (right - left) / (2.0 * middle - left - right + 1e-300)
     return np.asarray(2.0 * math.pi * (found + 0.5 * np.clip(share, -1.0, 1.0)) / whole)
@@ -68,11 +69,11 @@ def line_frequencies(noise: Array) -> Array:
 
 @compiled
 def turning(omega: float, cosine: Array, sine: Array) -> None:
-    """Cosine and sine of an angle that turns by omega, rad, a sample; both of shape (n,) are filled."""
+    """Fill cosine and sine, shape (n,), of an angle that advances by omega rad per sample."""
     turn_c, turn_s = math.cos(omega), math.sin(omega)
     c, s = 1.0, 0.0
     for i in range(len(cosine)):
-        # They turn on from sample to sample: exact enough over a block, and much faster.
+        # Advance by rotation within a block: accurate enough, and much faster than calling cos and sin.
         if i % _BLOCK == 0:
             c, s = math.cos(omega * i), math.sin(omega * i)
         cosine[i], sine[i] = c, s
@@ -82,20 +83,20 @@ def turning(omega: float, cosine: Array, sine: Array) -> None:
 @compiled
 def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory: float, out: Array) -> None:
     """
-    Take one line out, where it stands out of what is beside it.
+    Subtract one line, if it stands out of its surroundings.
 
     Parameters
     ----------
     noise : ndarray, shape (n,)
-        Pressure without its pulses and without its mean, Pa; the line is taken out of it.
+        Pressure without its pulses and its mean, Pa; the line is subtracted from it in place.
     known : ndarray, shape (n,)
         Weight of each sample.
     cosine, sine : ndarray, shape (n,)
-        Of the angle of the line.
+        Cosine and sine of the phase angle of the line.
     memory : float
         1 sigma of the average, samples.
     out : ndarray, shape (n,)
-        What was subtracted is added to it.
+        The subtracted line is added to it.
     """
     n = len(noise)
     count = n // _BLOCK
@@ -124,7 +125,7 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
             smooth_s[b] /= total
         line += weight[b] * (smooth_c[b] ** 2 + smooth_s[b] ** 2)
         raw += (in_phase[b] ** 2 + across[b] ** 2) / max(weight[b], 1.0)
-    # Of noise alone the average keeps 1 / (2 sqrt(pi) sigma).
+    # Of noise alone, the average keeps a power share of 1 / (2 sqrt(pi) sigma).
     if line * 2.0 * math.sqrt(math.pi) * sigma < _COHERENT * max(raw - line, 0.0):
         return
     for i in range(n):
@@ -139,7 +140,7 @@ def subtract_line(noise: Array, known: Array, cosine: Array, sine: Array, memory
 
 def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angles: Array | None = None) -> Array:
     """
-    Sum of all lines.
+    Return the sum of all pump lines.
 
     Parameters
     ----------
@@ -148,14 +149,14 @@ def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angle
     known : ndarray, shape (n,)
         Weight of each sample, 0 to 1.
     memory : float
-        As `subtract_line`.
+        1 sigma of the average, as in `subtract_line`.
     angles : ndarray, shape (pumps, n), optional
-        Crank angles where strokes are counted, rad; nan where a pump is not known.
+        Crank angles from counted strokes, rad; NaN where a pump's angle is unknown.
 
     Returns
     -------
     ndarray, shape (n,)
-        Pressure of the pumps, Pa.
+        Pressure caused by the pumps, Pa.
     """
     out = np.zeros(len(noise))
     rest = noise - np.mean(noise)
@@ -169,7 +170,7 @@ def pump_noise(noise: Array, known: Array, memory: float = SEARCH_SAMPLES, angle
 
 
 def _subtract_strokes(rest: Array, known: Array, angle: Array, memory: float, out: Array) -> None:
-    """Take the harmonics of one pump out, as far as they are below the highest frequency that samples show."""
+    """Subtract the harmonics of one pump, up to a share of the highest frequency in the samples."""
     steps = np.diff(angle)
     if not np.any(np.isfinite(steps)):
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a receiver heard, from a recording: samples of a link and the strokes of the pumps, on one clock."""
+"""Recorded input of a link: its samples and the strokes of the pumps, on one clock."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _FLUID = "sensor_msgs/msg/FluidPressure"
 
 
 class RecordedLink(NamedTuple):
-    """Times, s, and samples, shape (n,); strokes of each pump, s; what time 0 is."""
+    """Times, s, and samples, shape (n,); strokes of each pump, s; description of time 0."""
 
     time_s: Array
     value: Array
@@ -27,9 +27,9 @@ class RecordedLink(NamedTuple):
 
 def read(path: Path, link: str, topic: str = "") -> RecordedLink:
     """
-    Read what was heard of a link.
+    Read the recorded samples of a link.
 
-    Time 0 is that of the first sample, as for the receiver while it was recorded.
+    Time 0 is the first sample, as it was for the live receiver.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def read(path: Path, link: str, topic: str = "") -> RecordedLink:
     link : str
         mud_pulse, em or serial.
     topic : str
-        Its name or the end of it; empty: the usual one.
+        Name of the topic or its end; empty selects the usual topic.
 
     Raises
     ------
     BagError
-        It is no recording, or has no such topic.
+        The path is not a recording, or has no such topic.
     """
     usual, kind = gauge_burst.TOPICS[link]
     with Bag(path) as bag:
@@ -61,7 +61,7 @@ def read(path: Path, link: str, topic: str = "") -> RecordedLink:
 
 
 def _strokes(bag: Bag, pressure_topic: str, origin: int) -> dict[int, Array]:
-    """Strokes that were recorded beside a pressure."""
+    """Return the strokes that were recorded next to a pressure topic."""
     name = pressure_topic.rpartition("/")[0] + "/strokes"
     if name not in bag.topics or bag.topics[name].type_name != gauge_burst.STROKES:
         return {}

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Samples of any rate, jitter and gaps onto an even grid counted from the first stamp: the same bits however they are cut.
+Resampling onto an even grid from samples of any rate, jitter and gaps; the bits do not depend on how samples are cut.
 
-A single sample far off its neighbours (an electrical spike) is replaced by what they give: the filter would spread it.
-
-Each value of the grid is the mean of the samples round it, weighted by a low-pass kernel and by the time each sample
-stands for. Samples that come much faster than the grid are averaged in bins first.
+A single sample far from its neighbours (an electrical spike) is first replaced by a value interpolated from them,
+because the filter would spread it. Each value of the grid is the mean of the samples around it, weighted by a low-pass
+kernel and by the time each sample stands for. Samples much denser than the grid are averaged in bins first. The grid
+starts at the first stamp.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-# Half width of the kernel and its cut-off, in steps of the grid. The grid has 8 steps a TU, so 0.2 / step is 1.6 / TU:
-# what a pulse of 2 TU has above it is 2 % of its energy.
+# Half width of the kernel and its cut-off, in steps of the grid. With 8 steps per TU, 0.2 / step is 1.6 / TU; a pulse
+# of 2 TU has 2 % of its energy above that.
 _HALF_STEPS = 10.0
 _CUT_OFF = 0.2
-# A spike is off its neighbours by so many times the usual deviation, and they by these shares of it the other way: an
-# interpolated neighbour takes in two thirds of it. A pulse, however steep, has neighbours on its own side.
+# A spike deviates by this many usual deviations, and its neighbours deviate by these shares of it in the opposite
+# direction, because the spike enters their interpolation with two thirds. The neighbours of even a steep pulse deviate
+# to its own side.
 _SPIKE, _SPIKE_SHARES = 8.0, (0.4, 0.9)
 _SCALE_SAMPLES, _MOST_GROWTH = 64.0, 8.0
-_AROUND = 3  # samples to either side that decide
-LARGEST = 1e9  # Pa, or V of an antenna
-# Input rates beyond this multiple of the grid's are averaged down.
+_AROUND = 3  # samples on either side that are examined
+LARGEST = 1e9  # largest valid value: Pa, or V for an antenna
+# Ratio of the input rate to the grid's above which samples are averaged in bins.
 _MOST_OVERSAMPLED = 6.0
 
 
 @compiled
 def _kernel(u: float) -> float:
-    """Windowed sinc at u steps from its middle."""
+    """Return the windowed sinc at u steps from its middle."""
     if abs(u) >= _HALF_STEPS:
         return 0.0
     a = 2.0 * math.pi * _CUT_OFF * u
@@ -44,7 +45,7 @@ def _kernel(u: float) -> float:
 
 @compiled
 def _average(time: Array, value: Array, at: Array, step: float, gap: float, out: Array, known: Array) -> None:
-    """Values of the grid times `at`; known is 0 where a gap leaves less than half of the kernel."""
+    """Fill the values of the grid at times `at`; known is 0 where a gap leaves less than half of the kernel."""
     first = 0
     half = _HALF_STEPS * step
     for k in range(len(at)):
@@ -60,7 +61,7 @@ def _average(time: Array, value: Array, at: Array, step: float, gap: float, out:
             weight += c
             nearest = min(nearest, abs(time[j] - at[k]))
             j += 1
-        # The kernel's own area is 1 / (2 cut-off) steps.
+        # The area of the kernel is 1 / (2 cut-off) steps.
         enough = weight > 0.25 * step / _CUT_OFF and nearest <= gap
         known[k] = 1.0 if enough else 0.0
         out[k] = total / weight if enough else 0.0
@@ -68,12 +69,12 @@ def _average(time: Array, value: Array, at: Array, step: float, gap: float, out:
 
 class Resampler:
     """
-    A stream of samples on an even grid.
+    Converter from a stream of samples to an even grid.
 
     Parameters
     ----------
     step : float
-        Of the grid, s.
+        Step of the grid, s.
     """
 
     def __init__(self, step: float) -> None:
@@ -91,23 +92,23 @@ class Resampler:
 
     @property
     def spacing(self) -> float:
-        """Median time between the first samples, s; 0 until there are enough."""
+        """Median time between the first samples, s; 0 until there are enough samples."""
         return self._spacing
 
     def push(self, time: Array, value: Array) -> tuple[Array, Array]:
         """
-        Take samples and give what of the grid they complete.
+        Add samples and return the values of the grid that they complete.
 
         Parameters
         ----------
         time, value : ndarray, shape (n,)
-            Rising times, s, and samples. A time that does not rise, and a sample that is not finite or that no
-            gauge can read, is left out.
+            Rising times, s, and samples. Samples with a time that does not rise, or with a value that is not finite or
+            beyond any gauge, are dropped.
 
         Returns
         -------
         ndarray, shape (m,)
-            Values of the grid; in a gap the last one before it.
+            Values of the grid; a gap is filled with the last value before it.
         ndarray, shape (m,)
             1 where a value is known, 0 in a gap.
         """
@@ -117,7 +118,7 @@ class Resampler:
         return self._until(self._time[-2] - _HALF_STEPS * self._step)
 
     def finish(self) -> tuple[Array, Array]:
-        """Rest of the grid, up to the last sample; as `push`."""
+        """Return the rest of the grid, up to the last sample; as `push`."""
         if self._spacing == 0.0 and len(self._early) > 2:
             self._begin()
         self._add(*self._raw[:, self._ready :])
@@ -134,13 +135,13 @@ class Resampler:
             gap = max(4.0 * max(self._spacing, self._bin), self._step)
             _average(self._time, self._value, at, self._step, gap, out, known)
             self._made += count
-            # Two samples more than the next value needs: their spacing is part of its weights.
+            # Keep two more samples than the next value needs: their spacing is part of its weights.
             keep = max(int(np.searchsorted(self._time, at[-1] - _HALF_STEPS * self._step)) - 2, 0)
             self._time, self._value = self._time[keep:], self._value[keep:]
         return out, known
 
     def _take(self, time: Array, value: Array) -> None:
-        # No gauge reads more; squares of it still leave all digits of its neighbours.
+        # Drop values beyond any gauge: their squares would cost the neighbours' digits.
         good = (np.abs(value) < LARGEST) & np.isfinite(time)
         if self._spacing == 0.0:
             self._early += zip(time[good].tolist(), value[good].tolist(), strict=True)
@@ -173,7 +174,7 @@ class Resampler:
 
     @property
     def _ready(self) -> int:
-        """First sample that was not handed on; the first of all have no neighbours and stay as they are."""
+        """Index of the first sample not yet passed on; the very first samples have no neighbours and pass unchanged."""
         return 0 if len(self._time) == 0 and self._bin_sum[2] == 0.0 else _AROUND
 
     def _add(self, time: Array, value: Array) -> None:
@@ -182,7 +183,7 @@ class Resampler:
         self._time, self._value = np.concatenate([self._time, time]), np.concatenate([self._value, value])
 
     def _means(self, time: Array, value: Array) -> tuple[Array, Array]:
-        """Mean time and value of each bin that is complete; the sums of the open one are carried on."""
+        """Return mean time and value of each complete bin; the sums of the open bin are carried on."""
         out_time, out_value = np.zeros(len(time) + 1), np.zeros(len(time) + 1)
         made = _bin_means(time, value, (self.origin or 0.0, self._bin), self._bin_sum, out_time, out_value)
         return out_time[:made], out_value[:made]
@@ -196,9 +197,9 @@ def _despike(value: Array, scale: Array, out: Array) -> None:
     Parameters
     ----------
     value : ndarray, shape (n,)
-        Samples; of the first and last three only the neighbours' use is made.
+        Samples; the first and last three only serve as neighbours.
     scale : ndarray, shape (1,)
-        Usual deviation of a sample from that cubic, carried on.
+        Usual deviation of a sample from that cubic, updated here.
     out : ndarray, shape (n,)
         Samples, changed where there is a spike.
     """
@@ -215,7 +216,7 @@ def _despike(value: Array, scale: Array, out: Array) -> None:
 
 @compiled
 def _deviation(value: Array, j: int) -> float:
-    """Deviation of a sample from the cubic through its four neighbours."""
+    """Return the deviation of a sample from the cubic through its four neighbours."""
     return float(value[j] - (4.0 * (value[j - 1] + value[j + 1]) - value[j - 2] - value[j + 2]) / 6.0)
 
 
@@ -223,7 +224,7 @@ def _deviation(value: Array, j: int) -> float:
 def _bin_means(
     time: Array, value: Array, bins: tuple[float, float], carried: Array, out_time: Array, out_value: Array
 ) -> int:
-    """Means of the complete bins; carried: sums of time and value, count and index of the open one."""
+    """Fill the means of complete bins, return their number; carried: sums, count and index of the open bin."""
     origin, width = bins
     made = 0
     for k in range(len(time)):
@@ -243,15 +244,15 @@ def _bin_means(
 @compiled
 def interpolate(grid: Array, first: float, spacing: float, out: Array) -> None:
     """
-    Values between those of an even grid, by a polynomial through six neighbours (Lagrange).
+    Interpolate an even grid by a polynomial through six neighbours (Lagrange).
 
     Parameters
     ----------
     grid : ndarray, shape (n,)
     first, spacing : float
-        Where the first value is wanted and how far apart they are, in steps of the grid.
+        Position of the first value wanted, and the distance between values, in steps of the grid.
     out : ndarray, shape (m,)
-        Values; beyond the ends that of the end.
+        Interpolated values; beyond the ends of the grid the end value is used.
     """
     for k in range(len(out)):
         at = first + k * spacing

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the receivers of sampled signals have in common: samples onto an even grid, and steps as far as it reaches."""
+"""Common base of the receivers of sampled signals: resampling onto an even grid, then steps as far as it reaches."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ _PIECE = 4096
 
 class SampledReceiver(abc.ABC):
     """
-    Receiver of pressure or voltage.
+    Base of receivers of pressure or voltage.
 
     Parameters
     ----------
     step_s : float
-        Of the grid, s.
+        Step of the grid, s.
     """
 
     def __init__(self, step_s: float) -> None:
@@ -28,7 +28,7 @@ class SampledReceiver(abc.ABC):
 
     def push(self, time_s: Array, value: Array) -> Reception:
         """
-        Take samples.
+        Add samples and return what they complete.
 
         Parameters
         ----------
@@ -38,15 +38,15 @@ class SampledReceiver(abc.ABC):
         Raises
         ------
         ValueError
-            The samples are too far apart for what the tool sends.
+            The samples are too far apart for the tool's signal.
         """
         return self._take(*self._resampler.push(time_s, value))
 
     def strokes(self, pump: int, time_s: Array) -> None:
         """
-        Take strokes that a counter saw: pressure is cleared of pumps by them, lines on a carrier are named by them.
+        Add the counted strokes of a pump, which serve to remove pump noise and to name lines on a carrier.
 
-        Words depend on no stroke that comes later than their pressure: for the same words, give the strokes up to a
+        Words do not depend on strokes later than their pressure. To get reproducible words, add the strokes up to a
         time before the pressure of that time, as `decode` does.
 
         Parameters
@@ -59,14 +59,14 @@ class SampledReceiver(abc.ABC):
         self._grid.strokes.add(pump, time_s)
 
     def _take(self, values: Array, known: Array) -> Reception:
-        """Take values of the grid; known, shape (n,): 0 in a gap."""
+        """Add values of the grid; known, shape (n,): 0 in a gap."""
         done = Reception()
         if len(values) == 0:
             return done
         if self._grid.end == 0:
             self._grid.origin_s = self._resampler.origin or 0.0
             self._check(self._resampler.spacing)
-        # Piece by piece, so that memory stays small; steps depend on positions only, not on the pieces.
+        # Work in pieces to limit memory; the steps depend on positions only, not on the pieces.
         for start in range(0, len(values), _PIECE):
             self._grid.append(values[start : start + _PIECE], known[start : start + _PIECE])
             self._advance(done)
@@ -74,8 +74,8 @@ class SampledReceiver(abc.ABC):
 
     @abc.abstractmethod
     def _check(self, spacing_s: float) -> None:
-        """Raise ValueError where samples are too far apart."""
+        """Raise ValueError if the samples are too far apart."""
 
     @abc.abstractmethod
     def _advance(self, done: Reception) -> None:
-        """Do all steps for which the samples are there."""
+        """Run all steps for which the samples are there."""

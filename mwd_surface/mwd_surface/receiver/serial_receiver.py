@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The receiver of a wired tool: bytes of a serial line in, words out, the same however the bytes are cut.
+Receiver of a wired tool: bytes of a serial line in, words out. The result does not depend on how the bytes are cut.
 
-Of damaged frames a CRC-16 lets one in 65 536 pass. What passes has also to be COBS of the right length, carry the
-pattern, the number and the length of a sequence of this tool, zeros where its last byte is filled up, even parities,
-and a counter that follows the last one. A line of text without check must be a value that the tool can send, digit by
-digit; how often that fails says how often it is met by chance.
+A CRC-16 lets one in 65 536 damaged frames pass. A frame must also be COBS of the right length, carry the pattern,
+number and length of a sequence of this tool, have zeros as filling of its last byte and even parities, and have a
+counter that follows the last one. A text line without a check must hold values that the tool can send, digit by digit;
+the rate of failures tells how often wrong values pass by chance.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Judged
 from mwd_surface.receiver.words import FrameReport, Reception, WordPlace, received
 
-_LONGEST = 600  # bytes without an end: noise, or another baud rate
-_FOLLOWS = 16  # frames that may be lost between two
+_LONGEST = 600  # longest frame; more bytes without an end are noise or another baud rate
+_FOLLOWS = 16  # largest step of the counter between two frames, if frames are lost
 _REMEMBERED = 200
 _CRC_BY_CHANCE = 2.0**-16
-# Values of a damaged line without check that are values of the tool again: a few of the wrong digits.
+# Probability that a damaged line without check still holds valid values, for a few wrong digits.
 _VALUE_BY_CHANCE = 0.1
 
 
 class _Heard(NamedTuple):
-    """Content of a frame or line: its sequence, codes, time, and counter where it has one."""
+    """Content of a frame or line: kind and items of its sequence, codes, time, and counter if it has one."""
 
     kind: str
     items: tuple[SequenceItem, ...]
@@ -50,7 +50,7 @@ class SerialReceiver:
     Parameters
     ----------
     tool : ToolConfiguration
-        With the code serial.
+        Tool configuration with the code serial.
     """
 
     def __init__(self, tool: ToolConfiguration) -> None:
@@ -68,12 +68,12 @@ class SerialReceiver:
 
     def push(self, time_s: Array, data: Array) -> Reception:
         """
-        Take bytes.
+        Add bytes and return the words they complete.
 
         Parameters
         ----------
         time_s : ndarray, shape (n,)
-            Time of arrival of each, s.
+            Time of arrival of each byte, s.
         data : ndarray, shape (n,)
             Whole numbers from 0 to 255.
         """
@@ -97,7 +97,7 @@ class SerialReceiver:
         return done
 
     def finish(self) -> Reception:
-        """Words of a frame that waits for the next one to follow it."""
+        """Return the words of a frame that still waits for confirmation by the next one."""
         done = Reception()
         if self._held is not None:
             self._emit(self._held, done)
@@ -105,7 +105,7 @@ class SerialReceiver:
         return done
 
     def why_nothing(self) -> str:
-        """Reason in one sentence why there is no word."""
+        """Return the reason, in one sentence, why there is no word."""
         if not self._bytes:
             return "no words: no bytes came; check the cable, the port and that the probe has power"
         if not self._outcomes:
@@ -127,7 +127,7 @@ class SerialReceiver:
             self._held = None
             self._accept(heard, done)
         elif self._held is not None and _follows(heard.counter, self._held.counter):
-            # Two that follow each other outvote what was heard before: the tool began anew.
+            # Two consecutive frames that follow each other overrule the old counter: the tool was restarted.
             self._accept(self._held, done)
             self._held = None
             self._accept(heard, done)
@@ -170,7 +170,7 @@ class SerialReceiver:
         return None
 
     def _codes(self, items: Sequence[SequenceItem], values: Sequence[str]) -> tuple[int, ...] | None:
-        """Codes of values as the tool writes them; None where it never writes one so."""
+        """Return the codes of values as written by the tool; None if the tool never writes such a value."""
         codes = []
         for item, value in zip(items, values, strict=True):
             word = self._tool.table[item.name]
@@ -185,7 +185,7 @@ class SerialReceiver:
 
     @property
     def _confidence(self) -> float:
-        """Probability that what passed the checks is right, by how many of the last frames did not pass."""
+        """Probability that a frame that passed the checks is right, from the share of recent frames that failed."""
         failed = (sum(not good for good in self._outcomes) + 1.0) / (len(self._outcomes) + 2.0)
         chance = _VALUE_BY_CHANCE if self._ascii and not self._tool.serial.check else _CRC_BY_CHANCE
         return max(1.0 - chance * failed / (1.0 - failed), 0.0)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Live sources of a receiver: a 4-20 mA gauge read over Modbus, a WAV stream (sound card, pipe), bytes of a serial line.
+Live sources of samples: a 4-20 mA gauge over Modbus, a WAV stream (sound card, pipe), bytes of a serial line.
 
-Each is read without waiting, so that a node's timer or a plain loop can do it: `read` gives what has come since the
-last call, and `failure` says in a sentence why nothing comes. Times are those of arrival, on the clock handed in.
+Reading never blocks, so a node's timer or a plain loop can do it: `read` returns the samples since the last call, and
+`failure` states in a sentence why none arrive. Times are times of arrival on the given clock.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.settings import setting
 
 _EMPTY = np.zeros(0)
-# NAMUR NE 43: beyond these currents the gauge says that it has failed.
+# NAMUR NE 43: a current outside this range signals a failed gauge.
 _FAILED_MA = (3.6, 21.0)
 _RETRY_S = 2.0
 WAV_FULL_SCALE_PA = 1.0e7
 
 
 class Source(Protocol):
-    """Where samples come from."""
+    """Interface of a source of samples."""
 
     failure: str
-    """Why nothing comes; empty while samples may come."""
+    """Reason why no samples arrive; empty while samples may arrive."""
     ended: bool
-    """Whether no more will come."""
+    """Whether no more samples will come."""
 
     def read(self) -> tuple[Array, Array]:
-        """Times, s, and samples that have come since the last call; shape (n,) each."""
+        """Return times, s, and samples since the last call; shape (n,) each."""
         ...
 
     def close(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
         ...
 
 
 @dataclasses.dataclass(frozen=True)
 class GaugeSettings:
-    """A pressure gauge of 4 to 20 mA behind a Modbus converter."""
+    """Settings of a 4 to 20 mA pressure gauge behind a Modbus converter."""
 
     host: str = setting("127.0.0.1", "Address of the converter.")
     port: int = setting(502, "TCP port of the converter.", low=1, high=65535)
@@ -60,7 +60,7 @@ class GaugeSettings:
     pressure_4_ma: float = setting(0.0, "Pressure at 4 mA.", unit="Pa")
     pressure_20_ma: float = setting(3.5e7, "Pressure at 20 mA.", unit="Pa")
     rate_hz: float = setting(
-        50.0, "Readings a second; a pulse width needs 5, a period of a carrier 2.5.", unit="Hz", low=0.5, high=500.0
+        50.0, "Readings per second. A pulse width needs 5, a period of a carrier 2.5.", unit="Hz", low=0.5, high=500.0
     )
 
     def __post_init__(self) -> None:
@@ -77,7 +77,7 @@ class GaugeSettings:
 
 
 def gauge_pressure(settings: GaugeSettings, count: int) -> float:
-    """Pressure of a register, Pa; not a number where the current says that the gauge has failed."""
+    """Return the pressure of a register value, Pa; NaN if the current signals a failed gauge."""
     share = (count - settings.count_4_ma) / (settings.count_20_ma - settings.count_4_ma)
     if not _FAILED_MA[0] <= 4.0 + 16.0 * share <= _FAILED_MA[1]:
         return math.nan
@@ -86,13 +86,13 @@ def gauge_pressure(settings: GaugeSettings, count: int) -> float:
 
 class ModbusGauge:
     """
-    Gauge that a thread of its own reads at an even rate: a reading that waits for the network delays no other.
+    Gauge that is read at an even rate in a thread of its own, so that network delays do not block the caller.
 
     Parameters
     ----------
     settings : GaugeSettings
     clock : callable
-        Time now, s.
+        Returns the present time, s.
     """
 
     def __init__(self, settings: GaugeSettings, clock: Callable[[], float]) -> None:
@@ -107,14 +107,14 @@ class ModbusGauge:
         self._thread.start()
 
     def read(self) -> tuple[Array, Array]:
-        """Times, s, and pressures, Pa, that have come since the last call."""
+        """Return times, s, and pressures, Pa, read since the last call."""
         with self._lock:
             rows, self._rows = self._rows, []
         table = np.array(rows, dtype=float).reshape(-1, 2)
         return table[:, 0], table[:, 1]
 
     def close(self) -> None:
-        """End the thread and the connection."""
+        """Stop the thread and close the connection."""
         self._stop.set()
         self._thread.join(5.0)
         self._client.close()
@@ -139,7 +139,7 @@ class ModbusGauge:
         try:
             answer: Any = self._client.read_input_registers(settings.register, count=1, device_id=settings.unit)
         except (ModbusException, OSError, IndexError, ValueError, struct.error) as error:
-            # The last three: what pymodbus makes of an answer that is none.
+            # pymodbus raises the last three for a malformed answer.
             self._client.close()
             self.failure = f"{where}: {error}"
             return
@@ -152,12 +152,12 @@ class ModbusGauge:
         self.failure = words if failed else ""
         if not failed:
             with self._lock:
-                # The converter answers with the value that it had between request and answer.
+                # The converter measured between request and answer, so take the middle of the two times.
                 self._rows.append((0.5 * (asked + self._clock()), pressure))
 
 
 class _Form(NamedTuple):
-    """Samples of a WAV: channels, bytes of a sample, rate, Hz, and whether they are floats."""
+    """Format of a WAV: channels, bytes per sample, rate, Hz, and whether samples are floats."""
 
     channels: int
     width: int
@@ -166,18 +166,18 @@ class _Form(NamedTuple):
 
 
 _WAV_FLOAT = 3
-# Of a stream, bytes: a call takes no more however fast it comes, and its samples begin within so many.
+# Limits in bytes: data read per call, and length of the header before the samples.
 _MOST_AT_ONCE, _MOST_HEADER = 1 << 20, 1 << 20
 _WAV_BITS = {1: (8, 16, 24, 32), _WAV_FLOAT: (32, 64)}
 
 
 def _shares(data: bytes, form: _Form) -> Array:
-    """Samples as shares of full scale."""
+    """Return the samples as shares of full scale."""
     if form.floats:
         return np.frombuffer(data, dtype=f"<f{form.width}").astype(float)
     if form.width == 1:
         return (np.frombuffer(data, dtype=np.uint8).astype(float) - 128.0) / 128.0
-    # 24 bits are the upper ones of 32.
+    # 24-bit samples go into the upper bits of 32.
     wide = np.zeros((len(data) // form.width, 4), dtype=np.uint8)
     wide[:, 4 - form.width :] = np.frombuffer(data, dtype=np.uint8).reshape(-1, form.width)
     return wide.view("<i4")[:, 0] / 2.0**31
@@ -185,14 +185,14 @@ def _shares(data: bytes, form: _Form) -> Array:
 
 class WavStream:
     """
-    WAV, PCM or float, that comes through a pipe: a sound card (`arecord -f S32_LE -r 400 | ...`), a file.
+    WAV stream, PCM or float, read from a pipe: a sound card (`arecord -f S32_LE -r 400 | ...`) or a file.
 
     Parameters
     ----------
     descriptor : int
-        File descriptor to read, such as 0 for the standard input.
+        File descriptor to read, for example 0 for standard input.
     channel : int
-        From 1.
+        Channel to read, from 1.
     """
 
     def __init__(self, descriptor: int, channel: int = 1) -> None:
@@ -203,7 +203,7 @@ class WavStream:
         self.failure, self.ended = "", False
 
     def read(self) -> tuple[Array, Array]:
-        """Times since the first sample, s, and samples, Pa of a full scale of 1e7, that have come."""
+        """Return times since the first sample, s, and new samples, Pa, with a full scale of 1e7."""
         end = len(self._open) + _MOST_AT_ONCE
         while not self.ended and len(self._open) < end and select.select([self._descriptor], [], [], 0.0)[0]:
             more = os.read(self._descriptor, 65536)
@@ -227,15 +227,15 @@ class WavStream:
         return time, one * WAV_FULL_SCALE_PA
 
     def close(self) -> None:
-        """Read no more; the descriptor stays its owner's."""
+        """Stop reading; the descriptor stays open."""
         self.ended = True
 
     def _header(self) -> _Form | None:
-        """Form of the samples; None until they begin. ValueError: it cannot be read. A stream gives no true sizes."""
+        """Parse the header (a stream's sizes are not true); None until the samples begin, ValueError if unreadable."""
         if len(self._open) < 12:
             return None
         if self._open[:4] != b"RIFF" or self._open[8:12] != b"WAVE":
-            raise ValueError("the stream is no WAV")
+            raise ValueError("the stream is not a WAV")
         at, form = 12, None
         while len(self._open) >= at + 8:
             name, size = struct.unpack_from("<4sI", self._open, at)
@@ -251,7 +251,7 @@ class WavStream:
             if name == b"fmt ":
                 kind, channels, rate, _, _, bits = struct.unpack_from("<HHIIHH", self._open, at + 8)
                 if kind == 0xFFFE and size >= 26 + 2:
-                    # The extensible form says at the begin of its sub-format what the samples are.
+                    # The extensible format states the kind of samples at the beginning of its sub-format.
                     (kind,) = struct.unpack_from("<H", self._open, at + 8 + 24)
                 if bits not in _WAV_BITS.get(kind, ()) or self._channel > channels or rate == 0:
                     raise ValueError(
@@ -265,14 +265,14 @@ class WavStream:
 
 class SerialBytes:
     """
-    Bytes of a serial line, which is opened again when it was lost.
+    Bytes of a serial line; the line is reopened when the connection is lost.
 
     Parameters
     ----------
     port : str
     baud : int
     clock : callable
-        Time now, s.
+        Returns the present time, s.
     """
 
     def __init__(self, port: str, baud: int, clock: Callable[[], float]) -> None:
@@ -282,7 +282,7 @@ class SerialBytes:
         self.failure, self.ended = "", False
 
     def read(self) -> tuple[Array, Array]:
-        """Time of arrival, s, of each byte since the last call, and its value, 0 to 255."""
+        """Return the time of arrival, s, of each byte since the last call, and its value, 0 to 255."""
         now = self._clock()
         if self.ended or (self._line is None and not self._opened(now)):
             return _EMPTY, _EMPTY

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pump strokes of a counter: the crank angle of each pump at any time."""
+"""Crank angle of each pump at any time, from counted strokes."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ import numpy as np
 
 from mwd_sensors.core.arrays import Array
 
-# A pump whose strokes pause for so many times their usual interval stands, or its switch failed.
+# A pause of this many usual intervals means that the pump stands or its switch failed.
 _PAUSE = 2.5
-_LEAST = 8  # strokes that tell a pump's rate
-# Level of significance at which a line is said to be a pump's.
+_LEAST = 8  # least strokes to determine a pump's rate
+# Significance level at which a line is attributed to a pump.
 _BY_CHANCE = 0.05
 
 
 class Strokes:
-    """Times of the strokes of some pumps, which grow."""
+    """Stroke times of several pumps; strokes can be added."""
 
     def __init__(self) -> None:
         self._times: dict[int, Array] = {}
 
     def add(self, pump: int, time_s: Array) -> None:
         """
-        Take strokes of a pump.
+        Add strokes of a pump.
 
         Parameters
         ----------
         pump : int
-            Its number.
+            Number of the pump.
         time_s : ndarray, shape (n,)
-            On the clock of the pressure, rising. A time that does not rise, or is not finite, is left out.
+            Rising times on the clock of the pressure. A time that does not rise or is not finite is dropped.
         """
         before = self._times.get(pump, np.zeros(0))
         time = np.asarray(time_s, dtype=float)
@@ -39,12 +39,12 @@ class Strokes:
         self._times[pump] = np.concatenate([before, time[time > highest]])
 
     def forget(self, before_s: float) -> None:
-        """Drop strokes before a time."""
+        """Drop strokes before a time, s."""
         for pump, time in self._times.items():
             self._times[pump] = time[max(int(np.searchsorted(time, before_s)) - 1, 0) :]
 
     def rates(self, from_s: float, until_s: float) -> dict[int, float]:
-        """Strokes a second of each pump between two times, s; a pump that stands is left out."""
+        """Return the strokes per second of each pump between two times, s; pumps that stand are left out."""
         rows = {}
         for pump in sorted(self._times):
             time = self._times[pump]
@@ -55,33 +55,34 @@ class Strokes:
 
     def harmonic(self, line_hz: float, from_s: float, until_s: float) -> tuple[int, int] | None:
         """
-        Pump whose harmonic is nearest to a line heard between two times, s, and which harmonic, from 1.
+        Return the pump whose harmonic is nearest to a line between two times, s, and the harmonic's number, from 1.
 
-        None where some line that no pump makes would often be as near: harmonics of several pumps are close together.
+        Return None if a random line would often be as near, because harmonics of several pumps lie close together.
         """
         rates = self.rates(from_s, until_s)
         near = [(abs(line_hz - max(round(line_hz / rate), 1) * rate), pump) for pump, rate in rates.items()]
         if not near:
             return None
         apart, pump = min(near)
-        # The share of all frequencies that lie as near to a harmonic of one of the pumps.
+        # Share of all frequencies that lie as near to a harmonic of one of the pumps.
         if 2.0 * apart * sum(1.0 / rate for rate in rates.values()) > _BY_CHANCE:
             return None
         return pump, max(round(line_hz / rates[pump]), 1)
 
     def angles(self, time_s: Array) -> Array:
         """
-        Crank angles.
+        Return the crank angles of the pumps.
 
         Parameters
         ----------
         time_s : ndarray, shape (n,)
-            Rising, s. Strokes after the last of them are not used, so that it does not matter when they come.
+            Rising times, s. Strokes after the last time are not used, so the result does not depend on when they
+            arrive.
 
         Returns
         -------
         ndarray, shape (pumps, n)
-            Radians, a whole turn a stroke; nan where a pump stands or is not known.
+            Crank angles, rad, one turn per stroke; NaN where a pump stands or is unknown.
         """
         rows = []
         for pump in sorted(self._times):
@@ -91,7 +92,7 @@ class Strokes:
             if len(inside) < _LEAST:
                 continue
             usual = float(np.median(np.diff(inside)))
-            # Behind the last stroke the pump is taken to run on for one more.
+            # After its last stroke a pump is assumed to run on for one more interval.
             known = np.append(time, time[-1] + usual)
             angle = 2.0 * np.pi * np.interp(time_s, known, np.arange(len(known)), left=np.nan, right=np.nan)
             at = np.clip(np.searchsorted(known, time_s, side="right"), 1, len(known) - 1)

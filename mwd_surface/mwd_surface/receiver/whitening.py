@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Noise made white: an autoregressive model of what pulses do not explain, and its prediction error filter.
+Whitening of noise: an autoregressive model of the pressure that pulses do not explain, and its prediction error filter.
 
-The model is of the first difference, so that standpipe pressure and its drift drop out, or of the pressure less most of
-the value before, which does not lose the low frequencies of a steady pressure. Sources: S. M. Kay, Modern Spectral
+The model describes either the first difference, which removes standpipe pressure and its drift, or the pressure minus
+most of the previous value, which keeps the low frequencies of a steady pressure. Sources: S. M. Kay, Modern Spectral
 Estimation, 1988, section 7.3 (autocorrelation method, Levinson); H. Akaike, A new look at the statistical model
 identification, IEEE Trans. Autom. Control 19 (1974) 716 (order: each coefficient costs one nat).
 """
@@ -17,11 +17,12 @@ import numpy as np
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
-_LOCAL = 12  # samples to either side over which the size of the noise is judged
+_LOCAL = 12  # samples on either side over which the noise power is averaged
 _ROUNDS = 3
-# Variances of disturbances: each 8 times the one before, up to that of pumps that start.
+# Variances of the disturbance states: each 8 times the one before, up to the variance of starting pumps.
 _STATES, _LARGEST, _SQRT_8 = 6, 8.0**5, math.sqrt(8.0)
-# A disturbance begins every five minutes of pulses of 0.5 s. Whitened, it lasts for its flanks, a second or less.
+# Transition rates per sample: a disturbance begins every five minutes with pulses of 0.5 s. In whitened pressure it
+# lasts as long as its flanks, a second or less.
 _BEGINS, _LASTS = 1.0 / 5000.0, 8.0
 
 
@@ -30,7 +31,7 @@ def prediction_error_filter(
     noise: Array, weight: Array, order: int, floor: float, out: Array, kept: float = 1.0
 ) -> float:
     """
-    Filter that turns noise into white noise of unit variance.
+    Fill the filter that turns noise into white noise of unit variance.
 
     Parameters
     ----------
@@ -39,18 +40,18 @@ def prediction_error_filter(
     weight : ndarray, shape (n,)
         0 where a sample is unknown or disturbed, 1 elsewhere.
     order : int
-        Highest of the autoregressive model of the difference.
+        Highest order of the autoregressive model of the difference.
     floor : float
-        White noise added to the model, share of its variance: keeps empty bands from being raised.
+        White noise added to the model, as a share of its variance, so that empty bands are not amplified.
     out : ndarray, shape (order + 2,)
-        Coefficients of the filter, first the newest sample's.
+        Coefficients of the filter; the first belongs to the newest sample.
     kept : float
-        Share of the sample before in the difference. Below 1 the noise must have no mean.
+        Share of the previous sample that is subtracted. Below 1 the noise must have zero mean.
 
     Returns
     -------
     float
-        Standard deviation of the innovation, Pa; 0 where the noise is a constant.
+        Standard deviation of the innovation, Pa; 0 if the noise is constant.
     """
     n = len(noise)
     lags = np.zeros(order + 1)
@@ -78,7 +79,7 @@ def prediction_error_filter(
 
 @compiled
 def _predicted(lags: Array, count: float, best: Array) -> float:
-    """Innovation variance of the model whose order Akaike's criterion chooses; best: its filter, is filled."""
+    """Fill `best` with the filter of the order that Akaike's criterion selects; return its innovation variance."""
     a = np.zeros(len(lags))
     work = np.zeros(len(lags))
     a[0] = best[0] = 1.0
@@ -96,7 +97,7 @@ def _predicted(lags: Array, count: float, best: Array) -> float:
         a[m] = k
         error *= 1.0 - k * k
         if count * np.log(error) + 2.0 * m < lowest:
-            # Each coefficient fits its share of the noise.
+            # Each coefficient fits its share of the noise, so correct the variance.
             lowest, least = count * np.log(error) + 2.0 * m, error * count / (count - m)
             best[:] = a
     return float(least)
@@ -104,7 +105,7 @@ def _predicted(lags: Array, count: float, best: Array) -> float:
 
 @compiled
 def filtered(x: Array, taps: Array, out: Array) -> None:
-    """Causal filter; out, shape (n,). Before its first sample x is constant."""
+    """Apply a causal filter and fill out, shape (n,). Before its first sample x counts as constant."""
     for i in range(len(x)):
         total = 0.0
         for k in range(len(taps)):
@@ -114,34 +115,34 @@ def filtered(x: Array, taps: Array, out: Array) -> None:
 
 def steadiness(noise: Array, known: Array) -> Array:
     """
-    Weight of each sample: less where the noise is larger than elsewhere, 0 where the sample is unknown.
+    Return the weight of each sample: small where the noise is large, 0 where the sample is unknown.
 
-    Pressure has stalls, spikes and pumps that start beside its steady noise. Pulses that are still in it change these
-    weights little, where `precision` would take them for disturbances.
+    Besides steady noise, pressure has stalls, spikes and starting pumps. Pulses still in the pressure change these
+    weights little, whereas `precision` would take the pulses for disturbances.
 
     Parameters
     ----------
     noise : ndarray, shape (n,)
-        Whitened.
+        Whitened noise.
     known : ndarray, shape (n,)
         1 where a sample is known.
     """
     local, usual = _sizes(noise, known)
-    # The mean of 25 squares exceeds twice its mean by chance once in thousands.
+    # The mean of 25 squares exceeds twice its expectation by chance once in thousands.
     return np.asarray(known * np.minimum(1.0, 2.0 * usual / np.maximum(local, 1e-12)))
 
 
 def precision(noise: Array, known: Array) -> Array:
     """
-    Mean of 1 / variance of each sample, given all of them; 1 in steady noise, 0 where the sample is unknown.
+    Return the posterior mean of 1 / variance of each sample; 1 in steady noise, 0 where the sample is unknown.
 
-    The noise is Gaussian; its variance is the steady one or, in a disturbance, one of five larger ones, and changes
-    between them as a Markov chain does (L. R. Rabiner, Proc. IEEE 77 (1989) 257, section III).
+    The noise is Gaussian. Its variance is the steady one or, in a disturbance, one of five larger ones, and changes
+    between them as a Markov chain (L. R. Rabiner, Proc. IEEE 77 (1989) 257, section III).
 
     Parameters
     ----------
     noise, known
-        As `steadiness`; noise without pulses.
+        As in `steadiness`; the noise must be without pulses.
     """
     out = np.empty(len(noise))
     _mean_precision(noise**2 / _sizes(noise, known)[1], known, out)
@@ -149,7 +150,7 @@ def precision(noise: Array, known: Array) -> Array:
 
 
 def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
-    """Mean square about each sample, and its median."""
+    """Return the mean square around each sample, and the median of these."""
     local = np.convolve(noise**2, np.ones(2 * _LOCAL + 1) / (2 * _LOCAL + 1), mode="same")
     usual = float(np.median(local[known > 0.0])) if np.any(known > 0.0) else 0.0
     return local, max(usual, 1e-6 * float(local.mean()), 1e-12)
@@ -157,7 +158,7 @@ def _sizes(noise: Array, known: Array) -> tuple[Array, float]:
 
 @compiled
 def _mean_precision(square: Array, known: Array, out: Array) -> None:
-    """Mean of 1 / variance of each sample, by a forward-backward pass; square: over that of steady noise. Fills out."""
+    """Fill out with the mean of 1 / variance by a forward-backward pass; square: relative to steady noise."""
     n = len(square)
     likelihood, chance = np.ones((n, _STATES)), np.empty((n, _STATES))
     begun, ended, other = _BEGINS / (_STATES - 1), 0.5 / _LASTS, 0.5 / _LASTS / (_STATES - 1)
@@ -166,7 +167,7 @@ def _mean_precision(square: Array, known: Array, out: Array) -> None:
     now[0] = 1.0
     for i in range(n):
         if known[i] > 0.0:
-            # Each variance is 8 times the one before: three squarings of its likelihood.
+            # Each variance is 8 times the one before: square the likelihood three times.
             x, size = math.exp(-0.5 * min(square[i] / _LARGEST, 100.0)), 1.0
             for k in range(_STATES - 1, -1, -1):
                 likelihood[i, k] = x * size
@@ -203,15 +204,15 @@ def _mean_precision(square: Array, known: Array, out: Array) -> None:
 
 def steady_filter(pressure: Array, known: Array, order: int, floor: float) -> Array | None:
     """
-    Prediction error filter of the steady noise, for unit variance.
+    Return the prediction error filter that turns the steady noise into unit variance.
 
     Returns
     -------
     ndarray, shape (order + 2,), or None
-        None where the pressure is a constant or mostly unknown.
+        None if the pressure is constant or mostly unknown.
     """
     taps, whitened = np.empty(order + 2), np.empty(len(pressure))
-    # A pump that starts outweighs all steady noise: a first model that knows it would keep it.
+    # A starting pump outweighs all steady noise; without this weighting the first model would describe the pump.
     weight = steadiness(np.diff(pressure, prepend=pressure[:1]), known)
     for _ in range(_ROUNDS):
         if prediction_error_filter(pressure, weight, order, floor, taps) <= 0.0:

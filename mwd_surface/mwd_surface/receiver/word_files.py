@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words and surveys as the surface received them, as CSV."""
+"""Received words and surveys as CSV files."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ WORD_HEADER = (
 
 def words_csv(words: Sequence[ReceivedWord], header: bool = True) -> str:
     """
-    Table of words, one a row; value and sigma in the unit of the word.
+    Return a table of words, one per row; value and sigma are in the unit of the word.
 
-    Alternatives are `raw:probability`, separated by blanks. header: whether the first row names the columns.
+    Alternatives are written as `raw:probability`, separated by blanks. header: whether the first row names the columns.
     """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
@@ -57,9 +57,9 @@ def words_csv(words: Sequence[ReceivedWord], header: bool = True) -> str:
 
 def surveys_csv(words: Sequence[ReceivedWord]) -> str:
     """
-    Table of the surveys: a row for each, a column and a sigma for each word; a word that was erased is empty.
+    Return a table of surveys: one row each, with a value and a sigma column per word; erased words are empty.
 
-    The last column names the words that the survey's consistency chose.
+    The last column names the words that were decided by consistency with other surveys.
     """
     frames: dict[int, list[ReceivedWord]] = {}
     for word in words:
@@ -83,12 +83,12 @@ def surveys_csv(words: Sequence[ReceivedWord]) -> str:
 
 class WordFiles:
     """
-    words.csv and surveys.csv of a folder, written as words come.
+    Files words.csv and surveys.csv in a folder, written as words arrive.
 
     Parameters
     ----------
     folder : Path
-        Files of before are replaced.
+        Existing files in it are replaced.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class WordFiles:
         self._write_surveys()
 
     def __enter__(self) -> WordFiles:
-        """Itself."""
+        """Return the object itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -113,7 +113,7 @@ class WordFiles:
         self._words.close()
 
     def add(self, words: Sequence[ReceivedWord]) -> None:
-        """Write final words."""
+        """Append final words to the files."""
         if not words:
             return
         self.count += len(words)

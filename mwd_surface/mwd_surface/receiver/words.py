@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words as the surface received them, and the packets in which a tool sends them."""
+"""Words as received at the surface, and the packets in which a tool sends them."""
 
 from __future__ import annotations
 
@@ -21,32 +21,32 @@ BELIEVED, ERASED, BY_CONSISTENCY = "believed", "erased", "by_consistency"
 @dataclasses.dataclass(frozen=True)
 class ReceivedWord:
     """
-    One word as received.
+    One received word.
 
     Attributes
     ----------
     start_s, end_s : float
         Time on air at the surface, on the clock of the pressure.
     frame, index : int
-        Counts the passes of sequences, from 0, and the words of the pass.
+        Number of the pass, from 0, and index of the word in the pass.
     kind : str
-        "survey" or "toolface": the sequence it came in.
+        Kind of the sequence in which the word came: "survey" or "toolface".
     name, unit : str
     raw : int
         Most probable code.
     value : float
-        Of that code, in the unit of the word; nan of the code that says that the tool has no measurement.
+        Value of that code, in the unit of the word; NaN for the code that means "no measurement".
     confidence : float
         Probability that the code is right.
     sigma : float
-        1 sigma of the value if it is right, in the unit of the word.
+        1 sigma of the value if the code is right, in the unit of the word.
     status : str
-        "believed", or "erased" where the confidence is below the level of its kind or the tool has no measurement,
-        or "by_consistency" where the surveys before make one of the codes of an erased word probable enough.
+        "believed"; or "erased" if the confidence is below the level for its kind or the tool had no measurement; or
+        "by_consistency" if earlier surveys make one of the codes of an erased word probable enough.
     alternatives : tuple of (int, float)
-        Next codes with their probabilities.
+        Next most probable codes with their probabilities.
     revision : int
-        0: provisional, as decoded when it was heard; 1: final, decoded again with the whole pass.
+        0: provisional, as first decoded; 1: final, decoded again with the whole pass.
     """
 
     start_s: float
@@ -66,13 +66,13 @@ class ReceivedWord:
 
     @property
     def usable(self) -> bool:
-        """Whether its value may be used: it is believed, or chosen by the consistency of its survey."""
+        """Whether the value may be used: it is believed, or decided by consistency with other surveys."""
         return self.status != ERASED
 
 
 @dataclasses.dataclass(frozen=True)
 class LinkValue:
-    """Value and 1 sigma, SI, of a word; code; begin and end on air, s on the clock of the samples; odds of the code."""
+    """Value and 1 sigma of a word, SI; code; begin and end, s on the clock of the samples; confidence of the code."""
 
     value: float
     sigma: float
@@ -83,7 +83,7 @@ class LinkValue:
 
 
 def believed(words: list[ReceivedWord]) -> dict[str, LinkValue]:
-    """Newest believed word of each meaning."""
+    """Return the newest usable word of each meaning, in SI."""
     found = {}
     for word in words:
         quantity = meanings.meaning_of(word.name)
@@ -93,14 +93,14 @@ def believed(words: list[ReceivedWord]) -> dict[str, LinkValue]:
 
 
 def value_of(word: ReceivedWord) -> LinkValue:
-    """Value of a word in SI."""
+    """Return the value of a word in SI."""
     factor = meanings.factor(word.unit)
     return LinkValue(word.value * factor, word.sigma * factor, word.raw, word.start_s, word.end_s, word.confidence)
 
 
 @dataclasses.dataclass(frozen=True)
 class FrameReport:
-    """One pass of a sequence: kind and number, time on air, energy of a bit over noise density, clock error, reason."""
+    """Report of one pass of a sequence: number, kind, time, energy per bit over noise density, clock error, reason."""
 
     frame: int
     kind: str
@@ -114,16 +114,16 @@ class FrameReport:
 @dataclasses.dataclass
 class Reception:
     """
-    What a block of samples completed.
+    Words and passes that a block of samples completed.
 
     Attributes
     ----------
     words : list of ReceivedWord
-        Words of passes that are complete: final.
+        Final words, from complete passes.
     frames : list of FrameReport
-        Those passes.
+        Reports of the complete passes.
     provisional : list of ReceivedWord
-        Words just heard, `revision` 0; the final one has the same frame and index.
+        Words just decoded, with `revision` 0; the final word has the same frame and index.
     """
 
     words: list[ReceivedWord] = dataclasses.field(default_factory=list)
@@ -131,7 +131,7 @@ class Reception:
     provisional: list[ReceivedWord] = dataclasses.field(default_factory=list)
 
     def add(self, more: Reception) -> None:
-        """Take what another block completed."""
+        """Append what another block completed."""
         self.words += more.words
         self.frames += more.frames
         self.provisional += more.provisional
@@ -139,7 +139,7 @@ class Reception:
 
 @dataclasses.dataclass(frozen=True)
 class WordPlace:
-    """Where a word stands: frame, index in it, kind of its sequence, revision."""
+    """Place of a word: frame, index in the frame, kind of its sequence, revision."""
 
     frame: int
     index: int
@@ -151,9 +151,9 @@ def received(
     tool: ToolConfiguration, item: SequenceItem, judged: Judged, span: tuple[float, float], place: WordPlace
 ) -> ReceivedWord:
     """
-    Word from its judged codes.
+    Return a received word from its judged codes.
 
-    span: begin and end, s.
+    span: begin and end of the word, s.
     """
     word = tool.table[item.name]
     level = SURVEY_LEVEL if place.kind == "survey" else TOOLFACE_LEVEL
@@ -177,16 +177,16 @@ def received(
 
 def packet_rows(items: tuple[SequenceItem, ...], code: str = "mary") -> tuple[Indices, int]:
     """
-    Packets of some words sent one after the other; of the combinatorial code a packet is one pulse.
+    Return the packets of words sent one after the other; in the combinatorial code a packet is one pulse.
 
-    code: of the tool.
+    code: code of the tool.
 
     Returns
     -------
     ndarray, shape (n, 6)
-        As `trellis.forward_backward` takes them.
+        Packets, as in `trellis.forward_backward`.
     int
-        Time of all of them, TU.
+        Total duration, TU.
     """
     rows = []
     at = 0
@@ -205,19 +205,19 @@ def packet_rows(items: tuple[SequenceItem, ...], code: str = "mary") -> tuple[In
 
 
 def item_of(word: ReceivedWord, tool: ToolConfiguration) -> SequenceItem:
-    """Place of a word in the sequences of the tool."""
+    """Return the sequence item of a word in the tool configuration."""
     sequences = tool.surveys if word.kind == "survey" else tool.toolfaces
     here = (items[word.index] for items in sequences if word.index < len(items))
     return next((item for item in here if item.name == word.name), SequenceItem(word.name, 2, False))
 
 
 def pulse_edges(word: ReceivedWord, tool: ToolConfiguration) -> list[float]:
-    """Begin of each pulse of the code of a word, s after the word's; none where the tool sends no pulses."""
+    """Return the begin of each pulse of a word's code, s after the word's begin; empty if the tool sends no pulses."""
     item = item_of(word, tool)
     if tool.code not in PULSE_CODES or word.raw >= 1 << item.bits:
         return []
     code = word.raw << 1 | tool.parity_bit(word.raw) if item.parity else word.raw
     sent = tool.pulses(code, item.length)
-    # On the clock of the tool as it was received.
+    # Unit of the tool's clock as received.
     unit = (word.end_s - word.start_s) / sent.length
     return [edge * unit for edge in sent.edges]

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rig interfaces: WITS, OPC UA, Modbus and WITSML, with one entry point."""
+"""Rig interfaces: WITS, OPC UA, Modbus and WITSML, started and fed through one entry point."""

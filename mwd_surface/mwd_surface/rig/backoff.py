@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waits of an interface between attempts to reach its peer."""
+"""Waiting times between attempts of an interface to reach its peer."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from mwd_sensors.core.settings import setting
 
 @dataclasses.dataclass(frozen=True)
 class Backoff:
-    """Waits between attempts."""
+    """Waiting times between attempts: doubled after each failure, up to the longest."""
 
     first: float = setting(1.0, "wait after the first failure", unit="s", low=0.01, high=60.0, fixed=True)
     longest: float = setting(30.0, "longest wait", unit="s", low=0.01, high=600.0, fixed=True)
 
     def wait(self, failures: int, chance: float) -> float:
-        """Seconds after so many failures in a row; chance, 0 to 1, spreads it by half either way."""
+        """Return the wait after a number of failures in a row, s; chance, 0 to 1, varies it by half either way."""
         return float(min(self.longest, self.first * 2.0 ** min(failures, 30)) * (0.5 + chance))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Values for the rig that follow from path, plan, control, advice and the inputs, rather than from the tool itself."""
+"""Values for the rig that are derived from path, plan, control, advice and inputs, not measured by the tool."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, TIE_ON
 
 
 def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return what follows from path and plan; as old as the path itself."""
+    """Return the values derived from path and plan, with the age of the path."""
     path, values = state.path, {}
     beyond = path is not None and len(path.kind) > 0 and path.kind[-1] not in (TIE_ON, ASSUMED)
     for name in ("inclination", "azimuth"):
@@ -32,7 +32,7 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
     if doubt is None:
         return values
     good = {name for name, value in values.items() if value.condition == Condition.GOOD}
-    # Directions of the hole do not depend on where its path starts.
+    # An assumed start of the path does not affect the directions of the hole.
     doubted = {name for name in good if doubt[0] != Condition.DOUBTFUL or not name.startswith("projected_")}
     return {
         k: dataclasses.replace(v, condition=doubt[0], reason=doubt[1]) if k in doubted else v for k, v in values.items()
@@ -40,7 +40,7 @@ def projection(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def _doubt(state: WellState) -> tuple[Condition, str] | None:
-    """Return why values at the bit are not good: an old depth of the bit, or a path that rests on an assumption."""
+    """Return why values at the bit are not good: an old bit depth, or a path with an assumed start; None if good."""
     bit = state.rig.bit_depth
     if state.path is not None and state.path.kind[-1] == PROJECTED and bit.state == Freshness.STALE:
         return Condition.STALE, "projected to an old depth of the bit"
@@ -50,7 +50,7 @@ def _doubt(state: WellState) -> tuple[Condition, str] | None:
 
 
 def control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
-    """Return set-points in force and limits; a set-point that is the driller's is not known."""
+    """Return set-points in force and limits; a set-point is unknown while the driller has control."""
     waiting = RigValue(reason="the driller's" if control.enabled else "control is switched off")
     asked = {signal.name: getattr(control, signal.field) for signal in FROM_CONTROL}
     return {
@@ -60,10 +60,10 @@ def control_values(control: ControlStatus, now_ns: int) -> dict[str, RigValue]:
 
 
 def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return the advice on the next interval, as old as the advice."""
+    """Return the advice on the next interval, with the age of the advice."""
     advice = state.advice
     slides = advice.mode == AdviceMode.SLIDE
-    # Where to rotate there is no toolface, and the slide ends where it begins.
+    # While rotating there is no toolface, and the slide ends where it begins.
     bare = {} if slides else {"advised_toolface": None, "advised_slide_to": advice.from_depth}
     table = {signal.name: getattr(advice, signal.field) for signal in FROM_ADVICE} | bare
     age = state.age("advice")
@@ -78,13 +78,13 @@ def advice_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def rig_input(inputs: InputTable) -> InputState | None:
-    """Return the source of rig data in force, also while a depth by hand goes before its own; None: there is none."""
+    """Return the rig data source in force, even while a depth by hand takes precedence; None if none."""
     rig = [row for row in inputs.inputs if row.priority > 0 and row.name != HAND and row.role != Role.SILENT]
     return min(rig, key=lambda row: (row.role != Role.IN_FORCE, row.priority), default=None)
 
 
 def input_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
-    """Return how old the depth is, and how the clocks stand."""
+    """Return the age of the depth, the difference between depth sources, and the clock offsets."""
     inputs, since = state.inputs, state.age("inputs") or 0.0
     waiting = {
         "depth_age": "no depth comes in",

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Checks of rig data: placeholders and impossible values are left out, jumps are accepted only when confirmed.
+Checks of rig data: placeholders and impossible values are dropped, jumps of depth need confirmation.
 
-Readings come in SI with the names of RigState; samples go out with a bit for each value that may be used. A depth that
-leaps is held back until the readings after it agree, since a survey would take its depth from it.
+Readings come in SI with the field names of RigState; samples carry a bit for each value that may be used. A depth that
+jumps is held back until later readings agree, because surveys take their depth from it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mwd_sensors.core.settings import setting
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
 
-# What a rig can have at all, SI.
+# Possible range of each value on a rig, SI.
 PLAUSIBLE: dict[str, tuple[float, float]] = {
     "block_position": (-20.0, 80.0),
     "hookload": (0.0, 2e7),
@@ -34,7 +34,7 @@ _DEPTHS = ("bit_depth", "hole_depth")
 
 @dataclasses.dataclass(frozen=True)
 class RigInputSettings:
-    """Which data of the rig is accepted."""
+    """Rules for the acceptance of rig data."""
 
     accept: bool = setting(False, "accept rig data that peers send", fixed=True)
     fastest: float = setting(
@@ -49,20 +49,20 @@ class RigInputSettings:
     )
     confirm: int = setting(
         3,
-        "consecutive consistent readings that confirm a jump of depth; more delay a true correction of depth",
+        "consecutive consistent readings that confirm a jump of depth; raising it delays true corrections",
         low=1,
         fixed=True,
     )
     deepest: float = setting(15000.0, "depth above which a reading is rejected", unit="m", low=1.0, fixed=True)
     slips_hookload: float = setting(
-        0.0, "hookload below which the string is in slips; 0: not known", unit="N", low=0.0, fixed=True
+        0.0, "hookload below which the string is in slips; 0 if it is not known", unit="N", low=0.0, fixed=True
     )
     max_rate: float = setting(20.0, "most readings accepted per second", unit="Hz", low=0.1, high=100.0, fixed=True)
 
 
 @dataclasses.dataclass
 class RigInputCounts:
-    """taken: samples given on; refused: impossible values; held: depths to be confirmed yet; hurried: too fast."""
+    """Counts. taken: samples passed on; refused: impossible values; held: unconfirmed depths; hurried: too fast."""
 
     taken: int = 0
     refused: int = 0
@@ -71,7 +71,7 @@ class RigInputCounts:
 
 
 class RigInput:
-    """Readings to samples; state: the last accepted depths."""
+    """Converter from checked readings to samples; it remembers the last accepted depths."""
 
     def __init__(self, settings: RigInputSettings | None = None) -> None:
         self.settings = settings or RigInputSettings()
@@ -88,9 +88,9 @@ class RigInput:
 
     def take(self, readings: Mapping[str, float], stamp_ns: int) -> Samples | None:
         """
-        One sample, `wire.RIG_STATE`, shape (1,), of readings taken together; None where nothing of them is accepted.
+        Return one sample, `wire.RIG_STATE`, shape (1,), from simultaneous readings; None if none of them is accepted.
 
-        A stamp not after the last one is counted and left out, as is a reading too soon after it.
+        A sample with a stamp not after the last one, or too soon after it, is counted and dropped.
         """
         if self._last_ns is not None and stamp_ns - self._last_ns < NANOSECONDS / self.settings.max_rate:
             self.counts.hurried += 1
@@ -103,7 +103,7 @@ class RigInput:
             and "hole_depth" in good
             and good["bit_depth"] > good["hole_depth"] + self.settings.slack
         ):
-            # The bit cannot be below the bottom: one of the two is wrong, and nobody knows which.
+            # The bit cannot be below the bottom of the hole, and it is unknown which of the two is wrong.
             self.counts.refused += 2
             del good["bit_depth"], good["hole_depth"]
         if not good:

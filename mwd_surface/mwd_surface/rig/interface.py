@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What every rig interface is: it starts, takes values without blocking the caller, reports its state, and stops.
+Base of all rig interfaces: start, accept values without blocking the caller, report the state, and stop.
 
-An interface lives in a thread of its own with an event loop; it may hand rig data or a command back through callbacks,
-which are called in that thread.
+An interface runs an event loop in its own thread. It may return rig data or a command through callbacks, which are
+called in that thread.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ LISTENING, CONNECTED, CONNECTING, DOWN, STOPPED = "listening", "connected", "con
 
 
 class InterfaceError(RuntimeError):
-    """An interface cannot run; the message says why and what to do."""
+    """Raised if an interface cannot run; the message says why and what to do."""
 
 
 class MissingPackageError(InterfaceError):
-    """An optional package is not installed; the message says how to install it."""
+    """Raised if an optional package is not installed; the message says how to install it."""
 
 
 @dataclasses.dataclass(frozen=True)
 class PeerStatus:
-    """One connection. Counts since it began; rate: of what was sent to it, per second; last: what came or went last."""
+    """One connection, with counts since its beginning; rate: messages sent per second; last: last message."""
 
     address: str
     since: float
@@ -54,10 +54,10 @@ class PeerStatus:
 @dataclasses.dataclass(frozen=True)
 class InterfaceStatus:
     """
-    State of one interface: one of the words above, where it is, and why it is not up.
+    State of one interface: one of the words above, its address, and the reason if it is not up.
 
-    sent, received, dropped, refused: messages out and in, messages a slow peer did not get, connections turned away.
-    counts: further counters by name. last: last values out, name and text.
+    sent, received, dropped, refused: messages out and in, messages not delivered to a slow peer, connections refused.
+    counts: further counters by name. last: names and texts of the last values sent.
     """
 
     name: str
@@ -74,40 +74,40 @@ class InterfaceStatus:
 
 
 class RigInterface(abc.ABC):
-    """One way out to the rig, and perhaps in from it."""
+    """One interface that sends values to the rig, and may receive data from it."""
 
     name: str
 
     @abc.abstractmethod
     def start(self) -> None:
         """
-        Begin.
+        Start the interface.
 
         Raises
         ------
         InterfaceError
-            A package, the port or the device is not to be had.
+            A package is missing, or the port or device cannot be opened.
         """
 
     @abc.abstractmethod
     def publish(self, values: RigValues) -> None:
-        """The newest values; never blocks, the last one wins."""
+        """Store the newest values for sending; never blocks, and newer values replace waiting ones."""
 
     @abc.abstractmethod
     def status(self) -> InterfaceStatus:
-        """How it goes, from any thread."""
+        """Return the state; may be called from any thread."""
 
     @abc.abstractmethod
     def stop(self) -> None:
-        """End within two seconds; nothing happens if it is not running."""
+        """Stop within two seconds; does nothing if the interface is not running."""
 
 
 class LoopInterface(RigInterface):
     """
-    An interface whose work is one coroutine in a thread of its own.
+    Interface whose work is one coroutine in its own thread.
 
-    Subclasses write `serve(ready, stop)`: call `ready(address)` once it runs, return when `stop` is set; `wake` is set
-    whenever there are new values in `values`, and when it is to stop.
+    Subclasses implement `serve(ready, stop)`: it calls `ready(address)` once it serves, and returns when `stop` is set.
+    `wake` is set whenever `values` has new values, and when the interface is to stop.
     """
 
     start_timeout = 30.0
@@ -129,23 +129,23 @@ class LoopInterface(RigInterface):
 
     @property
     def wake(self) -> asyncio.Event:
-        """Set when values came or the end did; the coroutine clears it."""
+        """Event that is set for new values and for stopping; the coroutine clears it."""
         if self._wake is None:
             raise RuntimeError(f"{self.name} is not running")
         return self._wake
 
     @property
     def running(self) -> bool:
-        """True from a successful start until it stops or fails."""
+        """Whether the interface has started and has not stopped or failed since."""
         return self._thread is not None and self._thread.is_alive() and bool(self.address)
 
     @property
     def failure(self) -> str:
-        """Why it ended by itself; empty otherwise."""
+        """Reason why the interface ended by itself; empty otherwise."""
         return self._failure
 
     def start(self) -> None:
-        """Start the thread and wait until it serves, or says why not."""
+        """Start the thread and wait until the interface serves or fails."""
         if self._thread is not None and self._thread.is_alive():
             raise InterfaceError(f"{self.name} is running already")
         self._failure, self.address = "", ""
@@ -163,18 +163,18 @@ class LoopInterface(RigInterface):
             raise
 
     def publish(self, values: RigValues) -> None:
-        """The newest values; the loop is woken."""
+        """Store the newest values and wake the coroutine."""
         self.values = values
         self.rouse()
 
     def rouse(self) -> None:
-        """Wake the coroutine, from any thread; nothing happens where none runs."""
+        """Wake the coroutine, from any thread; does nothing if it is not running."""
         loop, wake = self._loop, self._wake
         if loop is not None and wake is not None:
             try:
                 loop.call_soon_threadsafe(wake.set)
             except RuntimeError:
-                # The loop closed between the two lines: nobody waits for the answer.
+                # The loop closed between the two lines, so nothing waits for the event.
                 return
 
     def stop(self) -> None:
@@ -188,7 +188,7 @@ class LoopInterface(RigInterface):
                 loop.call_soon_threadsafe(stop.set)
                 loop.call_soon_threadsafe(wake.set)
             except RuntimeError:
-                # It ended by itself just now.
+                # The loop ended by itself in the meantime.
                 self._loop = None
         thread.join(timeout=2.0)
 
@@ -218,12 +218,12 @@ class LoopInterface(RigInterface):
 
 def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 0)) -> ModuleType:
     """
-    Import of an optional package, of this version (major, minor) at least.
+    Import an optional package and check its least version (major, minor).
 
     Raises
     ------
     MissingPackageError
-        It is not installed, or too old; the message gives the command that installs it.
+        The package is not installed or too old; the message gives the command that installs it.
     """
     least = ".".join(map(str, floor))
     try:
@@ -242,12 +242,12 @@ def optional(module: str, package: str, what: str, floor: tuple[int, int] = (0, 
 
 def checked_host(host: str, allow_network: bool) -> str:
     """
-    The address to listen on.
+    Return the address to listen on, after checking that it is allowed.
 
     Raises
     ------
     InterfaceError
-        Other machines can reach it and the settings do not allow that.
+        Other machines can reach the address and the settings do not allow that.
     """
     if not allow_network and not is_loopback(host):
         raise InterfaceError(f"host: {host} can be reached from other machines; set allow_network if that is meant")
@@ -256,12 +256,12 @@ def checked_host(host: str, allow_network: bool) -> str:
 
 def probe_port(host: str, port: int) -> None:
     """
-    Try a port first: the library's own error would not give the cause.
+    Open and close a port, because the error of the server library would not give the cause of a failure.
 
     Raises
     ------
     InterfaceError
-        It cannot be opened; the message gives the reason.
+        The port cannot be opened; the message gives the reason.
     """
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -273,14 +273,16 @@ def probe_port(host: str, port: int) -> None:
 
 
 def port_error(error: OSError, host: str, port: int) -> InterfaceError:
-    """The message for a port that cannot be opened."""
+    """Return the error for a port that cannot be opened."""
     where = f"{host} port {port}"
     if error.errno == errno.EADDRINUSE:
-        text = f"{where} is taken (`ss -ltnp 'sport = :{port}'` names the program); stop that or set another port"
+        text = (
+            f"{where} is taken (`ss -ltnp 'sport = :{port}'` names the program); stop that program or set another port"
+        )
     elif error.errno in (errno.EACCES, errno.EPERM):
-        text = f"{where} is not allowed to this user; set a port of 1024 or more"
+        text = f"{where} may not be opened by this user; set a port of 1024 or more"
     elif error.errno == errno.EADDRNOTAVAIL or "getaddrinfo" in str(error) or error.errno is None or error.errno < 0:
-        text = f"{where} is no address of this machine; set 127.0.0.1, or the address of one of its networks"
+        text = f"{where} is not an address of this machine; set 127.0.0.1, or the address of one of its networks"
     else:
         text = f"{where}: {error.strerror or error}"
     return InterfaceError(text)

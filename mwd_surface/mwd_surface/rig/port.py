@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Between the surface node and all rig interfaces: values to every interface, rig data and commands back.
+Connection between the surface node and all rig interfaces: values go out, rig data and commands come back.
 
-Interfaces that are switched on are started, each by itself: one that cannot start says why and is tried again, the rest
-runs. When nobody publishes for a while every interface gets stale values, and the heartbeat stops.
+Each enabled interface is started by itself: one that cannot start reports why and is tried again while the others run.
+If no values are published for a while, every interface gets stale values and the heartbeat stops.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ _LOOK = 0.5  # s
 
 @dataclasses.dataclass(frozen=True)
 class RigSettings:
-    """Every rig interface; all are off until switched on."""
+    """Settings of all rig interfaces; each interface is off by default."""
 
     wits0: Wits0Settings = setting(Wits0Settings, "Settings of all WITS interfaces")
-    wits0_server: Wits0ServerSettings = setting(Wits0ServerSettings, "WITS where recorders connect to us")
-    wits0_client: Wits0ClientSettings = setting(Wits0ClientSettings, "WITS where we connect to a recorder")
+    wits0_server: Wits0ServerSettings = setting(Wits0ServerSettings, "WITS server, to which recorders connect")
+    wits0_client: Wits0ClientSettings = setting(Wits0ClientSettings, "WITS client, which connects to a recorder")
     wits0_serial: Wits0SerialSettings = setting(Wits0SerialSettings, "WITS over a serial line")
     opcua: OpcuaSettings = setting(OpcuaSettings, "OPC UA")
     modbus: ModbusSettings = setting(ModbusSettings, "Modbus TCP")
@@ -57,7 +57,7 @@ class RigSettings:
     witsml_store: WitsmlStoreSettings = setting(WitsmlStoreSettings, "WITSML store")
     blackboard: BlackboardSettings = setting(BlackboardSettings, "D-WIS blackboard")
     strict: bool = setting(
-        False, "refuse to start where an interface cannot start; false: try again every retry_period", fixed=True
+        False, "refuse to start if an interface cannot start; if false, try again every retry_period", fixed=True
     )
     retry_period: float = setting(
         10.0, "time between attempts to start an interface that is down", unit="s", low=0.05, high=3600.0, fixed=True
@@ -73,7 +73,7 @@ class RigSettings:
 
     @property
     def takes_data(self) -> bool:
-        """True where rig data can come in, so that somebody must publish `rig/state`."""
+        """Whether rig data can come in, so that the surface must publish `rig/state`."""
         talks = self.wits0_server.enabled or self.wits0_client.enabled or self.wits0_serial.enabled
         registers = self.modbus.enabled or self.modbus_serial.enabled
         board = self.blackboard.enabled and self.blackboard.rig.accept
@@ -82,7 +82,7 @@ class RigSettings:
 
 class RigPort:
     """
-    All interfaces of one well.
+    All rig interfaces of one well.
 
     Parameters
     ----------
@@ -90,16 +90,16 @@ class RigPort:
     well : str
         Name of the well.
     on_rig_state : callable, optional
-        `on_rig_state(frame, samples)` with the frame that names the interface and `wire.RIG_STATE` samples from the
-        rig, in a thread of the interface.
+        `on_rig_state(frame, samples)`, called in a thread of the interface with the frame that names the interface and
+        with `wire.RIG_STATE` samples from the rig.
     on_command : callable, optional
-        `on_command(name, arguments) -> (ok, message)`, in a thread of an interface.
+        `on_command(name, arguments) -> (ok, message)`, called in a thread of an interface.
     folder : Path, optional
-        For certificates.
+        Folder for certificates.
     authority : ControlAuthority, optional
-        For controllers that come through OPC UA or Modbus.
+        Decides about controllers that connect through OPC UA or Modbus.
     clock : callable
-        Steady seconds.
+        Steady time, s.
     """
 
     def __init__(
@@ -147,22 +147,22 @@ class RigPort:
 
     @property
     def enabled(self) -> bool:
-        """True where any interface is switched on."""
+        """Whether any interface is enabled."""
         return bool(self._interfaces)
 
     def start(self) -> dict[str, str]:
         """
-        Start what is switched on.
+        Start the enabled interfaces.
 
         Returns
         -------
         dict
-            Name and reason of every interface that could not start; it is tried again, unless a package is missing.
+            Name and reason of every interface that could not start. It is tried again, even if a package is missing.
 
         Raises
         ------
         InterfaceError
-            One could not start and `strict` is set; none runs then.
+            An interface could not start and `strict` is set; all are stopped then.
         """
         self._ended.clear()
         for interface in self._interfaces:
@@ -176,24 +176,24 @@ class RigPort:
         return dict(self._down)
 
     def publish(self, values: RigValues) -> None:
-        """The newest values, to every interface; never blocks."""
+        """Give the newest values to every interface; never blocks."""
         with self._lock:
             self._values, self._published_at, self._silent = values, self._clock(), False
         for interface in self._interfaces:
             interface.publish(values)
 
     def publish_trajectory(self, document: str) -> None:
-        """The definitive survey as WITSML, to the store; never blocks."""
+        """Give the definitive survey as WITSML to the store; never blocks."""
         if self._store is not None:
             self._store.push(document)
 
     @property
     def wants_trajectory(self) -> bool:
-        """True where a store is pushed to."""
+        """Whether there is a store to push to."""
         return self._store is not None
 
     def status(self) -> tuple[InterfaceStatus, ...]:
-        """How each interface goes."""
+        """Return the state of each interface."""
         table = []
         for interface in self._interfaces:
             status = interface.status()
@@ -203,7 +203,7 @@ class RigPort:
         return tuple(table)
 
     def stop(self) -> None:
-        """End every interface; nothing happens if none runs."""
+        """Stop every interface; does nothing if none runs."""
         self._ended.set()
         thread, self._thread = self._thread, None
         if thread is not None:
@@ -215,7 +215,7 @@ class RigPort:
         try:
             interface.start()
         except MissingPackageError as error:
-            # Nothing changes until somebody installs it and restarts.
+            # This cannot succeed until the package is installed and the node restarted.
             self._down[interface.name] = str(error)
         except InterfaceError as error:
             self._down[interface.name] = str(error)
@@ -225,7 +225,7 @@ class RigPort:
                 interface.publish(self._values)
 
     def _watch(self) -> None:
-        """Try again what is down; send stale values when the values stop."""
+        """Retry interfaces that are down, and send stale values when no new ones come."""
         tried = self._clock()
         while not self._ended.wait(min(_LOOK, self.settings.retry_period)):
             now = self._clock()

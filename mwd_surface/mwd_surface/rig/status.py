@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How the rig interfaces of a well go, in a small file in its folder: written every second, read by `mwd rig status`.
+State of the rig interfaces of a well in a small file in the well's folder, written every second for `mwd rig status`.
 
-A file rather than a topic, so that it can be read without the middleware, its domain or a password, by whoever may read
-the well's folder.
+A file is used instead of a topic so that everyone who may read the folder can read the state without the middleware,
+its domain or a password.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from mwd_sensors.core.output_files import write_whole
 from mwd_surface.rig.interface import InterfaceStatus, PeerStatus
 
 FILE_NAME = "rig_status.json"
-LASTS = 5.0  # s; an older file is of a graph that hangs or was killed
+LASTS = 5.0  # s; an older file belongs to a graph that hangs or was killed
 _VERSION = 1
 
 
 class RigStatusError(ValueError):
-    """A file that is no rig status; the message names it."""
+    """Raised for a file that is not a rig status; the message names the file."""
 
 
 @dataclasses.dataclass(frozen=True)
 class RigStatus:
     """
-    All interfaces of one well as of a moment.
+    State of all interfaces of one well at a moment.
 
-    written: s since the epoch. process: number of the surface's process on its machine. interfaces: with `since` of
-    each peer as s since the epoch.
+    written: s since the epoch. process: process id of the surface node on its machine. interfaces: with the `since` of
+    each peer in s since the epoch.
     """
 
     well: str
@@ -43,18 +43,18 @@ class RigStatus:
     interfaces: tuple[InterfaceStatus, ...]
 
     def alive(self, now: float) -> bool:
-        """Whether it is of a graph that lives; now: s since the epoch."""
+        """Return whether the status was written by a running graph; now: s since the epoch."""
         return -LASTS < now - self.written < LASTS
 
 
 def write_status(path: Path, status: RigStatus) -> None:
     """
-    Replace the file as a whole.
+    Write the file, replacing it as a whole.
 
     Raises
     ------
     OSError
-        It cannot be written.
+        The file cannot be written.
     """
     text = json.dumps({"version": _VERSION, **dataclasses.asdict(status)})
     write_whole(path, text, lasting=False)
@@ -62,22 +62,22 @@ def write_status(path: Path, status: RigStatus) -> None:
 
 def read_status(path: Path) -> RigStatus:
     """
-    What a file says.
+    Read a status file.
 
     Raises
     ------
     OSError
-        It cannot be read.
+        The file cannot be read.
     RigStatusError
-        It is no rig status, or of another version of this program.
+        The file is not a rig status, or was written by another version of this program.
     """
     try:
         table = load_json(read_text(path, budgets.JSON))
         status = _status(table) if table["version"] == _VERSION else None
     except (KeyError, TypeError, ValueError) as error:
-        raise RigStatusError(f"{path} is no rig status ({error})") from error
+        raise RigStatusError(f"{path} is not a rig status ({error})") from error
     if status is None:
-        raise RigStatusError(f"{path} is of another version: restart the graph, or use its own `mwd`")
+        raise RigStatusError(f"{path} was written by another version: restart the graph, or use its own `mwd`")
     return status
 
 
@@ -87,13 +87,13 @@ def _status(table: Mapping[str, Any]) -> RigStatus:
 
 
 def status_files(folders: Sequence[Path]) -> list[Path]:
-    """Status files in these folders, in those of their wells, and in those of the runs below."""
+    """Return the status files in these folders, in their well folders, and in the folders of runs below."""
     found = {path for folder in folders for depth in ("", "*/", "*/*/") for path in folder.glob(depth + FILE_NAME)}
     return sorted(found)
 
 
 def dated(table: Sequence[InterfaceStatus], offset: float) -> tuple[InterfaceStatus, ...]:
-    """The table with the beginnings of peers in s since the epoch; offset: that clock minus the steady one, s."""
+    """Return the table with `since` of peers in s since the epoch; offset: that clock minus the steady clock, s."""
     return tuple(
         dataclasses.replace(s, peers=tuple(dataclasses.replace(p, since=p.since + offset) for p in s.peers))
         for s in table
@@ -102,9 +102,9 @@ def dated(table: Sequence[InterfaceStatus], offset: float) -> tuple[InterfaceSta
 
 def status_lines(table: Sequence[InterfaceStatus], now: float) -> list[str]:
     """
-    The state of all interfaces for people, one line each and one for every peer.
+    Return the state of all interfaces as text: one line per interface and one per peer.
 
-    now: of the clock that peers' times are of, s.
+    now: present time on the clock of the peers' `since`, s.
     """
     if not table:
         return ["no rig interface is switched on"]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-An accepted survey as every rig interface sends it: the numbers of the well path, once, in SI and rad.
+An accepted survey as all rig interfaces send it: the numbers of the well path, in SI and rad.
 
-Inclination, azimuth and place are those of the definitive path, the same that the exports and the report print; what
-only the survey knows (totals, six axes, sigmas) stands beside them. None is "not known", never a stand-in.
+Inclination, azimuth and position are those of the definitive path, the same as in the exports and the report.
+Quantities that only the survey has (totals, six axes, sigmas) are added. None means "not known".
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mwd_surface.trajectory.well_path import ASSUMED, Definitive
 
 LAST = 32
 _UNCORRECTED = Status.UNCORRECTED | Status.CORRECTION_REFUSED | Status.MAG_DISTURBED
-# Fields that follow from the whole path above, and from the interval above.
+# Fields that depend on the whole path above the station, and on the interval above it.
 _PLACE = frozenset({"vertical_depth", "position_north", "position_east", "vertical_section"})
 _CURVATURE = frozenset({"dogleg_severity", "build_rate", "turn_rate"})
 
@@ -31,12 +31,13 @@ _CURVATURE = frozenset({"dogleg_severity", "build_rate", "turn_rate"})
 @dataclasses.dataclass(frozen=True)
 class AcceptedSurvey:
     """
-    One station in use. m, rad, rad/m, m/s^2, T, degC; stamp_ns: of the measurement, decided_ns: when it came into use.
+        One station in use.
 
+    Units: m, rad, rad/m, m/s^2, T, degC. stamp_ns: time of the measurement, decided_ns: time of acceptance.
     azimuth: from the north of the well. azimuth_uncorrected: magnetic, before correction for interference, or None.
-    source: what the azimuth is made of. overridden: in use on a person's word against the automatic verdict.
-    remark: why the azimuth deserves doubt, in words; empty otherwise. assumption: what its depth and position rest on
-    in addition to measurements, in words; empty: nothing. assumed: names of the fields that do.
+    source: composition of the azimuth. overridden: accepted by a person against the automatic verdict. remark: why the
+    azimuth is doubtful, or empty. assumption: assumption on which depth and position rest in addition to measurements,
+    or empty. assumed: names of the fields that rest on it.
     """
 
     sequence: int
@@ -73,17 +74,17 @@ class AcceptedSurvey:
 
     @property
     def key(self) -> tuple[str, int]:
-        """What makes it news: another survey, or the same one decided again."""
+        """Identity for change detection: it differs for another survey and for the same survey decided again."""
         return self.uuid, self.decided_ns
 
     @property
     def gyro_share(self) -> float | None:
-        """Share of the gyro in the azimuth, 0 to 1; None where it is not known."""
+        """Share of the gyro in the azimuth, 0 to 1; None if unknown."""
         return self.source.gyro_share if self.source.known else None
 
 
 def accepted_surveys(surveys: SurveyList, last: int = LAST) -> tuple[AcceptedSurvey, ...]:
-    """The stations in use on the current leg and its parents, oldest measurement first, at most so many of the last."""
+    """Return the last stations in use on the current leg and its parents, oldest first, at most `last` of them."""
     path = surveys.definitive()
     places = {sequence: k for k, sequence in enumerate(path.sequence) if sequence}
     used = sorted(
@@ -138,7 +139,7 @@ def _assumed(path: Definitive, k: int) -> frozenset[str]:
 
 
 def _uncorrected(s: Survey) -> float | None:
-    """Azimuth from magnetic north of the method without correction; that of the survey where no other was made."""
+    """Return the magnetic azimuth without correction; the survey's azimuth if no correction was made; else None."""
     for estimate in s.azimuths:
         if estimate.method == AzimuthMethod.RAW and estimate.sigma >= 0.0:
             return s.turned(estimate.azimuth, North(estimate.north), North.MAGNETIC)
@@ -147,7 +148,7 @@ def _uncorrected(s: Survey) -> float | None:
 
 def _remark(s: Survey, source: AzimuthSource, north: North) -> str:
     if s.azimuth_from(north) is None:
-        return "no azimuth of its own: that of the station above is used"
+        return "the survey has no azimuth; the azimuth of the station above is used"
     doubt = Status(s.status) & _UNCORRECTED
     if doubt and not source.corrected:
         return "the azimuth is not corrected for interference"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One value that the rig interfaces send: its number, and whether it may be acted upon."""
+"""A value sent by the rig interfaces: its number, and whether it may be used for control."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import enum
 
 
 class Condition(enum.Enum):
-    """Whether a value may be acted upon, from best to worst; the words people read."""
+    """Usability of a value, from best to worst; the value of each member is its text for users."""
 
     GOOD = "good"
     OVERRIDE = "override"
@@ -21,16 +21,17 @@ class Condition(enum.Enum):
 
     @property
     def usable(self) -> bool:
-        """True where the number is a current one."""
+        """Whether the number is a current value."""
         return self in (Condition.GOOD, Condition.OVERRIDE, Condition.DOUBTFUL)
 
 
 @dataclasses.dataclass(frozen=True)
 class RigValue:
     """
-    One value. stamp_ns: of the measurement, 0 where there never was one; age, s, None then; sigma: 1 sigma or None.
+    One value for the rig, with its condition.
 
-    Where `condition` is not usable `value` is the last one known, or 0.
+    stamp_ns: time of the measurement, 0 if there was none; age: s, None if there was none; sigma: 1 sigma or None. If
+    `condition` is not usable, `value` is the last known one, or 0.
     """
 
     value: float = 0.0

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The values that the rig interfaces send, in one frozen table: each with its age, sigma and condition.
+Values that the rig interfaces send, in one frozen table, each with its age, sigma and condition.
 
-A value that is not good keeps the last number known and gives the reason; none is ever NaN. Units are SI and rad; each
-interface converts them to its own.
+A value that is not good keeps the last known number and gives the reason; no value is ever NaN. Units are SI and rad;
+each interface converts them.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from mwd_surface.signals.table import FROM_TOOL, OF_SURVEY, TO_RIG, page_fields
 from mwd_surface.surveys.survey_record import Verdict
 from mwd_surface.trajectory.advice import Advice
 
-# Reasons for the doubts that the signal table names.
+# Reasons for the doubts named in the signal table.
 _DOUBTS = {
-    Status.ROTATING: "the string rotates: the toolface is that of one moment",
+    Status.ROTATING: "the string rotates: the toolface is only a momentary value",
     Status.TOOLFACE_UNSETTLED: "the string has turned lately: it may be sticking",
     Status.MAG_DISTURBED: "the magnetic field is off its reference",
     Status.CORRECTION_REFUSED: "interference cannot be corrected at this attitude",
@@ -44,11 +44,11 @@ _DOUBTS = {
 @dataclasses.dataclass(frozen=True)
 class RigValues:
     """
-    Everything an interface may send, as of made_ns.
+    All values that an interface may send, at the time made_ns.
 
-    heartbeat: seconds of a steady clock, so that a watcher sees it stand still. values: of every name in
-    the signal table. surveys: the accepted ones, oldest measurement first. alarms: newest first. circulating, in_slips:
-    None where the rig does not say. mode: of the toolface in force, GRAVITY or MAGNETIC.
+    heartbeat: seconds of a steady clock; it stands still if the node hangs. values: value of every name in the signal
+    table. surveys: accepted ones, oldest measurement first. alarms: newest first. circulating, in_slips: None if the
+    rig does not report it. mode: mode of the toolface in force, GRAVITY or MAGNETIC.
     """
 
     made_ns: int
@@ -73,12 +73,12 @@ class RigValues:
 
     @property
     def survey(self) -> AcceptedSurvey | None:
-        """The accepted survey of the latest measurement; None before the first."""
+        """Accepted survey with the latest measurement; None before the first."""
         return self.surveys[-1] if self.surveys else None
 
     @property
     def toolface(self) -> RigValue:
-        """The toolface in force."""
+        """Toolface in force."""
         return self.values["gravity_toolface" if self.mode == GRAVITY else "magnetic_toolface"]
 
 
@@ -92,20 +92,20 @@ def rig_values(
     previous: RigValues | None = None,
 ) -> RigValues:
     """
-    Return the values of a moment; they depend on the arguments alone.
+    Return the present values; the result depends on the arguments only.
 
     Parameters
     ----------
     state : WellState
-        What is known of the well; the page shows the same.
+        State of the well, the same as on the page.
     surveys : sequence of AcceptedSurvey
-        `survey.accepted_surveys` of the list in force.
+        Result of `survey.accepted_surveys` for the list in force.
     now_ns : int
-        Time of the node, ns.
+        Present time of the node, ns.
     active, simulated : bool
-        Whether the node is active, and whether the tool is a simulation.
+        Whether the node is active, and whether the tool is simulated.
     previous : RigValues, optional
-        The values before: a toolface that is not defined at present keeps its last value from them.
+        Values before these; a toolface that is undefined at present keeps its last value from them.
     """
     values = _live_values(state, now_ns)
     for name in ("gravity_toolface", "magnetic_toolface"):
@@ -145,7 +145,7 @@ def rig_values(
 
 
 def silenced(values: RigValues, age: float, reason: str) -> RigValues:
-    """The table when nothing new came for so long, s: nothing in it may be acted upon any more; heartbeat stands."""
+    """Return the values marked unusable after `age` s without new values; the heartbeat does not advance."""
     old = {
         name: dataclasses.replace(
             v,
@@ -159,7 +159,7 @@ def silenced(values: RigValues, age: float, reason: str) -> RigValues:
 
 
 def nothing_yet(now_ns: int = 0) -> RigValues:
-    """The table before anything is known."""
+    """Return the values before any data."""
     return RigValues(now_ns, 0, {signal.name: RigValue() for signal in TO_RIG}, active=False)
 
 
@@ -186,7 +186,7 @@ def _live_values(state: WellState, now_ns: int) -> dict[str, RigValue]:
 
 
 def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:
-    """Return whether data of the sonde arrives now, and whether any ever did."""
+    """Return whether data of the sonde arrive now, and whether any ever arrived."""
     for stream in ("sonde", "estimator"):
         state = links[stream].state
         if state != Freshness.NO_DATA:
@@ -195,10 +195,10 @@ def _link(links: Mapping[str, StreamState]) -> tuple[bool, bool]:
 
 
 def _of_value(value: LiveValue, state: WellState, now_ns: int, stamp_ns: int | None = None) -> RigValue:
-    """Return a value with the age of its measurement; stamp_ns: of the sample, which no link brought."""
+    """Return a value with the age of its measurement; stamp_ns: stamp of a sample that did not come over a link."""
     age = value.measured_age(state.now)
     if value.value is None or value.age is None or age is None:
-        return RigValue(reason=value.reason or "none came yet")
+        return RigValue(reason=value.reason or "no data yet")
     live = value.state == Freshness.LIVE
     return RigValue(
         value.value,
@@ -212,7 +212,7 @@ def _of_value(value: LiveValue, state: WellState, now_ns: int, stamp_ns: int | N
 
 def _of_angle(angle: Angle | None, stamp_ns: int | None, stream: StreamState, now_ns: int) -> RigValue:
     if stamp_ns is None or stream.age is None:
-        return RigValue(reason="none came yet")
+        return RigValue(reason="no data yet")
     if angle is None:
         return RigValue(reason="not defined at this attitude")
     live = stream.state == Freshness.LIVE
@@ -227,7 +227,7 @@ def _of_angle(angle: Angle | None, stamp_ns: int | None, stream: StreamState, no
 
 
 def _held(value: RigValue, before: RigValue | None, now_ns: int) -> RigValue:
-    """The value, or what it was the last time it was defined."""
+    """Return the value, or its last defined value if it is undefined now."""
     if value.condition != Condition.WAITING or before is None or before.stamp_ns == 0:
         return value
     age = max(0.0, (now_ns - before.stamp_ns) / NANOSECONDS)
@@ -235,9 +235,9 @@ def _held(value: RigValue, before: RigValue | None, now_ns: int) -> RigValue:
 
 
 def _judged(signal: Signal, value: RigValue, status: Status, *, lost: bool) -> RigValue:
-    """Return the value with the condition that the link to the sonde and the status of the estimator give it."""
+    """Return the value with the condition that follows from the sonde link and the estimator status."""
     if lost:
-        return dataclasses.replace(value, condition=Condition.NO_LINK, reason="nothing comes from the sonde")
+        return dataclasses.replace(value, condition=Condition.NO_LINK, reason="no data from the sonde")
     if status & Status.SENSOR_FAULT:
         return dataclasses.replace(value, condition=Condition.FAULT, reason="a sensor is judged faulty")
     if value.condition != Condition.GOOD:
@@ -251,7 +251,7 @@ def _judged(signal: Signal, value: RigValue, status: Status, *, lost: bool) -> R
 
 
 def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigValue]:
-    """Values of the quantities that a survey has, by their names; now_ns: time of the node."""
+    """Return the survey quantities by name, as values for the rig; now_ns: present time of the node."""
     if survey is None:
         return {signal.name: RigValue(reason="no survey is accepted yet") for signal in OF_SURVEY}
     age = max(0.0, (now_ns - survey.stamp_ns) / NANOSECONDS)
@@ -262,11 +262,11 @@ def survey_values(survey: AcceptedSurvey | None, now_ns: int) -> dict[str, RigVa
     for signal in OF_SURVEY:
         name, value = signal.name, getattr(survey, signal.field)
         if value is None or not math.isfinite(value):
-            values[name] = RigValue(stamp_ns=0, reason="not known of this survey")
+            values[name] = RigValue(stamp_ns=0, reason="not known for this survey")
             continue
         sigma = getattr(survey, f"sigma_{signal.field}") if signal.sigma else None
-        condition, reason = whole, "in use on a person's word" if survey.overridden else ""
-        # A position that rests on an assumption stays uncertain even if a person accepts the survey.
+        condition, reason = whole, "accepted by a person" if survey.overridden else ""
+        # A position that rests on an assumption stays doubtful even if a person accepts the survey.
         if signal.field in survey.assumed:
             condition, reason = Condition.DOUBTFUL, f"assumed: {survey.assumption}"
         elif name == "survey_azimuth" and survey.remark and whole == Condition.GOOD:

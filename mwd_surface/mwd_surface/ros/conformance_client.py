@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Conformance over ROS: the topics and services of docs/rig/control.md, each client with a key of its own."""
+"""Conformance test over ROS with the topics and services of docs/rig/control.md; each client has its own key."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from mwd_surface.control.status import Judgement
 from mwd_surface.ros.controller import Controller
 
 _DISCOVERY_S, _ANSWER_S = 30.0, 30.0
-_SEEN_S = 1.0  # a set-point that is taken or refused is seen in the state after a tenth of that
+_SEEN_S = 1.0  # the state shows an accepted or refused set-point within a tenth of this time
 
 
 class RosConformance:
     """
-    An authority on the graph under test, and the person at the rig.
+    Control authority on a graph as the interface under test, and the person at the rig.
 
     Parameters
     ----------
     domain : int
-        Of the middleware.
+        Domain of the middleware.
     namespace : str
-        Of the well.
+        Namespace of the well.
 
     Raises
     ------
     ValueError
-        Nobody answers there.
+        No control authority answers there.
     """
 
     name, largest, lag_s = "ROS", 2**32 - 1, 0.0
@@ -63,7 +63,7 @@ class RosConformance:
                 self.close()
                 raise ValueError(f"no control authority answers in namespace {namespace} of domain {domain}")
             time.sleep(0.1)
-        time.sleep(0.5)  # the server finds its clients independently
+        time.sleep(0.5)  # wait until the server has discovered its clients too
 
     def _spin(self) -> None:
         try:
@@ -72,7 +72,7 @@ class RosConformance:
             return
 
     def answer(self, asked: Any) -> Any:
-        """Wait for the answer of a service."""
+        """Wait for the answer of a service and return it."""
         end = time.monotonic() + _ANSWER_S
         while not asked.done():
             if time.monotonic() > end:
@@ -81,17 +81,17 @@ class RosConformance:
         return asked.result()
 
     def peer(self, number: int) -> RosPeer:
-        """Return one of the clients."""
+        """Return a client."""
         return self._peers[number]
 
     @property
     def state(self) -> Any:
-        """The newest state of control."""
+        """Newest state of control."""
         del self._states[:-1]
         return self._states[-1][1]
 
     def view(self) -> View:
-        """Return the public state, from a message that was received after this call."""
+        """Return the public state from a message received after this call."""
         asked = time.monotonic()
         while self._states[-1][0] < asked and time.monotonic() < asked + _SEEN_S:
             time.sleep(0.01)
@@ -110,7 +110,7 @@ class RosConformance:
         return bool(self.answer(self._judge.call_async(srv.JudgeControl.Request(**fields))).success)
 
     def attacks(self) -> list[tuple[str, str, Callable[[Bench], tuple[bool, str]]]]:
-        """Return cases of this interface alone."""
+        """Return the cases that exist for this interface only."""
         return [
             ("a set-point that is not signed", "refused", self._unsigned),
             ("a set-point that was changed after it was signed", "refused", self._changed),
@@ -194,7 +194,7 @@ class RosConformance:
 
 
 class RosPeer:
-    """One controller, with its key."""
+    """One controller with its key."""
 
     def __init__(self, interface: RosConformance, name: str) -> None:
         self._interface = interface
@@ -202,15 +202,15 @@ class RosPeer:
 
     @property
     def ready(self) -> bool:
-        """Whether the authority is there."""
+        """Whether the authority is available."""
         return self._controller.ready
 
     def sealed(self, command: Any) -> Any:
-        """Return a sealed command that is not sent."""
+        """Return a sealed command without sending it."""
         return self._controller.sealed(command)
 
     def publish(self, sealed: Any) -> None:
-        """Send a message as it is."""
+        """Send a message unchanged."""
         self._controller.publish(copy.deepcopy(sealed))
 
     def ask(self, wish: Wish) -> Answer:
@@ -224,7 +224,7 @@ class RosPeer:
         return Answer(answer.permission, answer.lease, answer.message)
 
     def send(self, lease: int, sequence: int, point: Point) -> bool:
-        """Send a set-point, and look whether it comes into force."""
+        """Send a set-point, and return whether it comes into force."""
         self.publish(self.sealed(_command(lease, sequence, point)))
         if sequence == 0:
             return True

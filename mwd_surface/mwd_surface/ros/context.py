@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every part of the surface node uses."""
+"""Objects that all parts of the surface node share."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from mwd_surface.live.well_context import WellContext
 from mwd_surface.live.well_state import WellState
 from mwd_surface.ros.worker import BackgroundWorker, RequestQueue
 
-_JUMP_NS = NANOSECONDS // 10  # the clocks of a machine are set, not slewed, where they part by more
+_JUMP_NS = NANOSECONDS // 10  # a larger difference means that the wall clock was set, not slewed
 
 
 class SteadyTime:
-    """Time since the epoch that nobody sets: the wall clock of its begin, carried on by the steady clock."""
+    """Time since the epoch that is never set: the wall clock at the start, continued by the steady clock."""
 
     def __init__(self) -> None:
         self._ahead_ns = time.time_ns() - time.monotonic_ns()
@@ -30,7 +30,7 @@ class SteadyTime:
         return time.monotonic_ns() + self._ahead_ns
 
     def of(self, wall_ns: int) -> int:
-        """Return the time of a moment just past, ns, that the wall clock had as `wall_ns`."""
+        """Return the time, ns, of a recent moment at which the wall clock showed `wall_ns`."""
         return wall_ns + self._shift_ns()
 
     def wall_of(self, steady_ns: int) -> int:
@@ -45,20 +45,20 @@ class SteadyTime:
 @dataclasses.dataclass(frozen=True)
 class SurfaceContext:
     """
-    The surface node and what its parts share.
+    The surface node and the objects that its parts share.
 
     Attributes
     ----------
     node : GraphNode
-        Creates topics and services, and logs.
+        Node that creates topics and services, and logs.
     folder : Path
-        Of the well: recordings, survey list and exports.
+        Folder of the well: recordings, survey list and exports.
     well : WellContext
         Clock, live state and alarm log of the well.
     worker : BackgroundWorker
-        Runs slow work in another thread.
+        Worker that runs slow work in another thread.
     requests : RequestQueue
-        Requests of page and rig interfaces, carried out in the node's thread.
+        Queue of requests of page and rig interfaces, which run in the node's thread.
     """
 
     node: GraphNode[Any]
@@ -69,23 +69,23 @@ class SurfaceContext:
 
     @property
     def live(self) -> LiveState:
-        """The well as page and rig interfaces see it."""
+        """State of the well for page and rig interfaces."""
         return self.well.live
 
     @property
     def alarm_log(self) -> AlarmLog:
-        """Alarms and events."""
+        """Log of alarms and events."""
         return self.well.alarm_log
 
     @property
     def well_now(self) -> float:
-        """Time of the live state, s; other than the steady clock of the machine, by which controllers are timed."""
+        """Time of the live state, s; not the machine's steady clock, by which controllers are timed."""
         return self.well.clock.now
 
     def state(self) -> WellState:
-        """Return what is known of the well."""
+        """Return the state of the well."""
         return self.live.at(self.well_now)
 
     def now_ns(self) -> int:
-        """Time of the graph, ns."""
+        """Return the time of the graph, ns."""
         return int(self.node.get_clock().now().nanoseconds)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller's side of control on the graph: it asks, sends set-points and heartbeats, and gives back, sealed."""
+"""Controller's side of rig control on the graph: requests, set-points, heartbeats and release, all sealed."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from mwd_surface.ros.seal import Sealer
 
 class Controller:
     """
-    Entities of one controller on a node.
+    ROS entities of one controller on a node.
 
     Parameters
     ----------
     node : rclpy.node.Node
     name : str
-        Of the controller, as people see it.
+        Name of the controller for people.
     private_key : bytes, optional
-        Of 32 bytes; a controller that keeps it in a file is the same one after a restart.
+        Key of 32 bytes; with a key kept in a file, a controller keeps its identity over a restart.
 
     Attributes
     ----------
     lease : int
-        Number under which set-points are sent; 0: none. The caller sets it from the answer to `ask`.
+        Lease number for set-points; 0: none. The caller sets it from the answer to `ask`.
     """
 
     def __init__(self, node: Any, name: str, private_key: bytes | None = None) -> None:
@@ -39,38 +39,38 @@ class Controller:
 
     @property
     def ready(self) -> bool:
-        """Whether the authority is there."""
+        """Whether the authority is available."""
         return bool(self._request.service_is_ready() and self._commands.get_subscription_count())
 
     def ask(self, **wish: Any) -> Any:
-        """Ask for control, or prolong the lease; wish: fields of RequestControl. Returns the future of the answer."""
+        """Ask for control, or prolong the lease; wish: fields of RequestControl. Return the future of the answer."""
         wanted = srv.RequestControl.Request(controller=self.name, **wish)
         return self._request.call_async(self._sealer.seal(self._names[0], wanted))
 
     def command(self, command: Any) -> None:
-        """Send a set-point, a RigCommand, under the next number of the lease."""
+        """Send a set-point (RigCommand) with the next number of the lease."""
         self.sequence += 1
         command.lease, command.sequence = self.lease, self.sequence
         self.send(command)
 
     def heartbeat(self) -> None:
-        """Say that the controller lives: what it asked for stays valid for its time again."""
+        """Send a heartbeat, which restarts the validity of the set-points."""
         self.send(msg.RigCommand(lease=self.lease))
 
     def send(self, command: Any) -> None:
-        """Send a RigCommand with lease and sequence as they are."""
+        """Send a RigCommand with its lease and sequence unchanged."""
         self.publish(self.sealed(command))
 
     def sealed(self, command: Any) -> Any:
-        """Return a RigCommand with lease and sequence as they are, sealed."""
+        """Return a RigCommand, with its lease and sequence unchanged, sealed."""
         return self._sealer.seal(self._commands.topic_name, msg.SealedCommand(command=command))
 
     def publish(self, sealed: Any) -> None:
-        """Send a SealedCommand as it is."""
+        """Send a SealedCommand unchanged."""
         self._commands.publish(sealed)
 
     def release(self, reason: str = "") -> Any:
-        """Give the lease back; returns the future of the answer."""
+        """Give the lease back; return the future of the answer."""
         wanted = srv.ReleaseControl.Request(lease=self.lease, reason=reason)
         self.lease = self.sequence = 0
         return self._release.call_async(self._sealer.seal(self._names[1], wanted))

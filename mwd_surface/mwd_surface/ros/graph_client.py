@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A visitor to a running graph: calls services, reads and sets parameters, listens to topics, as `ros2` does.
+Client of a running graph: calls services, reads and sets parameters, listens to topics, as `ros2` does.
 
 Messages are plain tables here: field -> number, text, list or table.
 """
@@ -22,23 +22,23 @@ from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 
 from mwd_surface.ros.topics import message_class
 
-DISCOVERY_S = 5.0  # longest wait for what is named to appear
-_QUIET_S = 1.5  # without anything new, before a list counts as whole: discovery finds one thing after the other
+DISCOVERY_S = 5.0  # longest wait for a named topic, service or node to appear
+_QUIET_S = 1.5  # a list counts as complete after this time without additions, as discovery is gradual
 _CALL_S = 600.0
 _MUTUAL_DISCOVERY_S = 0.5  # client and server find each other independently
-# Services that every node has; they are listed only when asked for by name.
+# Types of services that every node has; they are listed only when asked for by name.
 _COMMON = ("rcl_interfaces/", "lifecycle_msgs/", "type_description_interfaces/")
 
 
 class GraphError(ValueError):
-    """What was named is not in the graph, or does not answer; the message says what is there."""
+    """Raised if a name is not in the graph or does not answer; the message suggests existing names."""
 
 
 class GraphClient:
     """
-    One visit.
+    Temporary node on a graph.
 
-    domain : of the middleware.
+    domain: domain of the middleware.
     """
 
     def __init__(self, domain: int) -> None:
@@ -59,30 +59,30 @@ class GraphClient:
         self.close()
 
     def services(self) -> dict[str, str]:
-        """Name and type of every service but those that each node has, and those that actions are made of."""
+        """Return name and type of every service, except those of every node and the parts of actions."""
         self.nodes()
         there = _settled(self._services).items()
         return {name: kind for name, kind in there if not kind.startswith(_COMMON) and "/_action/" not in name}
 
     def topics(self) -> dict[str, str]:
-        """Name and type of every topic."""
+        """Return name and type of every topic."""
         self.nodes()
         return _settled(self._topics)
 
     def nodes(self) -> list[str]:
-        """Full names of the nodes."""
+        """Return the full names of the nodes."""
         return list(_settled(lambda: dict.fromkeys(self._nodes(), "")))
 
     def call(self, service: str, fields: Mapping[str, Any]) -> dict[str, Any]:
         """
-        Call a service and return its response; the end of a name is enough where only one service has it.
+        Call a service and return its response; the end of a name is enough if only one service has it.
 
         Raises
         ------
         GraphError
-            No such service, or no answer.
+            There is no such service, or no answer.
         ValueError
-            A field that the request does not have, or a value of another type.
+            The request does not have a field, or a value has another type.
         """
         name, kind = self._found(service, self._services, "service")
         package, _, type_name = kind.partition("/srv/")
@@ -92,12 +92,12 @@ class GraphClient:
 
     def listen(self, topic: str, seconds: float) -> Iterator[tuple[float, dict[str, Any]]]:
         """
-        Messages of a topic, each with its time of arrival, s, for so long; inf: until the caller stops.
+        Yield the messages of a topic with their time of arrival, s, for a time; inf: until the caller stops.
 
         Raises
         ------
         GraphError
-            No such topic, or a type whose package is not installed.
+            There is no such topic, or the package of its type is not installed.
         """
         name, kind = self._found(topic, self._topics, "topic")
         made = message_class(kind)
@@ -105,7 +105,7 @@ class GraphClient:
             raise GraphError(f"{name} is a {kind}, whose package is not installed for this Python")
         waiting: list[tuple[float, Any]] = []
         offered = self._node.get_publishers_info_by_topic(name)
-        # As the publisher offers it: a latched topic gives what was published before.
+        # Use the publisher's durability, so that a latched topic delivers its earlier message.
         profile = QoSProfile(depth=100, reliability=QoSReliabilityPolicy.BEST_EFFORT)
         if offered and all(one.qos_profile.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL for one in offered):
             profile.reliability = QoSReliabilityPolicy.RELIABLE
@@ -119,7 +119,7 @@ class GraphClient:
             waiting.clear()
 
     def parameters(self, node: str) -> dict[str, Any]:
-        """Parameters of a node, the end of whose name is enough; raises GraphError where there is no such node."""
+        """Return the parameters of a node, named by the end of its name; GraphError if there is no such node."""
         full = self._node_named(node)
         listed = self._called(ListParameters, f"{full}/list_parameters", ListParameters.Request())
         names = sorted(listed.result.names)
@@ -127,7 +127,7 @@ class GraphClient:
         return {name: parameter_value_to_python(v) for name, v in zip(names, got.values, strict=True)}
 
     def describe(self, node: str, name: str) -> str:
-        """What a parameter means."""
+        """Return the description of a parameter."""
         request = DescribeParameters.Request(names=[name])
         found = self._called(DescribeParameters, f"{self._node_named(node)}/describe_parameters", request)
         return str(found.descriptors[0].description) if found.descriptors else ""
@@ -139,7 +139,7 @@ class GraphClient:
         Raises
         ------
         GraphError
-            No such node or parameter, or the node refuses the value: with its reason.
+            There is no such node or parameter, or the node refuses the value; the message gives the reason.
         """
         before = self.parameters(node)
         if name not in before:
@@ -159,7 +159,7 @@ class GraphClient:
         client = self._node.create_client(made, name)
         if not client.wait_for_service(DISCOVERY_S):
             raise GraphError(f"{name} does not answer: is the node alive?")
-        # An answer is lost while the server has not discovered this client's reader, which no call can ask for.
+        # A reply is lost until the server has discovered this client's reader, and that cannot be queried, so wait.
         time.sleep(_MUTUAL_DISCOVERY_S)
         future = client.call_async(request)
         rclpy.spin_until_future_complete(self._node, future, timeout_sec=_CALL_S)
@@ -168,7 +168,7 @@ class GraphClient:
         return future.result()
 
     def _found(self, wanted: str, there: Callable[[], dict[str, str]], what: str) -> tuple[str, str]:
-        """Full name and type of what is named, by its whole name or the end of it; waits for it to appear."""
+        """Return full name and type of an item, named by its full name or the end of it; wait until it appears."""
         end = time.monotonic() + DISCOVERY_S
         names: dict[str, str] = {}
         while time.monotonic() < end:
@@ -199,7 +199,7 @@ class GraphClient:
 
 
 def _settled(there: Callable[[], dict[str, str]]) -> dict[str, str]:
-    """What is there, once something is and nothing has been added lately, or the wait is over."""
+    """Return the items once some exist and none was added lately, or when the wait is over."""
     end, changed_at, found = time.monotonic() + DISCOVERY_S, time.monotonic(), there()
     while time.monotonic() < end and (not found or time.monotonic() - changed_at < _QUIET_S):
         time.sleep(0.1)
@@ -210,7 +210,7 @@ def _settled(there: Callable[[], dict[str, str]]) -> dict[str, str]:
 
 
 def plain(message: Any) -> Any:
-    """A message as a table of numbers, texts, lists and tables."""
+    """Convert a message to tables, lists, numbers and texts."""
     if hasattr(message, "get_fields_and_field_types"):
         return {name: plain(getattr(message, name)) for name in message.get_fields_and_field_types()}
     if hasattr(message, "tolist"):
@@ -222,25 +222,25 @@ def plain(message: Any) -> Any:
 
 def filled(made: type[Any], fields: Mapping[str, Any]) -> Any:
     """
-    A message of this class with fields of a table set, and all others as they are by default.
+    Return a message of this class with the fields of a table set, and defaults elsewhere.
 
     Raises
     ------
     ValueError
-        A field that it does not have (with the near misses), or a value of another type.
+        The message does not have a field (similar names are given), or a value has another type.
     """
-    # Without the check a value of another type shows only as it is sent, as an error of the middleware.
+    # Without this check a wrong type would be noticed only when sending, as an error of the middleware.
     message = made(check_fields=True)
     kinds = message.get_fields_and_field_types()
     for name, value in fields.items():
         if name not in kinds:
-            raise ValueError(f"{name}: no such field; there are {', '.join(kinds) or 'none'}")
+            raise ValueError(f"{name}: unknown field; the fields are {', '.join(kinds) or 'none'}")
         before = getattr(message, name)
         if isinstance(before, (bool, int, str)) and type(value) is not type(before):
-            raise ValueError(f"{name}: {value!r} is no {kinds[name]}")
+            raise ValueError(f"{name}: {value!r} is not of type {kinds[name]}")
         try:
             if isinstance(value, str):
-                # A shell may hand over bytes that are no text.
+                # A shell may pass bytes that are not valid text.
                 value.encode()
             if isinstance(value, Mapping):
                 setattr(message, name, filled(type(before), value))
@@ -249,7 +249,7 @@ def filled(made: type[Any], fields: Mapping[str, Any]) -> Any:
             else:
                 setattr(message, name, value)
         except (AssertionError, TypeError, AttributeError, ValueError, OverflowError) as error:
-            raise ValueError(f"{name}: {value!r} is no {kinds[name]}") from error
+            raise ValueError(f"{name}: {value!r} is not of type {kinds[name]}") from error
     return message
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a link gave, as messages of the graph."""
+"""Conversion of a link's output to messages of the graph."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STATUS = {BELIEVED: msg.LinkWord.BELIEVED, "by_consistency": msg.LinkWord.BY_CO
 
 
 def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_of: StampOf) -> msg.LinkWord:
-    """Word as mwd_msgs/LinkWord; stamp_of: stamp, ns, of a time on the clock of the pressure, s."""
+    """Return a word as mwd_msgs/LinkWord; stamp_of: stamp, ns, of a time on the clock of the pressure, s."""
     factor = meanings.factor(word.unit)
     item = item_of(word, tool)
     message = msg.LinkWord(
@@ -34,7 +34,7 @@ def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_o
         name=word.name,
         bits=item.bits,
         raw=word.raw,
-        # Of a word without measurement: it is erased, and nothing on the way has to carry what is no number.
+        # A word without measurement is erased; 0 is sent so that no consumer needs to handle NaN.
         value=0.0 if math.isnan(word.value) else word.value * factor,
         unit=meanings.si_unit(word.unit),
         confidence=min(max(word.confidence, 0.0), 1.0),
@@ -52,7 +52,7 @@ def word_message(word: ReceivedWord, tool: ToolConfiguration, link: str, stamp_o
 
 
 def frame_message(frame: FrameReport, words: list[ReceivedWord], link: str, stamp_of: StampOf) -> msg.LinkFrame:
-    """Pass of a sequence as mwd_msgs/LinkFrame; words: the final ones of it."""
+    """Return a pass of a sequence as mwd_msgs/LinkFrame; words: its final words."""
     message = msg.LinkFrame(
         link=link,
         kind=_KINDS[frame.kind],
@@ -60,7 +60,7 @@ def frame_message(frame: FrameReport, words: list[ReceivedWord], link: str, stam
         words=len(words),
         believed=sum(word.status == BELIEVED for word in words),
         complete=not frame.reason,
-        # Of a serial line there is none.
+        # A serial line has no Eb/N0.
         ebn0_db=frame.ebn0_db if math.isfinite(frame.ebn0_db) else 0.0,
         clock_error=frame.clock_error,
         reason=frame.reason,
@@ -71,7 +71,7 @@ def frame_message(frame: FrameReport, words: list[ReceivedWord], link: str, stam
 
 
 def quality_message(quality: Quality, link: str, stamp_ns: int) -> msg.LinkQuality:
-    """State of a link as mwd_msgs/LinkQuality."""
+    """Return the state of a link as mwd_msgs/LinkQuality."""
     message = msg.LinkQuality(
         link=link,
         state=quality.state,
@@ -97,7 +97,7 @@ def quality_message(quality: Quality, link: str, stamp_ns: int) -> msg.LinkQuali
 
 
 def survey_message(survey: Survey, frame_id: str) -> msg.Survey:
-    """Survey of a link as mwd_msgs/Survey."""
+    """Return a survey of a link as mwd_msgs/Survey."""
     message = msg.Survey()
     fill_survey(message, survey, msg.AzimuthEstimate)
     message.header.frame_id = frame_id

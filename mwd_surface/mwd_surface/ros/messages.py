@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of what the surface tells: survey list, path, alarms, events, inputs, advice, state of the recorder."""
+"""Messages of the surface: survey list, path, alarms, events, inputs, advice, state of the recorder."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from mwd_surface.trajectory.well_path import Definitive
 
 
 def record_message(record: SurveyRecord) -> msg.SurveyRecord:
-    """Message of a line of the survey list."""
+    """Return the message of a line of the survey list."""
     message = msg.SurveyRecord()
     fill_record(message, record, msg.AzimuthEstimate)
     return message
 
 
 def list_message(surveys: SurveyList, frame_id: str) -> msg.SurveyList:
-    """Message of the whole list."""
+    """Return the message of the whole list."""
     message = msg.SurveyList()
     message.header.frame_id = frame_id
     fill_list(message, surveys, msg.SurveyRecord, msg.AzimuthEstimate, msg.Leg, msg.Remark)
@@ -39,7 +39,7 @@ def list_message(surveys: SurveyList, frame_id: str) -> msg.SurveyList:
 
 
 def trajectory_message(path: Definitive, changed_ns: int, frame_id: str) -> msg.Trajectory:
-    """Message of the well path."""
+    """Return the message of the well path."""
     message = msg.Trajectory()
     message.header.frame_id = frame_id
     fill_trajectory(message, path, changed_ns)
@@ -47,7 +47,7 @@ def trajectory_message(path: Definitive, changed_ns: int, frame_id: str) -> msg.
 
 
 def path_message(path: Definitive, changed_ns: int, frame_id: str) -> Path:
-    """Convert the well path to nav_msgs/Path in east-north-up, x of each pose down-hole."""
+    """Return the well path as nav_msgs/Path in east-north-up, with x of each pose downhole."""
     message = Path()
     message.header.stamp = stamp(changed_ns)
     message.header.frame_id = frame_id
@@ -62,7 +62,7 @@ def path_message(path: Definitive, changed_ns: int, frame_id: str) -> Path:
 
 
 def alarm_message(alarm: Alarm) -> msg.Alarm:
-    """Message of an alarm."""
+    """Return the message of an alarm."""
     return msg.Alarm(
         raised=stamp(alarm.raised_ns),
         last=stamp(alarm.last_ns),
@@ -78,7 +78,7 @@ def alarm_message(alarm: Alarm) -> msg.Alarm:
 
 
 def recorder_message(status: RecorderStatus, now: Time, streams: Mapping[str, int]) -> msg.RecorderStatus:
-    """Message of the recorder's state; streams: first stamp, ns, of each topic of samples that is recorded."""
+    """Return the message of the recorder's state; streams: first stamp, ns, of each recorded topic of samples."""
     message = msg.RecorderStatus(
         state=int(status.state),
         path=str(status.path or ""),
@@ -96,14 +96,14 @@ def recorder_message(status: RecorderStatus, now: Time, streams: Mapping[str, in
 
 
 def event_message(event: Event) -> msg.Event:
-    """Message of a line of the log."""
+    """Return the message of a line of the log."""
     message = msg.Event(kind=event.kind, source=event.source, text=event.text, severity=event.severity)
     message.header.stamp = stamp(event.stamp_ns)
     return message
 
 
 def inputs_message(table: InputTable) -> msg.InputList:
-    """Message of the inputs, without its header."""
+    """Return the message of the inputs, without its header."""
 
     def known(value: float | None) -> float:
         return -1.0 if value is None else value
@@ -131,7 +131,7 @@ def inputs_message(table: InputTable) -> msg.InputList:
 
 
 def advice_message(advice: Advice) -> msg.SteeringAdvice:
-    """Message of an advice, without its header."""
+    """Return the message of an advice, without its header."""
 
     def known(value: float | None) -> float:
         return -1.0 if value is None else value

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of all nodes of a well as tables for a recording, so that it can be processed again as it was."""
+"""Parameters of all nodes of a well as tables in a recording, so that it can be processed again with them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SECRETS = ("token", "password")
 
 class ParameterTables:
     """
-    Requests the parameters of the other nodes of the well as soon as these nodes exist.
+    Collector of the parameters of the other nodes of a well.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class ParameterTables:
         self._new: list[str] = []
 
     def open(self) -> None:
-        """Open the clients."""
+        """Create the service clients."""
         self._clients = {
             other: (
                 self._node.add_client(ListParameters, f"{other}/list_parameters"),
@@ -44,11 +44,11 @@ class ParameterTables:
         }
 
     def request(self) -> None:
-        """Request the parameters of nodes that exist and have not been asked; called once a second."""
+        """Request the parameters of nodes that exist and have not been asked yet; called once per second."""
         for other, (names, values) in self._clients.items():
             if other in self._tables or not (names.service_is_ready() and values.service_is_ready()):
                 continue
-            # An empty table until the response comes, so that no node is asked twice.
+            # Store an empty table until the response comes, so that no node is asked twice.
             self._tables[other] = {}
             names.call_async(ListParameters.Request()).add_done_callback(
                 lambda done, other=other, values=values: self._listed(other, values, done)
@@ -66,20 +66,20 @@ class ParameterTables:
         self._new.append(other)
 
     def own(self) -> dict[str, str]:
-        """Parameters of the node itself."""
+        """Return the parameters of the surface node itself."""
         return without_secrets({name: value for name, (value, _) in settings.flat(self._node.settings).items()})
 
     def tables(self) -> dict[str, dict[str, str]]:
-        """All tables, by their name in a recording."""
+        """Return all tables, by their name in a recording."""
         known = {f"parameters/{name}": table for name, table in self._tables.items() if table}
         return {f"parameters/{self._node.get_name()}": self.own(), **known}
 
     def value(self, node: str, name: str) -> Any:
-        """Value of one parameter of another node; None while it is not known."""
+        """Return a parameter of another node; None if it is not known yet."""
         return self._tables.get(node, {}).get(name)
 
     def take_new(self) -> dict[str, dict[str, str]]:
-        """Tables received since the last call; a running recording lacks them."""
+        """Return the tables received since the last call, which a running recording lacks."""
         new, self._new = self._new, []
         return {f"parameters/{name}": self._tables[name] for name in new}
 

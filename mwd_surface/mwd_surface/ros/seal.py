@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Seals: who sent a message on the graph, which rclpy does not tell.
+Seals that identify the sender of a message on the graph, because rclpy does not.
 
-A subscription of rclpy 7.1 is not told the GID of the publisher, nor a service that of its client, and a number that
-all can read is no proof. The owner of a lease is therefore known by a key of its own: it signs what it sends, and the
-lease is bound to the public key. A signature covers the name of the topic or service, a count that grows, and the
-content; what somebody else heard and sends again is refused.
+A subscription of rclpy 7.1 does not learn the GID of the publisher, nor a service that of its client, and a lease
+number that everyone can read proves nothing. The owner of a lease is therefore identified by its own key: it signs its
+messages, and the lease is bound to the public key. A signature covers the name of the topic or service, an increasing
+count, and the content; a message repeated by somebody else is refused.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
-_MOST_KEYS = 10_000  # whose last count is kept
+_MOST_KEYS = 10_000  # largest number of keys whose last count is kept
 _REMEDY = "see 'Who commands' in docs/rig/control.md"
 
 
 class SealError(ValueError):
-    """Message whose sender is not known; the text gives the reason."""
+    """Raised for a message whose sender is unknown; the text gives the reason."""
 
 
 def signed_bytes(name: str, count: int, sealed: Any) -> bytes:
     """
     Return the bytes that a seal signs.
 
-    Name of the topic or service, count, then each field of the message in order, without header and seal, those of an
-    inner message in its place: a text as its length (uint32) and UTF-8, a bool or integer as int64, a float as float64;
-    all little-endian.
+    They are: name of the topic or service, count, then each field of the message in order, without header and seal;
+    fields of an inner message are in its place. A text is its length (uint32) and UTF-8, a bool or integer is int64, a
+    float is float64, all little-endian.
     """
     return _text(name) + struct.pack("<Q", count) + b"".join(_content(sealed))
 
@@ -63,12 +63,12 @@ def _content(message: Any) -> list[bytes]:
 
 class Sealer:
     """
-    Seals the messages of one controller.
+    Signer of one controller's messages.
 
     Parameters
     ----------
     private_key : bytes, optional
-        Of 32 bytes, kept secret; by default a new one, so that nobody else, and no later run, has this identity.
+        Secret key of 32 bytes; by default a new one, so that nobody else, and no later run, has this identity.
     """
 
     def __init__(self, private_key: bytes | None = None) -> None:
@@ -79,8 +79,8 @@ class Sealer:
         self._count = 0
 
     def seal(self, name: str, message: Any) -> Any:
-        """Fill the field `seal` of a message for a topic or service, by its full name, and return the message."""
-        # The clock, so that the count grows over restarts of a controller that keeps its key.
+        """Fill the field `seal` of a message for a topic or service (full name), and return the message."""
+        # Use the clock, so that the count increases over restarts of a controller that keeps its key.
         self._count = max(self._count + 1, time.time_ns())
         signature = self._private.sign(signed_bytes(name, self._count, message))
         message.seal.key, message.seal.signature = (np.frombuffer(b, np.uint8) for b in (self._key, signature))
@@ -89,19 +89,19 @@ class Sealer:
 
 
 class SealChecker:
-    """Tells the senders of sealed messages; each message counts once."""
+    """Verifier of the senders of sealed messages; each message is accepted once."""
 
     def __init__(self) -> None:
         self._counts: collections.OrderedDict[bytes, int] = collections.OrderedDict()
 
     def key_of(self, name: str, message: Any) -> str:
         """
-        Return the public key of the sender, in hexadecimal digits.
+        Return the public key of the sender in hexadecimal digits.
 
         Raises
         ------
         SealError
-            The message has no seal, the seal is not of this content, or the message was received before.
+            The message has no seal, the seal does not match the content, or the message was received before.
         """
         seal = message.seal
         key, signature = bytes(seal.key), bytes(seal.signature)
@@ -110,9 +110,9 @@ class SealChecker:
         try:
             Ed25519PublicKey.from_public_bytes(key).verify(signature, signed_bytes(name, seal.count, message))
         except (InvalidSignature, ValueError) as error:
-            raise SealError(f"seal: the signature is not of this message by this key; {_REMEDY}") from error
+            raise SealError(f"seal: the signature does not match this message and key; {_REMEDY}") from error
         if seal.count <= self._counts.get(key, 0):
-            raise SealError(f"seal: count {seal.count} was used already: a message counts once; {_REMEDY}")
+            raise SealError(f"seal: count {seal.count} was already used: each message is accepted once; {_REMEDY}")
         self._counts[key] = seal.count
         self._counts.move_to_end(key)
         while len(self._counts) > _MOST_KEYS:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What each node of a well may do with DDS security (SROS2): its topics, services and actions, and nothing else.
+Rights of each node of a well with DDS security (SROS2): its topics, services and actions, and nothing else.
 
-The table is read from the running graph (`read_graph`) and kept in `security_policy.yaml`; a test compares the two.
+The table is read from a running graph (`read_graph`) and kept in `security_policy.yaml`; a test compares the two.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import yaml
 
 Table = dict[str, dict[str, list[str]]]
-"""By node and kind of `KINDS`: names relative to the well, or absolute where they are not of the well."""
+"""Names by node and kind of `KINDS`: relative to the well, or absolute if they are not of the well."""
 
 # Element, attribute and inner element of the policy file for each kind of access.
 KINDS = {
@@ -27,23 +27,23 @@ KINDS = {
     "call": ("actions", "call", "action"),
 }
 OPERATOR, CONTROLLER = "operator", "controller"
-"""Profiles of whoever calls services and looks at topics, as `ros2` and `mwd call` do, and of who steers by a lease."""
-# What a controller does beside looking: it holds the lease and asks for set-points.
+"""Profiles for clients that call services and read topics, as `ros2` and `mwd call` do, and for controllers."""
+# Rights of a controller in addition to reading: it holds the lease and sends set-points.
 _CONTROL = {"publish": ["control/command"], "request": ["release_control", "request_control"], "call": []}
 _FILE = Path(__file__).with_name("security_policy.yaml")
 
 
 def shipped() -> Table:
-    """Return the table that comes with the package."""
+    """Return the table shipped with the package."""
     table: Table = yaml.safe_load(_FILE.read_text(encoding="utf-8"))
     return table
 
 
 def read_graph(visitor: Any, nodes: Iterable[str]) -> Table:
     """
-    Read what nodes of a running graph have open.
+    Read the topics, services and actions that nodes of a running graph have open.
 
-    visitor : rclpy node on the same domain. nodes : full names.
+    visitor: rclpy node on the same domain. nodes: full names.
     """
     from rclpy.action.graph import get_action_client_names_and_types_by_node as action_clients
     from rclpy.action.graph import get_action_server_names_and_types_by_node as action_servers
@@ -64,14 +64,14 @@ def read_graph(visitor: Any, nodes: Iterable[str]) -> Table:
 
 
 def _relative(found: Iterable[tuple[str, list[str]]], space: str, node: str) -> list[str]:
-    """Names without the well; what actions are made of is covered by them."""
+    """Return names without the well; the parts of actions are left out, because rights to actions cover them."""
     names = {name.removeprefix(f"{space}/") if space else name for name, _ in found if "/_action/" not in name}
-    # A node's own services are written with a tilde, so that a node under another name keeps them.
+    # Write a node's own services with a tilde, so that they apply if the node has another name.
     return sorted(f"~/{name.removeprefix(f'{node}/')}" if name.startswith(f"{node}/") else name for name in names)
 
 
 def merged(first: Mapping[str, Mapping[str, list[str]]], second: Mapping[str, Mapping[str, list[str]]]) -> Table:
-    """Return what either table allows."""
+    """Return the union of two tables."""
     nodes = sorted({*first, *second})
     return {
         node: {
@@ -82,7 +82,7 @@ def merged(first: Mapping[str, Mapping[str, list[str]]], second: Mapping[str, Ma
 
 
 def missing(allowed: Mapping[str, Mapping[str, list[str]]], found: Mapping[str, Mapping[str, list[str]]]) -> list[str]:
-    """What a graph has open and the table does not allow, one sentence each."""
+    """Return a sentence for each item that a graph has open and the table does not allow."""
     return [
         f"{node} may not {kind} {name}"
         for node, kinds in found.items()
@@ -94,14 +94,14 @@ def missing(allowed: Mapping[str, Mapping[str, list[str]]], found: Mapping[str, 
 
 def policy_xml(table: Mapping[str, Mapping[str, list[str]]], well: str) -> str:
     """
-    Policy file of `ros2 security create_permission`, version 0.2.0, with an enclave for each node of a well.
+    Return a policy file for `ros2 security create_permission`, version 0.2.0, with an enclave for each node of a well.
 
-    well : namespace without slashes; empty: none.
+    well: namespace without slashes; empty: none.
 
     Raises
     ------
     ValueError
-        A well that is no name of ROS.
+        The well is not a valid ROS name.
     """
     if well and not all(part.isidentifier() for part in well.strip("/").split("/")):
         raise ValueError(f"well: must be a name of letters, digits and underscores, got {well!r}")
@@ -112,7 +112,7 @@ def policy_xml(table: Mapping[str, Mapping[str, list[str]]], well: str) -> str:
     controller = {**operator, **_CONTROL, "publish": operator["publish"] + _CONTROL["publish"]}
     for node, kinds in {**table, OPERATOR: operator, CONTROLLER: controller}.items():
         enclave = ET.SubElement(enclaves, "enclave", path=f"{space}/{node}")
-        # Visitors have names of their own: what they may is of their enclave.
+        # Visitors have names of their own; their rights follow from their enclave.
         profile = ET.SubElement(ET.SubElement(enclave, "profiles"), "profile", ns=space or "/", node=node)
         for kind, (element, attribute, inner) in KINDS.items():
             if kinds.get(kind):
@@ -124,7 +124,7 @@ def policy_xml(table: Mapping[str, Mapping[str, list[str]]], well: str) -> str:
 
 
 def _of_operator(table: Mapping[str, Mapping[str, list[str]]]) -> dict[str, list[str]]:
-    """Look at every topic, call every service and action of the nodes; publish nothing but one's own log."""
+    """Return the operator's rights: read all topics, call all services and actions, publish only its own log."""
 
     def of_nodes(kind: str) -> list[str]:
         names = {

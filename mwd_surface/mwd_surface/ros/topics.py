@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The topics of one well with their types and QoS profiles: what the surface node subscribes to and records."""
+"""Topics of one well with their types and QoS profiles, to which the surface node subscribes and which it records."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ OF_SURFACE = frozenset(
     }
 )
 
-# Topics of the tool; a surface that hears the tool through a telemetry link does not subscribe to them.
+# Topics of the tool; a surface that receives the tool over a telemetry link does not subscribe to them.
 OF_TOOL = (
     *("imu/data_raw", "imu/mag", "gyro/data_raw", "imu/burst", "gyro/burst", "imu/temperature", "truth", "tool/flow"),
     *("tool/transmission", "gravity", "attitude", "imu/data", "dynamics", "interference", "innovations", "survey"),
@@ -90,13 +90,13 @@ OF_TOOL = (
 
 
 def type_name(kind: Any) -> str:
-    """``package/msg/Name`` of a message class."""
+    """Return ``package/msg/Name`` of a message class."""
     package, _, _ = kind.__module__.partition(".")
     return f"{package}/msg/{kind.__name__}"
 
 
 def message_class(type_name: str) -> Any:
-    """Class of ``package/msg/Name``; None where the package is not installed."""
+    """Return the class of ``package/msg/Name``; None if the package is not installed."""
     package, _, name = type_name.partition("/msg/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name, None)
@@ -106,9 +106,9 @@ def message_class(type_name: str) -> Any:
 
 def profile_yaml(profile: QoSProfile) -> str:
     """
-    Write what a publisher offers of a profile as rosbag2 does into ``offered_qos_profiles``: a list of one, in YAML.
+    Return a publisher's offered profile as rosbag2 writes it to ``offered_qos_profiles``: a YAML list of one.
 
-    With deadline and lease, so that a replay serves subscriptions that ask for them.
+    It includes deadline and lease, so that a replay serves subscriptions that ask for them.
     """
     offer = offered(profile)
     table = qos_profile(offer.reliability.name.lower(), offer.durability.name.lower(), depth=offer.depth)
@@ -116,7 +116,7 @@ def profile_yaml(profile: QoSProfile) -> str:
         ("deadline", offer.deadline),
         ("liveliness_lease_duration", offer.liveliness_lease_duration),
     ):
-        # Zero stands for no limit, which the table has from the start.
+        # Zero means no limit, which is the table's default.
         if duration.nanoseconds:
             seconds, rest = divmod(duration.nanoseconds, NANOSECONDS)
             table[name] = {"sec": seconds, "nsec": rest}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Threads of the surface node: slow work in a background thread, and requests of other threads in the node's own."""
+"""Threads of the surface node: slow work in a background thread, requests of other threads in the node's thread."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from functools import partial
 from typing import Any
 
 Answer = tuple[bool, str]
-"""Whether a request succeeded, and a message."""
+"""Success of a request, and a message."""
 
 _Job = tuple[concurrent.futures.Future[Any], Callable[[Any], None]]
-_TIMEOUT_S = 12.0  # another thread waits this long for the node
+_TIMEOUT_S = 12.0  # longest wait of another thread for the node
 
 
 class BackgroundWorker:
-    """Runs slow jobs one at a time in a background thread; their callbacks run in the node's thread."""
+    """Runner of slow jobs, one at a time in a background thread; their callbacks run in the node's thread."""
 
     def __init__(self) -> None:
         self._executor = concurrent.futures.ThreadPoolExecutor(1, "surface-worker")
@@ -34,7 +34,7 @@ class BackgroundWorker:
         """
         Run `job` in the background; `callback` is called with its future in the node's thread.
 
-        writes: it writes a file that somebody asked for, so that the worker does not close in the midst of it.
+        writes: whether the job writes a file that somebody asked for, so that `close` waits for it.
         """
         future = self._executor.submit(job)
         self._jobs.append((future, callback))
@@ -43,30 +43,30 @@ class BackgroundWorker:
             future.add_done_callback(self._writing.discard)
 
     def run_callbacks(self) -> None:
-        """Call the callbacks of finished jobs; the node's timer calls this."""
+        """Call the callbacks of finished jobs; called by the node's timer."""
         finished: list[_Job] = []
         running: list[_Job] = []
         for entry in self._jobs:
-            # `done` is called once: a job that finishes between two calls must not be lost.
+            # Call `done` only once per job, so that a job that finishes in between is not lost.
             (finished if entry[0].done() else running).append(entry)
         self._jobs = running
         for job, callback in finished:
             callback(job)
 
     def close(self) -> None:
-        """Start no further jobs, and wait for one that writes a file; nobody takes what the others find any more."""
+        """Start no further jobs, and wait for jobs that write a file; results of other jobs are dropped."""
         self._executor.shutdown(wait=False, cancel_futures=True)
         concurrent.futures.wait(set(self._writing))
 
 
 class RequestQueue:
     """
-    Requests of the threads of page and rig interfaces, carried out in the node's thread.
+    Requests from the threads of page and rig interfaces, carried out in the node's thread.
 
     Parameters
     ----------
     handler : callable
-        `handler(name, arguments) -> (success, message)`, or a future of that; `run_requests` calls it.
+        `handler(name, arguments) -> (success, message)`, or a future of it; called by `run_requests`.
     """
 
     def __init__(self, handler: Callable[[str, dict[str, Any]], Answer | concurrent.futures.Future[Answer]]) -> None:
@@ -85,12 +85,12 @@ class RequestQueue:
             return False, "the surface node did not answer; try again"
 
     def run_requests(self) -> None:
-        """Carry out the requests that wait; the node's timer calls this."""
+        """Carry out the waiting requests; called by the node's timer."""
         while not self._queue.empty():
             name, arguments, answer = self._queue.get()
             try:
                 result = self._handler(name, arguments)
-            except Exception as error:  # noqa: BLE001  (the caller gets the error; the node goes on)
+            except Exception as error:  # noqa: BLE001  (the caller gets the error; the node continues)
                 answer.set_result((False, f"{name} failed inside the node: {error!r}"))
                 continue
             if isinstance(result, concurrent.futures.Future):

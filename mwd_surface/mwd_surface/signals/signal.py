@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A quantity of the surface: what it is, where it comes from, and its name in each protocol, file and page."""
+"""A quantity of the surface: its meaning, its source, and its name in each protocol, file and page."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from mwd_surface.signals.units import UNITS, Scale
 ESTIMATOR, RIG, BIT, PLAN, SURVEY, POSITION = "estimator", "rig", "bit", "plan", "survey", "position"  # sources
 CONTROL, ADVICE, INPUT, SURFACE = "control", "advice", "input", "surface"
 TYPES = ("Double", "UInt32", "Boolean", "String")
-_ON_PAPER = 2  # decimals
+_ON_PAPER = 2  # decimals in printed reports
 
 
 class Source(NamedTuple):
-    """What brings signals: topic or table, how often, and which of its values are valid. tool: it is down-hole."""
+    """Source of signals: topic or table, rate, and which values are valid; tool: whether it is downhole."""
 
     brings: str
     rate: str
@@ -43,11 +43,11 @@ SOURCES: dict[str, Source] = {
         "interference", "each estimate", "its sigma is not negative; two `live.interference_period`", tool=True
     ),
     RIG: Source("rig/state", "each message", "its bit of `valid`; stale after two `live.rig_period`"),
-    SURVEY: Source("the survey list", "each accepted survey", "accepted, or in use on a person's word"),
-    POSITION: Source("the survey list", "each accepted survey", "error model and reference are known"),
+    SURVEY: Source("the survey list", "each accepted survey", "accepted, automatically or by a person"),
+    POSITION: Source("the survey list", "each accepted survey", "error model and reference field are known"),
     BIT: Source("the path projected to the bit", "each depth and survey", "there is a survey"),
     PLAN: Source("the path against the plan", "each depth and survey", "there are a survey and a plan"),
-    CONTROL: Source("the authority on control", "each change", "an owner asks for it"),
+    CONTROL: Source("the control authority", "each change", "an owner asks for it"),
     ADVICE: Source("steering/advice", "each change", "there is advice"),
     INPUT: Source("clocks and depths of the inputs", "1 Hz", "there is such an input"),
     SURFACE: Source("the surface itself", "each change", "the node is active"),
@@ -55,7 +55,7 @@ SOURCES: dict[str, Source] = {
 
 
 class Wits(NamedTuple):
-    """Item of WITS: its code, its short name (empty: a spare item, which has none), and decimals."""
+    """Item of WITS: code, short name (empty for a spare item, which has none), and decimals."""
 
     code: int
     name: str
@@ -63,14 +63,14 @@ class Wits(NamedTuple):
 
 
 class Column(NamedTuple):
-    """Column of a file: its name, which ends with the unit, and decimals."""
+    """Column of a file: name, which ends with the unit, and decimals."""
 
     key: str
     decimals: int
 
 
 class Listed(NamedTuple):
-    """Column of the definitive survey: name in CSV, decimals there and on paper, title, LAS mnemonic, WITSML tag."""
+    """Column of the definitive survey: CSV name and decimals, title, LAS mnemonic, WITSML tag, decimals on paper."""
 
     key: str
     decimals: int
@@ -83,44 +83,44 @@ class Listed(NamedTuple):
 @dataclasses.dataclass(frozen=True)
 class Signal:
     """
-    One quantity.
+    One quantity of the signal table.
 
     Attributes
     ----------
     name : str
-        In our own values.
+        Name within this package.
     unit : str
-        SI, one of `units.UNITS`; angles in rad, 1 for a ratio; empty for what is no number.
+        SI unit, one of `units.UNITS`; rad for angles, 1 for a ratio; empty if the signal is not a number.
     meaning : str
-        In words.
+        Description in words.
     source : str
-        What brings it: one of `SOURCES`.
+        Source of the signal, one of `SOURCES`.
     type : str
-        One of `TYPES`.
+        Data type, one of `TYPES`.
     circle : bool
-        Its values go round a full circle.
+        Whether the values wrap around a full circle.
     sigma : bool
-        It comes with its 1 sigma, which has a column of its own in files of samples.
+        Whether it has a 1 sigma, with its own column in files of samples.
     doubts : tuple of str
-        Status bits of the estimator that make it doubtful.
+        Status bits of the estimator that make the signal doubtful.
     field : str
-        Attribute that holds it in the record of its source.
+        Attribute of the source's record that holds the value.
     page : tuple of str
-        Where it stands in the state of the page, `section.field`.
+        Places in the state of the page, `section.field`.
     opcua : str
-        Variable; empty: it does not go to a rig, by no protocol.
+        OPC UA variable; empty if the signal is not sent to a rig by any protocol.
     dwis : tuple of str
-        Nouns that classify it.
+        D-WIS nouns that classify the signal.
     modbus : int, optional
         Address of its first register.
     wits : Wits, optional
-        Item sent, of the survey, tool or rig record.
+        WITS item sent, in the survey, tool or rig record.
     reads : int, optional
-        Item of WITS record 1 that brings it.
+        Item of WITS record 1 that brings the signal.
     listed : Listed, optional
-        In the definitive survey.
+        Column in the definitive survey.
     series, attitude : Column, optional
-        In the rows of a recording, one a second, and in attitude.csv and attitude.parquet.
+        Columns in the rows of a recording, one per second, and in attitude.csv and attitude.parquet.
     """
 
     name: str
@@ -143,7 +143,7 @@ class Signal:
     attitude: Column | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what no protocol can convert, and a source that there is not."""
+        """Raise ValueError for a unit that protocols cannot convert, or an unknown source or type."""
         if (self.unit or self.type == "Double") and self.unit not in UNITS:
             raise ValueError(
                 f"signal {self.name}: unit {self.unit!r} is not one of {', '.join(UNITS)}: add it to UNITS"
@@ -152,14 +152,14 @@ class Signal:
             if value not in known:
                 raise ValueError(f"signal {self.name}: {what} {value!r} is not one of {', '.join(known)}")
         if not self.opcua and (self.dwis or self.modbus is not None or self.wits is not None):
-            raise ValueError(f"signal {self.name}: what goes to a rig needs a name for OPC UA")
+            raise ValueError(f"signal {self.name}: a signal sent to a rig needs an OPC UA name")
 
     @property
     def people(self) -> Scale:
-        """Unit of people, in files and on paper."""
+        """Unit for people, in files and on paper."""
         return UNITS[self.unit].people
 
     @property
     def wrap(self) -> float:
-        """Degrees at which its numbers turn over; 0: they do not."""
+        """Degrees at which the numbers wrap; 0 if they do not."""
         return 360.0 if self.circle else 0.0

@@ -2,11 +2,11 @@
 """
 The signal table, `table.csv`: every quantity once, with its name on the page and in each protocol and file.
 
-WITS items, Modbus registers, OPC UA variables, the D-WIS manifest, columns of the definitive survey in CSV, LAS, WITSML
-and on paper, columns of attitude and recordings in CSV and Parquet, live quantities of the page and the page of signals
-in the documents are made from it. The D-WIS nouns are those of the DDHub vocabulary (definition sets
-DrillingDataSemantics, PhysicalLocation and Uncertainty); it has no noun for a toolface, for gravity or for a magnetic
-field, and those rows name only what kind of data they are.
+These are made from it: WITS items, Modbus registers, OPC UA variables, the D-WIS manifest, columns of the definitive
+survey in CSV, LAS, WITSML and on paper, columns of attitude and recordings in CSV and Parquet, live quantities of the
+page, and the documentation page of signals. The D-WIS nouns are those of the DDHub vocabulary (definition sets
+DrillingDataSemantics, PhysicalLocation and Uncertainty). It has no noun for a toolface, gravity or a magnetic field;
+those rows name only the kind of data.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ FILE = Path(__file__).with_name("table.csv")
 
 def read_signals(path: Path = FILE) -> tuple[Signal, ...]:
     """
-    The signals of a table, in its order.
+    Return the signals of a table, in its order.
 
     Raises
     ------
     ValueError
-        A row that is no signal; the message names it.
+        A row is not a valid signal; the message names it.
     """
     with path.open(encoding="utf-8", newline="") as file:
         return tuple(_signal(row) for row in csv.DictReader(file, strict=True))
 
 
 def page_fields(section: str) -> dict[str, Signal]:
-    """Signals of a section of the page, by their names there."""
+    """Return the signals of a section of the page, by their names there."""
     places = ((place.partition("."), signal) for signal in SIGNALS for place in signal.page)
     return {name: signal for (part, _, name), signal in places if part == section}
 
@@ -81,7 +81,7 @@ def _flag(text: str) -> bool:
 
 SIGNALS = read_signals()
 BY_NAME = {signal.name: signal for signal in SIGNALS}
-# Numbers that go to a rig, by OPC UA at least, and what the surface says of itself beside them.
+# Numbers that are sent to a rig, at least by OPC UA; and facts about the surface itself.
 TO_RIG = tuple(signal for signal in SIGNALS if signal.opcua and signal.source != SURFACE)
 FACTS = tuple(signal for signal in SIGNALS if signal.source == SURFACE)
 OF_SURVEY = tuple(signal for signal in TO_RIG if signal.source == SURVEY)
@@ -89,7 +89,7 @@ FROM_TOOL = tuple(signal for signal in TO_RIG if SOURCES[signal.source].tool)
 FROM_PLAN = tuple(signal for signal in TO_RIG if signal.source == PLAN)
 FROM_CONTROL = tuple(signal for signal in TO_RIG if signal.source == CONTROL)
 FROM_ADVICE = tuple(signal for signal in TO_RIG if signal.source == ADVICE)
-# Columns of the definitive survey, of a recording and of attitude files, in their order.
+# Columns of the definitive survey, of a recording and of attitude files, in order.
 LISTED = tuple((signal, signal.listed) for signal in SIGNALS if signal.listed is not None)
 SERIES = tuple((signal, signal.series) for signal in SIGNALS if signal.series is not None)
 ATTITUDE = tuple((signal, signal.attitude) for signal in SIGNALS if signal.attitude is not None)

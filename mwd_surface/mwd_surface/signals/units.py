@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The units of signals, once, with what each protocol makes of them.
+Units of signals, with their conversions for each protocol.
 
-A signal whose unit is not listed is refused when the signal table is read, so that no protocol can send a number in a
-unit that nobody chose.
+A signal with an unlisted unit is refused when the signal table is read, so that no protocol can send a number in an
+unintended unit.
 """
 
 from __future__ import annotations
@@ -23,38 +23,38 @@ _RPM = 30.0 / math.pi
 
 
 class Scale(NamedTuple):
-    """A unit of a protocol: its number is `factor` times the SI number plus `offset`."""
+    """Unit of a protocol: its number is `factor` times the SI number plus `offset`."""
 
     symbol: str
     factor: float
     offset: float = 0.0
 
     def of(self, value: float) -> float:
-        """The number in this unit, of one in SI."""
+        """Convert an SI value to this unit."""
         return value * self.factor + self.offset
 
     def si(self, number: float) -> float:
-        """The number in SI, of one in this unit."""
+        """Convert a number in this unit to SI."""
         return (number - self.offset) / self.factor
 
 
 @dataclasses.dataclass(frozen=True)
 class Unit:
     """
-    What protocols and files make of one SI unit.
+    Conversions of one SI unit for protocols and files.
 
     Attributes
     ----------
     unece, name : str
-        For OPC UA: UNECE common code (OPC 10000-8, section 5.6.3), and the unit in full.
+        For OPC UA: UNECE common code (OPC 10000-8, section 5.6.3), and full name of the unit.
     quantity : str
-        Of the DDHub vocabulary.
+        Quantity in the DDHub vocabulary.
     people : Scale
-        In files and on paper.
+        Unit in files and on paper.
     modbus, metric, fps : Scale
-        Of a register, and of a WITS item in each unit system.
+        Unit of a register, and of a WITS item in each unit system.
     witsml : str
-        Symbol of `people` in WITSML; empty where no element of ours has it.
+        WITSML symbol of `people`; empty if no WITSML element that we write uses it.
     """
 
     unece: str
@@ -68,7 +68,7 @@ class Unit:
 
 
 def _same(unece: str, name: str, quantity: str, scale: Scale, witsml: str = "") -> Unit:
-    """A unit that all but OPC UA convert alike."""
+    """Return a unit with the same conversion in all protocols except OPC UA."""
     return Unit(unece, name, quantity, scale, scale, scale, scale, witsml)
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Several surveys at one depth: whether they agree as well as the tool code says, and which sensor bias they show.
+Comparison of several surveys at one depth: whether they agree within the tool code, and sensor biases they show.
 
 A *rotation shot* repeats a survey with another toolface, a *check shot* with another tool or on another run. The hole
-is the same, so the angles may differ only by what turns with the tool, by what tools do not share, and by noise. That
-is a chi-square test of the differences against the covariance of the tool code's errors (R. Ekseth et al., "The
-reliability problem related to directional survey data", IADC/SPE 103734, 2006, internal tests of magnetic surveys, and
-SPE/IADC 105558, 2007, external ones).
+is the same, so the angles may differ only by errors that rotate with the tool, by errors that the tools do not share,
+and by noise. The test is a chi-square of the differences against the covariance of the tool code's errors (R. Ekseth et
+al., "The reliability problem related to directional survey data", IADC/SPE 103734, 2006, internal tests of magnetic
+surveys, and SPE/IADC 105558, 2007, external ones).
 """
 
 from __future__ import annotations
@@ -24,17 +24,18 @@ from mwd_estimation.core.error_model import SensorErrors
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.frames import gravity_toolface, inclination, wrap_pi
 
-# Surveys no farther apart are at one depth, m: half a metre of a hole that turns by 6 deg/30 m is 0.1 deg.
+# Largest distance between surveys at one depth, m: in a hole that turns by 6 deg/30 m, half a metre is 0.1 deg.
 SAME_DEPTH = 0.5
-# What a reading repeats to at one attitude, m/s^2 and T: resolution of the telemetry and rest of the string's motion.
+# Repeatability of a reading at one attitude, m/s^2 and T: resolution of the telemetry and residual motion of the
+# string.
 REPEAT_FORCE, REPEAT_FIELD = 2e-3, 20e-9
-# Nearer to vertical the azimuth is not compared.
+# Azimuths are not compared at smaller inclinations.
 _LEAST_INCLINATION = math.radians(3.0)
-# Probabilities by chance below which shots disagree: a doubt, a failure. The tests of the survey's verdict use them.
+# Probabilities by chance below which shots disagree: doubtful, and failed. They equal those of the survey's verdict.
 _DOUBTFUL, _FAIL = 0.01, 0.001
-# Biases are estimated from shots that leave no wider gap of toolface than this.
+# Biases are estimated only if no gap between the toolfaces of the shots is wider than this.
 _WIDEST_GAP = math.pi
-# A bias beyond so many sigma of the tool code is out of its specification.
+# Number of sigma of the tool code above which a bias is out of specification.
 _BIAS_SIGMAS = 3.0
 
 PASS, DOUBTFUL, FAIL = "pass", "doubtful", "fail"
@@ -42,7 +43,7 @@ PASS, DOUBTFUL, FAIL = "pass", "doubtful", "fail"
 
 @dataclass(frozen=True)
 class Bias:
-    """Bias of one transverse axis: sensor, axis, value with its 1 sigma and the tool code's 1 sigma, SI."""
+    """Bias of one transverse axis: sensor, axis, value with 1 sigma, and 1 sigma of the tool code, SI."""
 
     sensor: str
     axis: str
@@ -52,30 +53,30 @@ class Bias:
 
     @property
     def excessive(self) -> bool:
-        """Whether it is beyond the tool code, its own uncertainty allowed for."""
+        """Whether the bias exceeds the tool code, allowing for the uncertainty of the bias."""
         return abs(self.value) > _BIAS_SIGMAS * math.hypot(self.expected, self.sigma)
 
 
 @dataclass(frozen=True)
 class CheckShot:
-    """Surveys at one depth."""
+    """Comparison of the surveys at one depth."""
 
     md: float  #: mean depth, m
-    rows: tuple[int, ...]  #: places of the surveys in what was given
-    tools: tuple[str, ...]  #: tools they were taken with
-    #: `inclination`, `azimuth`: mean, rad; azimuth magnetic and uncorrected, nan where it is not compared.
+    rows: tuple[int, ...]  #: indices of the surveys in the input
+    tools: tuple[str, ...]  #: tools with which they were taken
+    #: `inclination`, `azimuth`: mean, rad; azimuth magnetic and uncorrected, NaN where it is not compared.
     inclination: float
     azimuth: float
-    #: `spread_inclination`, `spread_azimuth`: standard deviation of the shots about the mean, rad.
+    #: `spread_inclination`, `spread_azimuth`: standard deviation of the shots about their mean, rad.
     spread_inclination: float
     spread_azimuth: float
-    #: `expected_inclination`, `expected_azimuth`: the same by the tool code, 1 sigma, rad.
+    #: `expected_inclination`, `expected_azimuth`: the standard deviation expected from the tool code, rad.
     expected_inclination: float
     expected_azimuth: float
-    chi_square: float  #: of all differences
+    chi_square: float  #: chi-square of all differences
     degrees_of_freedom: int
-    probability: float  #: of a larger chi-square by chance
-    biases: tuple[Bias, ...]  #: transverse biases; empty where the toolfaces do not show them
+    probability: float  #: probability of a larger chi-square by chance
+    biases: tuple[Bias, ...]  #: transverse biases; empty if the toolfaces do not allow an estimate
     verdict: str  #: pass, doubtful or fail
 
 
@@ -88,23 +89,23 @@ def check_shots(
     Parameters
     ----------
     md : array_like, shape (n,)
-        Measured depth, m; nan: not compared.
+        Measured depth, m; a survey with NaN is not compared.
     f_t, b_t : array_like, shape (n, 3)
-        Readings in tool axes, m/s^2 and T; a survey with one that is not a number is left out.
+        Readings in tool axes, m/s^2 and T; surveys with a reading that is not finite are left out.
     errors : SensorErrors
-        Of the tool code.
+        Errors of the tool code.
     tools : sequence of str, optional
-        Tool of each survey; different tools share no errors. By default all are one tool.
+        Tool of each survey; different tools share no errors. By default all surveys are from one tool.
 
     Returns
     -------
     tuple of CheckShot
-        By depth; empty where nothing was repeated.
+        Comparisons by depth; empty if nothing was repeated.
 
     Raises
     ------
     ValueError
-        Lengths that differ.
+        The lengths differ.
     """
     depth, force, field = (np.asarray(value, dtype=float) for value in (md, f_t, b_t))
     names = list(tools) or [""] * len(depth)
@@ -130,14 +131,14 @@ def check_shots(
 def _compared(
     md: float, rows: list[int], force: Array, field: Array, errors: SensorErrors, tools: list[str]
 ) -> CheckShot:
-    """Compare the shots of one depth."""
+    """Compare the shots at one depth."""
     inclinations, azimuths = inclination(force), magnetic_geometry.raw_azimuth(force, field)
     first = float(azimuths[0])
     differences = np.stack([np.asarray(inclinations), wrap_pi(azimuths - first)])
     with_azimuth = math.sin(float(np.mean(inclinations))) >= math.sin(_LEAST_INCLINATION)
     covariance = _covariance(force, field, errors, tools)
     count = len(rows)
-    # Deviations from the mean: what all shots have alike is the hole, or cannot be told from it.
+    # Use deviations from the mean: an error common to all shots cannot be told from the hole's direction.
     centred = np.eye(count) - 1.0 / count
     expected = [math.sqrt(np.trace(centred @ covariance[k, k] @ centred) / (count - 1)) for k in range(2)]
     kinds = (0, 1) if with_azimuth else (0,)
@@ -170,10 +171,11 @@ def _compared(
 
 
 def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[str]) -> Array:
-    """Covariance of (inclination, raw azimuth) of n shots, rad^2, shape (2, 2, n, n), by what each tool gets wrong."""
+    """Return the covariance of (inclination, raw azimuth) of n shots, rad^2, shape (2, 2, n, n), by tool errors."""
     slopes = magnetic_geometry.angle_jacobian(force, field)[:, :2]
     count = len(force)
-    # Errors of one tool, the same in all its shots: bias and scale of each axis, axial interference, tilt in the hole.
+    # Errors of a tool common to all its shots: bias and scale of each axis, axial interference, misalignment in the
+    # hole.
     bias = np.array([errors.accelerometer_bias_mps2] * 3 + [errors.magnetometer_bias_nt * 1e-9] * 3)
     scale = np.array([errors.accelerometer_scale] * 3 + [errors.magnetometer_scale] * 3)
     readings = np.hstack([force, field])
@@ -195,14 +197,14 @@ def _covariance(force: Array, field: Array, errors: SensorErrors, tools: list[st
     repeat = np.array([REPEAT_FORCE**2] * 3 + [REPEAT_FIELD**2] * 3)
     own = np.einsum("nip,p,njp->ijn", slopes, repeat, slopes)
     covariance = shared + own[..., None] * np.eye(count)
-    # Near the vertical an error across the plane of the hole tilts it too: by its square over twice the inclination.
+    # Near the vertical a cross-plane error also tilts the hole, by its square over twice the inclination.
     across = np.diagonal(covariance[0, 0])
     covariance[0, 0] += np.diag(0.5 * (across / np.maximum(inclination(force), 1e-3)) ** 2)
     return np.asarray(covariance)
 
 
 def _biases(force: Array, field: Array, errors: SensorErrors) -> tuple[Bias, ...]:
-    """Transverse biases by the circle that the readings of a turned tool lie on; empty where they show none."""
+    """Return the transverse biases from the circle of a rotated tool's readings; empty if they cannot be estimated."""
     faces = np.sort(np.asarray(gravity_toolface(force)))
     gaps = np.diff([*faces, faces[0] + math.tau])
     if len(faces) < 3 or gaps.max() >= _WIDEST_GAP:
@@ -219,7 +221,8 @@ def _biases(force: Array, field: Array, errors: SensorErrors) -> tuple[Bias, ...
         # |r|^2 = 2 c r + const is linear in the centre c (I. Kasa, IEEE Trans. Instrum. Meas. 25 (1976), 8-14).
         design = np.column_stack([2.0 * across / radius, np.ones(len(across))])
         solved = np.linalg.lstsq(design, np.sum(across**2, axis=1) / radius, rcond=None)[0]
-        # The error of |r|^2 / radius is twice that of a reading; two scales that differ make the circle an ellipse.
+        # The error of |r|^2 / radius is twice that of a reading; unequal scale errors of the axes turn the circle into
+        # an ellipse.
         sigmas = 2.0 * math.hypot(repeat, scale * radius) * np.sqrt(np.diagonal(np.linalg.inv(design.T @ design)))
         found += [Bias(sensor, axis, float(solved[k]), float(sigmas[k]), expected) for k, axis in enumerate(("y", "z"))]
     return tuple(found)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Measured depth of a survey: the bit depth of the rig, paired by time, less the distance from sensor to bit.
+Measured depth of a survey: the bit depth reported by the rig at the survey's time, minus the distance sensor to bit.
 
-Rig data carries placeholders, spikes and silences. A reading that is no depth is counted and left out; a jump faster
-than a string can move is accepted only when the following readings confirm it; a survey is paired only with what
-lies around its own time, and always with the age of the reading used. Where two sources of depth alternate, or the
-clock of the rig is not that of the sonde, no depth is paired, and the reason says so. Stamps are ns, depths m.
+Rig data contains placeholders, spikes and gaps. A reading that is not a depth is counted and dropped. A jump faster
+than a string can move is accepted only when later readings confirm it. A survey is paired only with readings near its
+own time, and the age of the reading is kept. If two depth sources alternate, or the clock of the rig differs from that
+of the sonde, no depth is paired and the reason says so. Stamps are in ns, depths in m.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.surveys.list_rules import DEEPEST
 
 NS = 1e-9
-_REMEMBERED = 100  # rejected readings and jumps, of which those around a survey count
-_COMPARED = 60  # readings over which the clocks are compared; one that fits is enough
+_REMEMBERED = 100  # number of rejected readings and jumps kept; those near a survey are examined
+_COMPARED = 60  # number of readings over which the clocks are compared; one that agrees is enough
 _FEWEST = 10
 _BY_HAND = "or give the depth by hand"
-_NEW_START_NS = 60_000_000_000  # a sonde's time that goes back by more is another start of the sonde
+_NEW_START_NS = 60_000_000_000  # if a sonde's time goes back by more, the sonde has restarted
 
 
 @dataclasses.dataclass(frozen=True)
 class DepthRules:
-    """What counts as a depth and what as a jump."""
+    """Rules for depth readings and jumps."""
 
     fastest: float = setting(
         5.0,
@@ -41,7 +41,7 @@ class DepthRules:
     )
     slack: float = setting(2.0, "change of depth that is always plausible, however short the time", unit="m", low=0.0)
     confirm: int = setting(
-        3, "consecutive consistent readings that confirm a jump of depth; more delay a true correction of depth", low=1
+        3, "consecutive consistent readings that confirm a jump of depth; raising it delays true corrections", low=1
     )
     bridge: float = setting(
         60.0,
@@ -53,7 +53,7 @@ class DepthRules:
     clock_limit: float = setting(
         20.0,
         "difference of the clocks of rig and sonde, by the order in which their data arrive, above which no depth is "
-        "paired; raise it for rig data that come later than this",
+        "paired. Raise it for rig data that arrive later than this",
         unit="s",
         low=1.0,
     )
@@ -66,7 +66,7 @@ class DepthReading:
     Depth of the sensor at a survey.
 
     measured_depth: m; -1 unknown. depth_age: s from the reading used to the survey; -1 unknown. bit_depth: m; -1
-    unknown. reason: why it is unknown, in words; empty otherwise. by_hand: the last reading used was a person's.
+    unknown. reason: why the depth is unknown, or empty. by_hand: whether the last reading used was entered by a person.
     """
 
     measured_depth: float = -1.0
@@ -78,12 +78,13 @@ class DepthReading:
 
 class DepthTrack:
     """
-    Bit depth over time as the rig reported it.
+    Bit depth over time as reported by the rig.
 
     Attributes
     ----------
     refused_null, refused_jump, refused_order : int
-        Readings left out: no depth at all, faster than a string moves, or older than one already taken.
+        Readings dropped because they are not a depth, are faster than a string moves, or are older than one already
+        used.
     """
 
     def __init__(self, rules: DepthRules | None = None) -> None:
@@ -95,9 +96,9 @@ class DepthTrack:
         self._stamps = array.array("q")
         self._depths = array.array("d")
         self._by_hand = array.array("b")
-        # Readings of a jump that waits for confirmation.
+        # Readings of a jump that is not confirmed yet.
         self._waiting: list[tuple[int, float]] = []
-        # Readings left out as jumps, and jumps that were confirmed: stamp and depth.
+        # Readings dropped as jumps, and confirmed jumps: stamp and depth.
         self._left_out: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
         self._jumps: collections.deque[tuple[int, float]] = collections.deque(maxlen=_REMEMBERED)
         self._sonde_ns: int | None = None
@@ -105,26 +106,26 @@ class DepthTrack:
 
     @property
     def latest(self) -> tuple[int, float] | None:
-        """Stamp and bit depth of the last reading accepted, ns and m."""
+        """Stamp, ns, and bit depth, m, of the last accepted reading."""
         return (self._stamps[-1], self._depths[-1]) if self._stamps else None
 
     @property
     def clock_difference(self) -> float | None:
-        """Clock of the rig minus that of the sonde, s, by the order in which their data arrive; None: too few data."""
+        """Rig clock minus sonde clock, s, from the order in which data arrive; None if there are too few data."""
         return min(self._clocks, key=abs) if len(self._clocks) >= _FEWEST else None
 
     def note_sonde(self, stamp_ns: int) -> None:
-        """Take the time of a sample of the sonde that has arrived: the readings that come next are of that time."""
+        """Store the time of a sonde sample that has arrived; the next depth readings are compared with it."""
         newest = self._sonde_ns
         if newest is None or stamp_ns > newest or newest - stamp_ns > _NEW_START_NS:
             self._sonde_ns = stamp_ns
 
     def update(self, stamp_ns: int, bit_depth: float, valid: bool = True) -> bool:
         """
-        Take one reading of the rig; return whether it is accepted now.
+        Process one reading of the rig; return whether it is accepted now.
 
-        A placeholder (not marked valid, not finite, negative as -999.25 is, or too deep) is counted, not used. A jump
-        waits until `rules.confirm` readings in a row agree with each other; then all of them count.
+        A placeholder (not marked valid, not finite, negative as -999.25, or too deep) is counted and not used. A jump
+        waits until `rules.confirm` consecutive readings agree; then all of them are accepted.
         """
         if not valid or not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             self.refused_null += 1
@@ -135,7 +136,7 @@ class DepthTrack:
         if self._stamps and stamp_ns <= self._stamps[-1]:
             self.refused_order += 1
             if stamp_ns == self._stamps[-1] and not reachable:
-                # Two sources that are asked at the same time.
+                # Two sources reported different depths for the same time.
                 self._left_out.append((stamp_ns, bit_depth))
             return False
         if reachable:
@@ -157,7 +158,7 @@ class DepthTrack:
 
     def set_by_hand(self, stamp_ns: int, bit_depth: float) -> None:
         """
-        Take a person's word for the bit depth; no jump test. Readings after it must fit to it.
+        Set a bit depth given by a person, without a jump test. Later readings must agree with it.
 
         Raises
         ------
@@ -167,7 +168,7 @@ class DepthTrack:
         if not math.isfinite(bit_depth) or not 0.0 <= bit_depth <= self.rules.deepest:
             raise ValueError(f"bit_depth: must be within 0 and {self.rules.deepest:g} m, got {bit_depth}")
         at = bisect.bisect_left(self._stamps, stamp_ns)
-        # Readings accepted after that time were accepted wrongly.
+        # The readings accepted after this time were wrong.
         del self._stamps[at:], self._depths[at:], self._by_hand[at:]
         self._waiting = []
         self._left_out.clear()
@@ -176,11 +177,11 @@ class DepthTrack:
 
     def sensor_depth(self, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
         """
-        Depth of the sensor at a time.
+        Return the depth of the sensor at a time.
 
-        Between two readings not further apart than `rules.bridge` the depth is on the straight line between them and
-        its age is that of the nearer one; otherwise it is that of the last reading before, with its age. A time before
-        every reading takes the first one if it is within the bridge.
+        Between two readings at most `rules.bridge` apart, the depth is interpolated linearly, with the age of the
+        nearer reading. Otherwise it is the depth of the last reading before, with its age. A time before all readings
+        takes the first reading if that is within the bridge.
 
         Raises
         ------
@@ -205,7 +206,8 @@ class DepthTrack:
             hand = bool(self._by_hand[before])
             if after < len(self._stamps):
                 span = (self._stamps[after] - self._stamps[before]) * NS
-                # A line from a reading to a person's correction would be a depth that nobody ever gave.
+                # Do not interpolate between a reading and a person's correction, because no such depth was ever
+                # reported.
                 if span <= self.rules.bridge and not self._by_hand[after]:
                     bit += (self._depths[after] - bit) * (age / span)
                     age = min(age, span - age)
@@ -218,12 +220,12 @@ class DepthTrack:
         return DepthReading(depth, age, bit, "", hand)
 
     def _doubt(self, stamp_ns: int, bit: float) -> str:
-        """Why the readings around a time are no depth of a survey, in words; empty where they are."""
+        """Return why readings around a time cannot give a survey's depth; empty if they can."""
         if clock := self._clock_doubt():
             return clock
         jumps = self._around(self._jumps, stamp_ns)
         others = self._around(self._left_out, stamp_ns)
-        # Spikes are wild; another source agrees with itself.
+        # Spikes are scattered, whereas readings of another source agree with each other.
         agree = all(self._reachable(*a, *b) for a, b in itertools.pairwise(others))
         if len(jumps) > 1 or (len(others) >= self.rules.confirm and agree):
             other = others[-1][1] if others and agree else jumps[-1][1]
@@ -231,7 +233,7 @@ class DepthTrack:
         return ""
 
     def _clock_doubt(self) -> str:
-        """How the clocks of rig and sonde differ, in words; empty where they fit."""
+        """Return how the clocks of rig and sonde differ, in words; empty if they agree."""
         apart = self.clock_difference or 0.0
         if abs(apart) <= self.rules.clock_limit:
             return ""
@@ -239,7 +241,7 @@ class DepthTrack:
         return f"the clock of the rig is {abs(apart):.0f} s {way} that of the sonde: set one of them, {_BY_HAND}"
 
     def _around(self, readings: Iterable[tuple[int, float]], stamp_ns: int) -> list[tuple[int, float]]:
-        """Readings within the bridge of a time; 0 m is a placeholder of many rigs, not a source."""
+        """Return the readings within the bridge of a time, without 0 m, which is a placeholder of many rigs."""
         return [r for r in readings if abs(r[0] - stamp_ns) * NS <= self.rules.bridge and r[1] > 0.0]
 
     def _leave_out(self) -> None:
@@ -254,7 +256,7 @@ class DepthTrack:
         self._stamps.append(stamp_ns)
         self._depths.append(depth)
         self._by_hand.append(by_hand)
-        # In blocks, so that forgetting costs nothing per reading.
+        # Delete in blocks, so that the cost per reading is negligible.
         if len(self._stamps) > self.rules.history + self.rules.history // 4 + 1:
             old = len(self._stamps) - self.rules.history
             del self._stamps[:old], self._depths[:old], self._by_hand[:old]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Depths from a table, for a recording without those of the rig: bit depth by time, or the depth of each survey.
+Depths from a table, for a recording without rig depths: bit depth by time, or the depth of each survey.
 
 Columns, by name and unit: `time` (UTC, ISO 8601, or stamp_ns) with `bit_depth_m` or `md_m`, or `survey` (its number)
-with `md_m`. A bit depth is that of the bit, md is the depth of the sensor.
+with `md_m`. bit_depth is the depth of the bit, md is the depth of the sensor.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ _BIT, _SENSOR = ("bit_depth", "bit", "dbtm", "hole_depth"), ("md", "measured_dep
 @dataclasses.dataclass(frozen=True)
 class DepthTable:
     """
-    Depths of a table.
+    Depths from a table.
 
-    by_number: depth of the sensor by the number of the survey, m. by_time: stamp, ns, and depth, m, in order of time.
-    of_bit: whether the depths by time are of the bit, not of the sensor.
+    by_number: depth of the sensor by survey number, m. by_time: stamp, ns, and depth, m, in order of time.
+    of_bit: whether the depths by time are those of the bit instead of the sensor.
     """
 
     by_number: dict[int, float] = dataclasses.field(default_factory=dict)
@@ -40,9 +40,9 @@ class DepthTable:
 
     def sensor_depth(self, sequence: int, stamp_ns: int, sensor_to_bit: float) -> DepthReading:
         """
-        Depth of the sensor at a survey: that of its number, or on the straight line between two rows of the table.
+        Return the depth of the sensor at a survey: by its number, or interpolated between two rows of the table.
 
-        sensor_to_bit: m. Outside the times of the table the depth is not known.
+        sensor_to_bit: m. Outside the times of the table the depth is unknown.
         """
         if self.by_number:
             if sequence not in self.by_number:
@@ -66,9 +66,9 @@ def read_depths(path: Path) -> DepthTable:
     Raises
     ------
     ListFileError, ValueError
-        A column is missing or has no unit, a cell is no number or time; with the column or line.
+        A column is missing or has no unit, or a cell is not a number or time; the message names the column or line.
     OSError
-        It cannot be read.
+        The file cannot be read.
     """
     table = read_table(path).columns()
     plain = {name: "_".join(name.lower().replace("(", " ").replace(")", " ").split()) for name in table}
@@ -83,7 +83,7 @@ def read_depths(path: Path) -> DepthTable:
     if time is None:
         numbers = [_number(cell, f"{path}, {number}, row {k}") for k, cell in enumerate(table[str(number)], start=1)]
         if of_bit:
-            raise ListFileError(f"{path}: the depth of a survey is that of the sensor: name the column md_m")
+            raise ListFileError(f"{path}: a table by survey number needs the depth of the sensor: name the column md_m")
         return DepthTable({int(n): d for n, d in zip(numbers, depths, strict=True)})
     stamps = [_stamp(cell, f"{path}, {time}, row {k}") for k, cell in enumerate(table[time], start=1)]
     for before, after in itertools.pairwise(stamps):
@@ -93,7 +93,7 @@ def read_depths(path: Path) -> DepthTable:
 
 
 def _depth_column(names: list[str], path: Path) -> tuple[str, bool, float]:
-    """Name of the column of depths, whether it is of the bit, and its factor to m."""
+    """Return the name of the depth column, whether it is the bit's depth, and its factor to m."""
     for words, of_bit in ((_BIT, True), (_SENSOR, False)):
         for name in names:
             lower = "_".join("".join(c if c.isalpha() else " " for c in name.lower()).split())

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A list of stations that others measured as a survey list: path, reports and exports then work as for one of our own.
+Conversion of an imported list of stations to a survey list, so that path, reports and exports work as for our own.
 
-Where its path starts is decided by `station_list.start_of`, as for plans and offset wells. Stations whose own verdict
-is not "accept" are listed, not used.
+`station_list.start_of` decides where the path starts, as for plans and offset wells. Stations whose own verdict is not
+"accept" are listed but not used.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mwd_surface.surveys.survey_record import Nine, Survey, SurveyRecord, Verdic
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 
-# Words of WITSML 1.4.1.1 (types of stations and of survey tools), and the tool code of each.
+# Words of WITSML 1.4.1.1 for types of stations and survey tools, with the tool code of each.
 TOOL_CODES: Mapping[str, str] = {
     "gyro north seeking": "GYRO-NS",
     "gyroscopic north seeking": "GYRO-NS",
@@ -46,33 +46,31 @@ def survey_list(
     every: bool = False,
 ) -> SurveyList:
     """
-    The survey list of an imported list of stations; its remarks are those of the reader and of this conversion.
+    Return the survey list of an imported list of stations, with the remarks of the reader and of this conversion.
 
     Parameters
     ----------
     stations : StationList
     well : Well, optional
-        Left out, the well that an export of our own names. Its north and error model are replaced by those of the list
-        where the list names them.
+        Well; if omitted, the well named by an export of our own. Its north and error model are replaced if the list
+        names others.
     tie_on : TieOn, optional
-        Where the path starts, in the north of the list; stations not below it are left out.
+        Start of the path, in the north of the list; stations that are not below it are left out.
     reference : Reference, optional
-        Field and norths of the place; without one no magnetic error model can be evaluated.
+        Field and norths of the site; without it no magnetic error model can be evaluated.
     every : bool
-        Use the stations whose verdict is not "accept", too.
+        Whether to use stations whose verdict is not "accept" too.
 
     Raises
     ------
     ValueError
-        No station is left, or the path cannot be computed.
+        No station remains, or the path cannot be computed.
     """
     remarks = list(stations.remarks)
     well = well or well_of(stations) or Well()
     north = stations.north or well.north_reference
     if not stations.north:
-        text = (
-            f"{stations.name} does not say from which north its azimuths are: {north} is assumed; state it with --north"
-        )
+        text = f"{stations.name} does not name the north of its azimuths: {north} is assumed; set it with --north"
         remarks.append(Remark(RemarkKind.NORTH_ASSUMED, text))
     well = dataclasses.replace(well, north_reference=north)
     codes = tool_codes_of(stations)
@@ -162,7 +160,7 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
 
 
 def reference_in(surveys: SurveyList) -> Reference | None:
-    """The reference of the last survey in use that has one."""
+    """Return the reference of the last survey in use that has one; None if there is none."""
     known = [r.survey for r in surveys.records if r.in_use and r.survey.has_reference]
     if not known:
         return None
@@ -178,7 +176,7 @@ def reference_in(surveys: SurveyList) -> Reference | None:
 
 
 def tool_codes_of(stations: StationList) -> set[str]:
-    """Return the tool codes that the stations of a list name, by themselves or in words."""
+    """Return the tool codes that the stations of a list name, directly or in words."""
     from mwd_surface.uncertainty.error_terms import tool_codes
 
     named = {word.strip() for word in stations.tool} - {"", _TIE_IN}
@@ -215,7 +213,7 @@ def _record(stations: StationList, k: int, north: North, reference: Reference | 
 
 
 def _covariance(stations: StationList, k: int, *, known: bool) -> Nine:
-    """Covariance of inclination and azimuth, rad^2: 0 where the list has no sigma, -1 where there is no azimuth."""
+    """Return the covariance of inclination and azimuth, rad^2: 0 where sigma is unknown, -1 without an azimuth."""
     inclination, azimuth = (
         0.0 if math.isnan(s) else float(s) ** 2 for s in (stations.sigma_inclination[k], stations.sigma_azimuth[k])
     )
@@ -223,7 +221,7 @@ def _covariance(stations: StationList, k: int, *, known: bool) -> Nine:
 
 
 def _figures(stations: StationList, k: int, reference: Reference | None) -> dict[str, Any]:
-    """Fields of a survey that tell its reference: the one given, else that of the list; unknown ones are left out."""
+    """Return the reference fields of a survey, from the given reference, else from the list, without unknown ones."""
     figures: dict[str, Any] = {
         name: float(values[k]) for name, values in stations.figures.items() if math.isfinite(values[k])
     }
@@ -241,7 +239,7 @@ def _figures(stations: StationList, k: int, reference: Reference | None) -> dict
 
 
 def _stamp(text: str) -> int:
-    """Time of a station, ns; 0 where none is written."""
+    """Return the time of a station, ns; 0 if it has none."""
     try:
         return utc.stamp_ns(utc.moment(text))
     except ValueError:

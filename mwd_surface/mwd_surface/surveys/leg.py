@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Legs of a well: stretches of hole with stations of their own, each from its tie-on."""
+"""Legs of a well: sections of hole with their own stations, each starting at its tie-on."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ MAIN = "main"
 
 
 class Origin(enum.StrEnum):
-    """Where the tie-on of a leg comes from; the words that people read."""
+    """Origin of a leg's tie-on; the value of each member is its text for users."""
 
-    WELLHEAD = "wellhead"  #: nobody gave one: the path starts vertically at the depth datum
-    GIVEN = "given"  #: depth, direction and position
-    WITHOUT_POSITION = "given without a position"  #: depth and direction; the position is made up
+    WELLHEAD = "wellhead"  #: no tie-on was given: the path starts vertically at the depth datum
+    GIVEN = "given"  #: depth, direction and position were given
+    WITHOUT_POSITION = "given without a position"  #: depth and direction were given; the position is assumed
     STATION = "first station of the list"
     LEG = "path of the parent leg"
     RECORDED = "the recorded path"
@@ -22,7 +22,7 @@ class Origin(enum.StrEnum):
 
 @dataclasses.dataclass(frozen=True)
 class TieOn:
-    """Where a leg starts. m and rad, in the north of the well; `Origin` says who vouches for it."""
+    """Start of a leg. m and rad, in the north of the well; source: where the tie-on comes from."""
 
     measured_depth: float = 0.0
     inclination: float = 0.0
@@ -41,10 +41,10 @@ class TieOn:
         position: tuple[float | None, float | None, float | None] = (None, None, None),
     ) -> TieOn:
         """
-        Return the tie-on that a person gave.
+        Return a tie-on given by a person.
 
-        position: north, east and vertical depth, m, None where not given: straight below the wellhead then, which is
-        an assumption except at the depth datum itself.
+        position: north, east and vertical depth, m, None where not given. A missing value is taken as straight below
+        the wellhead, which is an assumption except at the depth datum itself.
         """
         north, east, down = position
         known = measured_depth == 0.0 or None not in position
@@ -55,7 +55,7 @@ class TieOn:
 
 @dataclasses.dataclass(frozen=True)
 class Leg:
-    """A stretch of hole with its own stations; a sidetrack names the leg it leaves."""
+    """A section of hole with its own stations; parent: name of the leg that a sidetrack leaves."""
 
     name: str = MAIN
     tie_on: TieOn = dataclasses.field(default_factory=TieOn)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the survey list stands in the well: tie-on, leg and tool of the surveys to come, as people set them."""
+"""Settings of tie-on, leg and tool for the next surveys."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from mwd_surface.surveys.survey_list import SurveyList
 
 @dataclasses.dataclass(frozen=True)
 class LegSettings:
-    """Tie-on of the main leg, and leg and tool that surveys to come belong to."""
+    """Tie-on of the main leg, and the leg and tool of the next surveys."""
 
     name: str = setting(
-        "", "name of the leg of the next surveys; empty: unchanged. A new name with kick_off_depth starts a sidetrack"
+        "",
+        "name of the leg of the next surveys; if empty, unchanged. A new name with kick_off_depth starts a sidetrack",
     )
     kick_off_depth: float = setting(
-        -1.0, "measured depth at which a new leg leaves its parent; below 0: no new leg", unit="m", low=-1.0
+        -1.0, "measured depth at which a new leg leaves its parent; negative if there is no new leg", unit="m", low=-1.0
     )
-    parent: str = setting("", "leg from which a new leg branches off; empty: the present one")
-    tool: str = setting("", "serial number or name of the tool in the hole; empty: unchanged")
+    parent: str = setting("", "leg from which a new leg branches off; if empty, the present leg")
+    tool: str = setting("", "serial number or name of the tool in the hole; if empty, unchanged")
     tie_on_depth: float | None = setting(
         None,
-        "measured depth of the tie-on station of the main leg; nan: not given. Without one the hole above the first "
+        "measured depth of the tie-on station of the main leg; nan if not given. Without it the hole above the first "
         "survey is taken as vertical, and its coordinates are marked as assumed",
         unit="m",
         low=0.0,
@@ -35,25 +36,25 @@ class LegSettings:
         0.0, "azimuth of the tie-on station, from the north reference of the well", unit="deg", low=0.0, high=360.0
     )
     tie_on_north: float | None = setting(
-        None, "distance of the tie-on station north of the wellhead; nan: not given", unit="m"
+        None, "distance of the tie-on station north of the wellhead; nan if not given", unit="m"
     )
     tie_on_east: float | None = setting(
-        None, "distance of the tie-on station east of the wellhead; nan: not given", unit="m"
+        None, "distance of the tie-on station east of the wellhead; nan if not given", unit="m"
     )
     tie_on_vertical_depth: float | None = setting(
-        None, "vertical depth of the tie-on station; nan: not given", unit="m"
+        None, "vertical depth of the tie-on station; nan if not given", unit="m"
     )
 
 
 def arranged(surveys: SurveyList, asked: LegSettings) -> SurveyList:
     """
-    The list as the settings want it; one that stands so already comes back as it is.
+    Return the list changed as the settings ask; a list that already fits is returned unchanged.
 
     Raises
     ------
     ValueError
-        A new leg without a kick-off depth, one that is not on the parent's path, or a tie-on that stations lie above.
-        The list is unchanged.
+        A new leg has no kick-off depth, or one that is not on the parent's path, or stations lie above the tie-on. The
+        list is unchanged.
     """
     if asked.tie_on_depth is not None:
         tie_on = TieOn.given(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rules by which a survey goes into the definitive list, and what is flagged."""
+"""Rules for entering surveys into the definitive list, and for flags."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import dataclasses
 
 from mwd_sensors.core.settings import setting
 
-DEEPEST = 15_000.0  # m; the deepest hole there is has 12.3 km
-LAST_SEQUENCE = 999_999  # a survey a minute for two years; a higher number is no number of a survey
+DEEPEST = 15_000.0  # m; the deepest hole drilled has 12.3 km
+LAST_SEQUENCE = 999_999  # one survey per minute for two years; a higher number is not valid
 
 
 @dataclasses.dataclass(frozen=True)
 class ListRules:
-    """When a survey goes into the definitive list by itself, and what is pointed out."""
+    """Rules for automatic acceptance of surveys, and limits for warnings."""
 
     automatic: bool = setting(
-        True, "use a survey that passes the acceptance criteria at once; false: every survey waits for an operator"
+        True, "use a survey that passes the acceptance criteria at once; if false, every survey waits for an operator"
     )
     same_depth: float = setting(
         0.5,
@@ -46,6 +46,6 @@ class ListRules:
     )
     projection: str = setting(
         "straight",
-        "projection from the last station to the bit: straight on, or along the last curve",
+        "projection from the last station to the bit: straight ahead, or along the last curve",
         choices=("straight", "curve"),
     )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Between the messages of the graph and the records of the survey list, field by field and by name.
+Conversion between the graph's messages and the records of the survey list, field by field and by name.
 
-Nothing of ROS is imported: a message is anything with the fields of its .msg file, and the node hands in the empty
-messages to be filled. Both sides carry the same SI numbers, so nothing is converted but stamps and arrays.
+No ROS code is imported: a message is any object with the fields of its .msg file, and the node passes the empty
+messages to fill. Both sides hold the same SI numbers, so only stamps and arrays are converted.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from mwd_surface.trajectory.plan import Plan, plan_of
 from mwd_surface.trajectory.well_path import ASSUMED, PROJECTED, Definitive
 
 _SECOND = 10**9
-# On the message these are part of the header, or messages of their own.
+# Fields that on the message are part of the header, or messages of their own.
 _OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
-# On no message; the file of the list keeps them.
+# Fields that are on no message; only the file of the list has them.
 _OF_THE_FILE = {"decisions", "decided_revision"}
 
-# Fields of Survey that are NaN on the message where they are not known.
+# Fields of Survey that are NaN on the message where unknown.
 _NAN = {"declination", "convergence"}
-# Numbers of a tie-on, by the names of Leg.msg and `TieOn`.
+# Numbers of a tie-on, with the same names in Leg.msg and `TieOn`.
 _TIE_ON = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth")
-# Fields of SteeringAdvice that are -1 where they are not known.
+# Fields of SteeringAdvice that are -1 where unknown.
 _KNOWN_OR_NOT = (
     "sigma",
     "confidence",
@@ -47,7 +47,7 @@ _KNOWN_OR_NOT = (
 
 
 def stamp_of(time: Any) -> int:
-    """Nanoseconds of a builtin_interfaces/Time."""
+    """Return the nanoseconds of a builtin_interfaces/Time."""
     return int(time.sec) * _SECOND + int(time.nanosec)
 
 
@@ -57,7 +57,7 @@ def fill_stamp(time: Any, stamp_ns: int) -> None:
 
 
 def survey_of(message: Any) -> Survey:
-    """The Survey of a mwd_msgs/msg/Survey; checked by the list when it is added, not here."""
+    """Return the Survey of a mwd_msgs/msg/Survey; the list checks its values when it is added."""
     values: dict[str, Any] = {"stamp_ns": stamp_of(message.header.stamp), "frame_id": str(message.header.frame_id)}
     for field in dataclasses.fields(Survey):
         if field.name not in _OWN_WAY:
@@ -70,14 +70,14 @@ def survey_of(message: Any) -> Survey:
 
 
 def survey_of_fields(fields: Mapping[str, Any], stamp_ns: int) -> Survey:
-    """The Survey of the fields of such a message, by name, as the estimator's `survey_fields` gives them."""
+    """Return the Survey of such a message's fields by name, as the estimator's `survey_fields` makes them."""
     values = {name: _known(name, _plain(value)) for name, value in fields.items() if name not in _OWN_WAY}
     azimuths = tuple(AzimuthEstimate(**one) for one in fields["azimuths"])
     return Survey(stamp_ns=stamp_ns, azimuths=azimuths, **values)
 
 
 def fill_survey(message: Any, survey: Survey, new_azimuth: Callable[[], Any]) -> None:
-    """Write a survey into an empty mwd_msgs/msg/Survey; new_azimuth makes an empty mwd_msgs/msg/AzimuthEstimate."""
+    """Write a survey into an empty mwd_msgs/msg/Survey; new_azimuth returns an empty mwd_msgs/msg/AzimuthEstimate."""
     fill_stamp(message.header.stamp, survey.stamp_ns)
     message.header.frame_id = survey.frame_id
     for field in dataclasses.fields(Survey):
@@ -92,7 +92,7 @@ def fill_survey(message: Any, survey: Survey, new_azimuth: Callable[[], Any]) ->
 
 
 def record_of(message: Any) -> SurveyRecord:
-    """The SurveyRecord of a mwd_msgs/msg/SurveyRecord."""
+    """Return the SurveyRecord of a mwd_msgs/msg/SurveyRecord."""
     values: dict[str, Any] = {
         "survey": survey_of(message.survey),
         "revised": tuple(survey_of(one) for one in message.revised),
@@ -104,7 +104,7 @@ def record_of(message: Any) -> SurveyRecord:
     record = SurveyRecord(**values)
     if record.judgement == Judgement.NOT_JUDGED:
         return record
-    # A message has the decision in force only.
+    # A message holds only the decision in force.
     last = Decision(record.judgement, record.operator_name, record.reason, record.judged_ns, record.measured_depth)
     return dataclasses.replace(record, decisions=(last,))
 
@@ -113,7 +113,8 @@ def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], An
     """Write a record into an empty mwd_msgs/msg/SurveyRecord."""
     message.revised = []
     for survey in record.revised:
-        # A list of messages begins empty; the other survey of the record is one of their kind.
+        # The list of revised surveys is empty at first, so copy the record's other survey as an empty message of its
+        # type.
         revised = copy.deepcopy(message.survey)
         fill_survey(revised, survey, new_azimuth)
         message.revised.append(revised)
@@ -126,12 +127,12 @@ def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], An
 
 def list_of(message: Any, well: Well, rules: ListRules | None = None) -> SurveyList:
     """
-    Return the SurveyList of a mwd_msgs/msg/SurveyList, under a well and rules that the message does not have.
+    Return the SurveyList of a mwd_msgs/msg/SurveyList, with the well and rules, which the message does not hold.
 
     Raises
     ------
     ValueError
-        No path goes through its stations.
+        The path through its stations cannot be computed.
     """
     legs = tuple(
         Leg(
@@ -156,7 +157,7 @@ def list_of(message: Any, well: Well, rules: ListRules | None = None) -> SurveyL
 
 
 def plan_of_message(message: Any) -> Plan | None:
-    """Return the plan of a mwd_msgs/msg/Plan; None where it has no stations."""
+    """Return the plan of a mwd_msgs/msg/Plan; None if it has no stations."""
     if not len(message.measured_depth):
         return None
     angles = message.inclination, message.azimuth
@@ -172,7 +173,7 @@ def fill_list(
     new_leg: Callable[[], Any],
     new_remark: Callable[[], Any],
 ) -> None:
-    """Write a list into an empty mwd_msgs/msg/SurveyList, all but its frame."""
+    """Write a list into an empty mwd_msgs/msg/SurveyList, except for the frame."""
     fill_stamp(message.header.stamp, surveys.changed_ns)
     message.well = surveys.well.name
     message.records = []
@@ -200,7 +201,7 @@ def fill_list(
 
 
 def advice_of(message: Any) -> Advice:
-    """The Advice of a mwd_msgs/msg/SteeringAdvice."""
+    """Return the Advice of a mwd_msgs/msg/SteeringAdvice."""
 
     def known(value: float) -> float | None:
         return None if value < 0.0 else float(value)
@@ -220,7 +221,7 @@ def advice_of(message: Any) -> Advice:
 
 
 def fill_trajectory(message: Any, path: Definitive, stamp_ns: int) -> None:
-    """Write a path into an empty mwd_msgs/msg/Trajectory, all but its frame."""
+    """Write a path into an empty mwd_msgs/msg/Trajectory, except for the frame."""
     fill_stamp(message.header.stamp, stamp_ns)
     message.north_reference = int(path.north)
     message.measured_depth = path.md.tolist()
@@ -254,7 +255,7 @@ def _remark_messages(remarks: Iterable[Remark], new_remark: Callable[[], Any]) -
 
 
 def _plain(value: Any) -> Any:
-    """A scalar as it is, an array of the message as a tuple of Python's own numbers or texts."""
+    """Return a scalar unchanged, and an array of the message as a tuple of Python numbers or texts."""
     if isinstance(value, (str, bool, int, float)):
         return value
     items = value.tolist() if hasattr(value, "tolist") else value

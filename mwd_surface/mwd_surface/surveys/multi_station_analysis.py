@@ -2,16 +2,17 @@
 """
 Multi-station analysis: errors of the sensors and drill-string interference from many stations of one run.
 
-The Earth's field and gravity look the same at every station: total gravity, horizontal and downward field. What moves
-them from station to station as the tool turns and the hole bends are the tool's own errors, which stay with its axes:
-bias and scale of each magnetometer, axial interference being the bias of the axial one, and of each accelerometer.
-They are estimated together with what is wrong with the reference itself, each with a prior from the tool code, by
-nonlinear least squares:
+Gravity and the Earth's field are the same at every station: total gravity, horizontal and downward field. Errors of the
+tool, which stay with its axes, change the measured values from station to station as the tool rotates and the hole
+bends: bias and scale of each magnetometer (axial interference is a bias of the axial one) and of each accelerometer.
+They are estimated together with the errors of the reference, each with a prior from the tool code, by nonlinear least
+squares:
 
     b = B-true + bias + scale b,   f = F-true + bias + scale f
     residual = (|f|, H, V)(f - ..., b - ...) - reference - error of the reference
 
-An error the run's attitudes do not show keeps its prior sigma; it is named, and the azimuth's sigma carries it.
+An error that the attitudes of the run do not show keeps its prior sigma; it is named, and the azimuth's sigma includes
+it.
 """
 
 from __future__ import annotations
@@ -35,42 +36,42 @@ from mwd_surface.surveys.multi_station_problem import corrected as corrected_rea
 
 __all__ = ["Multistation", "analyse"]
 
-# Stations from which on their scatter is worth an estimate.
+# Least number of stations for an estimate of their scatter.
 _MANY = 8
-# A station whose misfit is beyond so many sigma is left out; where a larger share is, the analysis is refused.
+# Misfit, in sigma, above which a station is left out; if more than this share is left out, the analysis is refused.
 _OUTLIER_SIGMA = 4.5
 _MAX_OUTLIERS = 0.25
-# An error whose sigma stays above this share of its prior is called not observable.
+# Ratio of sigma to its prior above which an error counts as not observable.
 _OBSERVABLE = 0.7
-# Refused where chi-square is less probable, or the median sigma of the azimuth is larger, deg.
+# Limits for a refusal: least probability of chi-square, and largest median sigma of the azimuth, deg.
 _MIN_PROBABILITY = 0.001
 _MAX_SIGMA_DEG = 1.5
 
 
 @dataclass(frozen=True)
 class Multistation:
-    """What the stations of a run show together."""
+    """Result of the multi-station analysis of a run."""
 
-    #: `estimate`, `sigma`, `prior`: shape (15,); the errors, their 1 sigma after and before. Of x, y, z each: bias, T
-    #: (of x with the axial interference), and scale of the magnetometers, bias, m/s^2, and scale of the accelerometers;
-    #: then those of the reference: horizontal and downward field, T, and gravity, m/s^2.
+    #: `estimate`, `sigma`, `prior`: shape (15,); errors, and their 1 sigma after and before. For x, y, z each: bias, T
+    #: (for x with axial interference), and scale of the magnetometers; bias, m/s^2, and scale of the accelerometers;
+    #: then the errors of the reference: horizontal and downward field, T, and gravity, m/s^2.
     estimate: Array
     sigma: Array
     prior: Array
     #: `azimuth`, `sigma_azimuth`, `inclination`, `sigma_inclination`: shape (n,); corrected, magnetic, rad.
-    #: Sigmas hold noise and what is left of the errors; declination and alignment come on top.
+    #: Sigmas contain noise and remaining errors; declination and alignment are to be added.
     azimuth: Array
     sigma_azimuth: Array
     inclination: Array
     sigma_inclination: Array
     azimuth_raw: Array  #: shape (n,); uncorrected
-    used: np.ndarray  #: bool, shape (n,); false for stations left out as outliers; they are corrected all the same
-    #: `chi_square`, `degrees`, `probability`: of the used stations' residuals and the priors together.
+    used: np.ndarray  #: bool, shape (n,); false for outliers, which are not used but are corrected too
+    #: `chi_square`, `degrees`, `probability`: for the residuals of the used stations together with the priors.
     chi_square: float
     degrees: int
     probability: float
-    observable: np.ndarray  #: bool, shape (15,); whether the run's attitudes show an error
-    refused: Reason | None  #: why the corrected azimuths must not be used; None where they may
+    observable: np.ndarray  #: bool, shape (15,); whether the attitudes of the run show the error
+    refused: Reason | None  #: why the corrected azimuths must not be used; None if they may be used
 
 
 def analyse(
@@ -80,16 +81,16 @@ def analyse(
     errors: SensorErrors | None = None,
 ) -> Multistation:
     """
-    Estimate the errors common to the stations of one run, and their azimuths without them.
+    Estimate the errors common to the stations of one run, and the azimuths corrected for them.
 
     Parameters
     ----------
     f_t, b_t : array_like, shape (n, 3)
-        Mean specific force, m/s^2, and field, T, in tool axes, of n >= 2 stations with the same tool and assembly.
+        Mean specific force, m/s^2, and field, T, in tool axes, for n >= 2 stations with the same tool and assembly.
     reference : Reference
-        With a field; its sigmas are the prior of its own error, common to all stations.
+        Reference with a field; its sigmas are the prior of its own error, which is common to all stations.
     errors : SensorErrors, optional
-        Priors of bias, scale and axial interference, such as `tool_code.sensor_errors(code)`.
+        Priors of bias, scale and axial interference, for example `tool_code.sensor_errors(code)`.
 
     Returns
     -------
@@ -98,7 +99,7 @@ def analyse(
     Raises
     ------
     ValueError
-        Shapes, fewer than two stations, readings that are not finite, a reference without field.
+        Wrong shapes, fewer than two stations, readings that are not finite, or a reference without field.
     """
     errors = SensorErrors() if errors is None else errors
     f, b = _readings(f_t, b_t)
@@ -121,7 +122,7 @@ def _readings(f_t: ArrayLike, b_t: ArrayLike) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class _Fit:
-    """The most probable normalised errors, which stations they rest on, and how well they fit; as `Multistation`."""
+    """Most probable normalised errors, the stations used, and the quality of the fit; as in `Multistation`."""
 
     solution: Array
     used: np.ndarray
@@ -132,7 +133,7 @@ class _Fit:
 
 
 def _fitted(problem: Problem) -> _Fit:
-    """Solve, leaving out one outlier after the other, and adapt the noise where there are stations enough."""
+    """Solve, dropping one outlier after the other, and rescale the noise if there are enough stations."""
     n = len(problem.f)
     used = np.ones(n, dtype=bool)
     while True:
@@ -144,7 +145,7 @@ def _fitted(problem: Problem) -> _Fit:
         used[worst] = False
     degrees = int(3 * used.sum())
     chi_square = float(np.sum(problem.residual(solution, used) ** 2))
-    # Few stations do not show the noise.
+    # A few stations are not enough to estimate the noise.
     if used.sum() >= _MANY:
         for _ in range(2):
             problem.quieten(solution, used)
@@ -188,7 +189,7 @@ def _result(problem: Problem, fit: _Fit) -> Multistation:
 
 
 def _refusal(fit: _Fit, sigma: Array, sigma_raw: Array) -> Reason | None:
-    """Why the corrected azimuths, of these 1 sigma, rad, must not be used; None where they may."""
+    """Return why corrected azimuths with these 1 sigma, rad, must not be used; None if they may be used."""
     used, n = fit.used, float(len(fit.used))
     share = float(np.mean(~used))
     if share > _MAX_OUTLIERS or (np.where(used, fit.misfit, 0.0).max() > _OUTLIER_SIGMA):

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The least-squares problem of the multi-station analysis: residuals of a run's stations, and their slopes.
+Least-squares problem of the multi-station analysis: residuals of the stations of a run, and their derivatives.
 
-The model and its source stand in `multi_station_analysis`.
+See `multi_station_analysis` for the model and its source.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.constants import GRAVITY_SPREAD, STANDARD_GRAVITY
 
 SENSORS = 12
-"""Errors that are of the sensors; those of the reference come behind them."""
+"""Number of sensor errors; the errors of the reference follow them."""
 
 
-# Axial interference thought possible, 1 sigma, as a ratio to what is expected: as the magnetic samples are read.
+# Prior of the axial interference, 1 sigma, relative to the expected value; the same as for the magnetic samples.
 _AXIAL = interference_state.Params().axial / (SensorErrors.axial_interference_nt * 1e-9)
-# Cross-axial bias of a hot spot in the collar, beside the sensors' own, 1 sigma, nT.
+# Cross-axial bias from a hot spot in the collar, in addition to the sensors' own bias, 1 sigma, nT.
 _CROSS_AXIAL = 150.0
-# Noise of a station's mean field, T, and force, m/s^2, of each axis.
+# Noise of a station's mean field, T, and specific force, m/s^2, per axis.
 _FIELD_NOISE = 20e-9
 _FORCE_NOISE = 0.002
-# What the field itself varies from station to station (MFIR, MDIR), T and rad.
+# Variation of the field itself from station to station (MFIR, MDIR), T and rad.
 _FIELD_VARIATION = 60e-9
 _DIP_VARIATION = math.radians(0.08)
 
 
 class Problem:
-    """Residuals of the stations against one reference, whitened, with the priors beneath them."""
+    """Whitened residuals of the stations against one reference, together with the priors."""
 
     def __init__(self, f: Array, b: Array, reference: Reference, errors: SensorErrors) -> None:
         self.f, self.b = f, b
@@ -49,7 +49,7 @@ class Problem:
             *([max(errors.magnetometer_scale, 1e-7)] * 3),
         ]
         accelerometer = [max(errors.accelerometer_bias_mps2, 1e-7)] * 3 + [max(errors.accelerometer_scale, 1e-8)] * 3
-        # Errors = scale @ x, with x of unit prior.
+        # Errors = scale @ x, where x has a unit prior.
         self.scale = np.zeros((15, 15))
         self.scale[range(SENSORS), range(SENSORS)] = magnetometer + accelerometer
         self.scale[12:14, 12:14] = np.linalg.cholesky(reference.covariance + np.eye(2) * 1e-22)
@@ -62,7 +62,7 @@ class Problem:
         self._weigh()
 
     def _weigh(self) -> None:
-        # The weights stay those of the readings as they are: the noise hardly depends on the small errors sought.
+        # Compute the weights from the uncorrected readings, because the noise hardly depends on the small errors.
         _, inputs = self._values(np.zeros(15))
         covariance = inputs @ self.noise @ np.swapaxes(inputs, 1, 2)
         covariance[:, 1:, 1:] += self.varying
@@ -70,9 +70,10 @@ class Problem:
 
     def quieten(self, x: Array, used: np.ndarray) -> None:
         """
-        Scale the noise down to what the residuals show, accelerometers and field apart; never up.
+        Scale the noise down to that of the residuals, separately for accelerometers and field; never up.
 
-        More scatter than expected is a reason to refuse, not to widen; less means better sensors than set.
+        More scatter than expected is a reason for refusal; less scatter means that the sensors are better than
+        specified.
         """
         slope = self._whitened_slope(x)[used]
         residual = self._whitened(x)[used]
@@ -85,8 +86,8 @@ class Problem:
             return min(max(float(np.sum(residual[:, columns] ** 2)) / freedom, 1e-4), 1.0)
 
         gravity, field = share(slice(0, 1)), share(slice(1, 3))
-        # The residuals cannot separate magnetometer noise from a varying field: the noise, which the azimuth has, stays
-        # as it is set while what is seen allows it, and the variation gives way first.
+        # The residuals cannot separate magnetometer noise from variation of the field. The noise, which affects the
+        # azimuth, keeps its setting as far as the residuals allow, and the variation is reduced first.
         _, inputs = self._values(np.zeros(15))
         by_noise = float(np.mean(np.einsum("nki,ij,nkj->nk", inputs[:, 1:], self.noise, inputs[:, 1:])))
         by_variation = 0.5 * float(np.trace(self.varying))
@@ -96,7 +97,7 @@ class Problem:
         self._weigh()
 
     def _values(self, errors: Array) -> tuple[Array, Array]:
-        """(|f|, H, V) of the corrected readings, shape (n, 3), and their slopes by (f, b), shape (n, 3, 6)."""
+        """Return (|f|, H, V) of the corrected readings, shape (n, 3), and the derivatives by (f, b), (n, 3, 6)."""
         f, b = corrected(self.f, self.b, errors)
         g = np.linalg.norm(f, axis=1, keepdims=True)
         down = -f / g
@@ -111,7 +112,7 @@ class Problem:
         return np.concatenate([g, horizontal, vertical], axis=1), slope
 
     def _by_errors(self) -> Array:
-        """Slopes of the corrected (f, b) by the twelve sensor errors, shape (n, 6, 12)."""
+        """Return the derivatives of the corrected (f, b) by the twelve sensor errors, shape (n, 6, 12)."""
         slope = np.zeros((len(self.f), 6, SENSORS))
         for axis in range(3):
             slope[:, 3 + axis, axis] = -1.0
@@ -121,20 +122,20 @@ class Problem:
         return slope
 
     def solve(self, used: np.ndarray) -> Array:
-        """Most probable normalised errors, shape (15,), from the used stations and the priors."""
+        """Return the most probable normalised errors, shape (15,), from the used stations and the priors."""
         found = least_squares(self.residual, np.zeros(15), self.slope, args=(used,), method="lm")
         return np.asarray(found.x, dtype=float)
 
     def residual(self, x: Array, used: np.ndarray) -> Array:
-        """Whitened residuals of the used stations and the priors, shape (3 n + 15,)."""
+        """Return the whitened residuals of the used stations and the priors, shape (3 n + 15,)."""
         return np.concatenate([self._whitened(x)[used].ravel(), x])
 
     def slope(self, x: Array, used: np.ndarray) -> Array:
-        """Derivative of `residual`, shape (3 n + 15, 15)."""
+        """Return the derivative of `residual`, shape (3 n + 15, 15)."""
         return np.concatenate([self._whitened_slope(x)[used].reshape(-1, 15), np.eye(15)])
 
     def misfit(self, x: Array) -> Array:
-        """Length of each station's whitened residual, shape (n,): in one of a thousand stations beyond 4 by chance."""
+        """Return the length of each station's whitened residual, shape (n,); one in a thousand exceeds 4 by chance."""
         return np.asarray(np.linalg.norm(self._whitened(x), axis=1))
 
     def _whitened(self, x: Array) -> Array:
@@ -152,9 +153,9 @@ class Problem:
 
     def reading_covariance(self, x: Array, covariance: Array, used: np.ndarray) -> Array:
         """
-        Covariance of the corrected (f, b) of each station, shape (n, 6, 6): its noise and the errors left.
+        Return the covariance of the corrected (f, b) of each station, shape (n, 6, 6), from noise and remaining errors.
 
-        A station that was used has shifted the errors by its own noise: their product is in it.
+        A used station has influenced the estimated errors by its own noise, so their cross-covariance is included.
         """
         by_errors = self._by_errors()
         left = covariance[:SENSORS, :SENSORS]
@@ -167,5 +168,5 @@ class Problem:
 
 
 def corrected(f: Array, b: Array, errors: Array) -> tuple[Array, Array]:
-    """Specific force, m/s^2, and field, T, shape (..., 3), without errors in the order of `Multistation.estimate`."""
+    """Subtract errors, in the order of `Multistation.estimate`, from force, m/s^2, and field, T, shape (..., 3)."""
     return f - errors[6:9] - errors[9:12] * f, b - errors[0:3] - errors[3:6] * b

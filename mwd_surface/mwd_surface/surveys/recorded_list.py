@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The survey list of a recording, as it was kept live: for surveys that are computed again from the same recording.
+Survey list of a recording as it was kept live, for surveys that are recomputed from the same recording.
 
-A survey is the same where its uuid is: that of the same samples at the same time. What changed the list is taken again
-in the order in which it happened: decisions of people, depths by hand and revisions of the estimator.
+Surveys with the same uuid are the same survey: they come from the same samples at the same time. Changes of the list
+are applied again in their original order: decisions of people, depths by hand and revisions of the estimator.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SET_DEPTH, _ACCEPT, _REJECT = 8, 9, 10  # of OperatorEvent.msg
 
 @dataclasses.dataclass(frozen=True)
 class DepthByHand:
-    """A bit depth, m, that a person set at a time, ns; log_ns: when it was recorded."""
+    """Bit depth, m, set by a person at a time, ns; log_ns: time of recording."""
 
     log_ns: int
     stamp_ns: int
@@ -35,9 +35,9 @@ class DepthByHand:
 @dataclasses.dataclass(frozen=True)
 class Decided:
     """
-    A decision of a person about a survey; measured_depth: depth that it gives, m, -1 for none.
+    Decision of a person about a survey; measured_depth: depth given with it, m, -1 for none.
 
-    as_listed: it is known from the list alone, which has the depth whether or not the decision gave it.
+    as_listed: whether it is known only from the list, which has a depth even if the decision gave none.
     """
 
     log_ns: int
@@ -52,9 +52,9 @@ class Decided:
 
     def applied(self, surveys: SurveyList, *, depths: bool) -> SurveyList:
         """
-        Return the list with this decision; a survey that it does not have changes nothing.
+        Return the list with this decision applied; unchanged if it does not have the survey.
 
-        depths: whether a depth that the decision gives holds, too. Raises ValueError as `SurveyList.accept`.
+        depths: whether to apply a depth given with the decision. Raises ValueError like `SurveyList.accept`.
         """
         found = next((r for r in surveys.records if r.survey.uuid == self.uuid), None)
         if found is None:
@@ -69,7 +69,7 @@ class Decided:
 
 @dataclasses.dataclass(frozen=True)
 class Revised:
-    """A survey that the estimator judged again."""
+    """New judgement of a survey by the estimator."""
 
     log_ns: int
     survey: Survey
@@ -81,20 +81,20 @@ Change = DepthByHand | Decided | Revised
 @dataclasses.dataclass(frozen=True)
 class RecordedList:
     """
-    What a recording tells of its survey list.
+    Information in the survey lists of a recording.
 
     Attributes
     ----------
     first, records : dict of SurveyRecord
-        By uuid: as it was listed first, and last.
+        By uuid: the record when it was first listed, and when it was last listed.
     changes : tuple of Change
-        What changed the list, in the order of recording.
+        Changes of the list, in the order of recording.
     arrived_ns : dict of int
-        When the message of each survey was recorded, ns, by uuid.
+        Time at which the message of each survey was recorded, ns, by uuid.
     last : SurveyList or None
-        The last list, which has legs and plan; None where there is no list.
+        Last list, with legs and plan; None if there is no list.
     without_events : bool
-        The recording has the results of a graph, but not its operator events.
+        Whether the recording has the results of a graph, but not its operator events.
     """
 
     first: Mapping[str, SurveyRecord] = dataclasses.field(default_factory=dict)
@@ -105,15 +105,15 @@ class RecordedList:
     without_events: bool = False
 
     def before(self, start_ns: int) -> list[SurveyRecord]:
-        """Records of surveys taken before a time: of earlier recordings."""
+        """Return the records of surveys taken before a time, that is from earlier recordings."""
         return [r for r in self.records.values() if r.survey.stamp_ns < start_ns]
 
 
 def recorded_list(bag: Bag, namespace: str, well: Well) -> RecordedList:
     """
-    Return what a recording tells of the survey list of a well; empty where it has no list.
+    Return the information in the survey lists of a well in a recording; empty if it has no list.
 
-    namespace: of the well, with a slash at its end. well: as the recording describes it.
+    namespace: namespace of the well, ending with a slash. well: well as described by the recording.
     """
     types = {
         "surveys": _LIST_TYPE,
@@ -146,8 +146,8 @@ def recorded_list(bag: Bag, namespace: str, well: Well) -> RecordedList:
                 first.setdefault(uuid, record)
                 if record.judgement != Judgement.NOT_JUDGED:
                     listed.setdefault((uuid, record.judged_ns), _decision_in(record, log_ns))
-    # Without events the decisions are those that the lists show; a rejection first: it makes room for the survey that
-    # replaced it at the same time.
+    # Without events, take the decisions from the lists; rejections first, to make room for the survey that replaced the
+    # rejected one at the same time.
     with_events = f"{namespace}{EVENTS}" in names or _has(bag, f"{namespace}used_samples", "mwd_msgs/msg/UsedSamples")
     if not with_events:
         changes = sorted([*changes, *sorted(listed.values(), key=_rejections_first)], key=lambda one: one.log_ns)
@@ -166,7 +166,7 @@ def _has(bag: Bag, name: str, type_name: str) -> bool:
 
 
 def _change_of(log_ns: int, event: Any) -> list[Change]:
-    """Return what an operator event changed in the list: nothing where it was refused or concerns the estimator."""
+    """Return the change of the list by an operator event; empty if it was refused or concerns the estimator."""
     stamp_ns = stamp_of(event.header.stamp)
     if not event.success:
         return []
@@ -180,6 +180,6 @@ def _change_of(log_ns: int, event: Any) -> list[Change]:
 
 
 def _decision_in(record: SurveyRecord, log_ns: int) -> Decided:
-    """Return the decision that a record of a list shows."""
+    """Return the decision in a record of a list."""
     who = (record.operator_name, record.reason, record.judged_ns)
     return Decided(log_ns, record.survey.uuid, record.judgement, *who, record.measured_depth, as_listed=True)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The settings a recording was made with: what every command that reads one starts from unless told otherwise.
+Settings of a recording, from which every command that reads a recording starts unless told otherwise.
 
 The surface node writes the parameters of estimator and surface into every recording; later changes are messages of
-/parameter_events. Those of the surface count for the whole list; those of the estimator are named. A recording without
-them may hold the fix of a satellite receiver, which is its place.
+/parameter_events. Changes of surface parameters apply to the whole list; changes of estimator parameters are only
+named. A recording without parameters may contain fixes of a satellite receiver, which give its place.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ S = TypeVar("S")
 ESTIMATOR, SURFACE = "parameters/estimator", "parameters/surface"
 _FIX = "sensor_msgs/msg/NavSatFix"
 _EVENTS, _EVENT_TYPE = "/parameter_events", "rcl_interfaces/msg/ParameterEvent"
-# Field of ParameterValue by its type.
+# Field of ParameterValue for each type number.
 _FIELDS = (
     "",
     "bool_value",
@@ -45,7 +45,7 @@ _FIELDS = (
 
 @dataclasses.dataclass(frozen=True)
 class SurfacePart:
-    """The sections of the surface's settings that decide about a survey list."""
+    """Sections of the surface's settings that affect a survey list."""
 
     well: Well = dataclasses.field(default_factory=Well)
     rules: ListRules = dataclasses.field(default_factory=ListRules)
@@ -56,9 +56,10 @@ class SurfacePart:
 @dataclasses.dataclass(frozen=True)
 class Recorded:
     """
-    Settings in a recording; None where it has none.
+    Settings found in a recording; None where there are none.
 
-    source: where the estimator's come from, in words. remarks: what of them this version cannot use, likewise.
+    source: where the estimator's settings come from, in words. remarks: sentences on settings that this version cannot
+    use.
     """
 
     estimator: EstimatorSettings | None = None
@@ -67,7 +68,7 @@ class Recorded:
     remarks: tuple[str, ...] = ()
 
     def well(self, usual: Well) -> Well:
-        """The well of the surface, else the usual one; at the estimator's place where neither has one."""
+        """Return the surface's well, else `usual`; if it has no place, with the estimator's place."""
         well = self.surface.well if self.surface is not None else usual
         place = self.estimator.place if self.estimator is not None else None
         if place is None or place.lat_deg is None or well.latitude_deg is not None:
@@ -79,7 +80,7 @@ def recorded_settings(bag: Bag) -> Recorded:
     """
     Return the settings of estimator and surface in a recording.
 
-    A parameter that this version does not have or does not allow is left at its default, and named in the remarks.
+    A parameter that this version does not have or does not allow keeps its default, and is named in the remarks.
     """
     tables = bag.metadata()
     remarks: list[str] = []
@@ -91,7 +92,7 @@ def recorded_settings(bag: Bag) -> Recorded:
     changed = [name for name, text in events.get("estimator", {}).items() if before.get(name) not in (None, text)]
     if changed:
         remarks.append(
-            f"{', '.join(changed)} changed during the recording: all of it is processed with the values of its begin"
+            f"{', '.join(changed)} changed during the recording: all of it is processed with its initial values"
         )
     estimator = surface = None
     if before:
@@ -106,9 +107,9 @@ def recorded_settings(bag: Bag) -> Recorded:
 
 def recorded_sections(bag: Bag, usual: S) -> S | None:
     """
-    Return sections of the surface's settings in a recording; None where it has none of them.
+    Return sections of the surface's settings in a recording; None if it has no surface settings.
 
-    usual: their defaults. A parameter that changed while it was recorded has its last value.
+    usual: default sections. A parameter that changed during the recording has its last value.
     """
     table = bag.metadata().get(SURFACE)
     if table is None:
@@ -117,7 +118,7 @@ def recorded_sections(bag: Bag, usual: S) -> S | None:
 
 
 def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
-    """Settings from a table of all parameters of the surface, which has more sections than these."""
+    """Return settings from a table of all surface parameters, which has more sections than `usual`."""
     parts = settings.values(usual)
     known = {name: text for name, text in table.items() if name in parts}
     return kept(usual, _values(known, parts), remarks, "recording")
@@ -125,9 +126,9 @@ def _sections(table: Mapping[str, str], usual: S, remarks: list[str]) -> S:
 
 def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[EstimatorSettings, str]:
     """
-    Settings whose model covers the day, and a remark: where the newer model does not reach back, the IGRF is taken.
+    Return settings whose field model covers the day, and a remark if the IGRF replaces a model that starts later.
 
-    stamp_ns: ns, whose day counts where no date is set. Raises ValueError for a day outside every model.
+    stamp_ns: ns; gives the day if no date is set. Raises ValueError for a day outside all models.
     """
     try:
         reference_of(estimator.place, stamp_ns)
@@ -146,7 +147,7 @@ def with_a_model(estimator: EstimatorSettings, stamp_ns: int) -> tuple[Estimator
 
 
 def _by_receiver(bag: Bag) -> tuple[EstimatorSettings | None, str]:
-    """Settings with the position of a satellite receiver in a recording, and its topic; None where there is none."""
+    """Return settings with the position of a satellite receiver in the recording, and its topic; None without one."""
     fixes = [topic.name for topic in bag.topics.values() if topic.type_name == _FIX]
     for _, name, _, data in bag.messages(fixes) if fixes else ():
         fix = bag.decode(name, data)
@@ -158,7 +159,7 @@ def _by_receiver(bag: Bag) -> tuple[EstimatorSettings | None, str]:
 
 
 def _changes(bag: Bag) -> dict[str, dict[str, str]]:
-    """Parameters that changed while it was recorded: name of the node -> name -> last value as text."""
+    """Return the parameters that changed during the recording: node name -> parameter name -> last value as text."""
     about = bag.topics.get(_EVENTS)
     changes: dict[str, dict[str, str]] = {}
     if about is None or about.type_name != _EVENT_TYPE:
@@ -174,9 +175,10 @@ def _changes(bag: Bag) -> dict[str, dict[str, str]]:
 
 def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) -> S:
     """
-    Return the settings with the given values; one that cannot be used is left at its default, and named.
+    Return settings with the given values; values that are not allowed keep their default and are named in the remarks.
 
-    given: dotted name -> value. remarks: gets a sentence for each left out. source: where they were found, in words.
+    given: dotted name -> value. remarks: receives a sentence for each value that is not used. source: description of
+    where the values were found.
     """
     try:
         return settings.changed(usual, given)
@@ -191,12 +193,12 @@ def kept(usual: S, given: Mapping[str, Any], remarks: list[str], source: str) ->
 
 
 def _values(table: Mapping[str, str], usual: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a table of texts but for parameters that every ROS node has; usual: name -> default."""
+    """Parse a table of texts, except parameters that every ROS node has; usual: name -> default."""
     return {name: _value(text, usual.get(name)) for name, text in table.items() if "." in name}
 
 
 def _value(text: str, usual: Any) -> Any:
-    """Value of a parameter as it was written; text where the usual value is text."""
+    """Parse the written value of a parameter; it stays text if the usual value is text."""
     if isinstance(usual, str):
         return text
     if text in ("inf", "-inf", "nan"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rotation shots and check shots of a survey list, and the sentence that each of them becomes."""
+"""Rotation shots and check shots of a survey list, and their description in a sentence."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_surface.surveys.check_shots import Bias, CheckShot, check_shots
 from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
 
-# Unit, factor from SI and decimals of a bias, for people.
+# Unit, factor from SI and number of decimals of a bias.
 _UNITS = {"accelerometer": ("mG", 1e3 / STANDARD_GRAVITY, 2), "magnetometer": ("nT", 1e9, 0)}
 
 
 def shots_of(records: Iterable[SurveyRecord], code: str) -> tuple[tuple[CheckShot, tuple[int, ...]], ...]:
     """
-    Compare the surveys that were taken again at a depth; each with the numbers of its surveys.
+    Compare surveys repeated at one depth; return each comparison with the numbers of its surveys.
 
-    code: tool code of the well; one that is not of a magnetic survey means the usual errors. Surveys without readings,
-    without a depth or that were rejected are left out.
+    code: tool code of the well; a code that is not of a magnetic survey means the usual errors. Surveys without
+    readings or depth, and rejected ones, are left out.
     """
     used = [
         record
@@ -48,12 +48,12 @@ def shots_of(records: Iterable[SurveyRecord], code: str) -> tuple[tuple[CheckSho
 
 
 def tools_text(shot: CheckShot) -> str:
-    """Names of the tools of a check shot; empty for a rotation shot, which a tool takes of itself."""
+    """Return the names of the tools of a check shot; empty for a rotation shot, which one tool takes alone."""
     return " and ".join(tool or "an unnamed tool" for tool in shot.tools) if len(shot.tools) > 1 else ""
 
 
 def sentence(shot: CheckShot) -> str:
-    """What the surveys of one depth show, in words."""
+    """Describe the comparison of surveys at one depth in a sentence."""
     kind = "rotation shot"
     if len(shot.tools) > 1:
         kind = f"check shot by {tools_text(shot)}"
@@ -68,7 +68,7 @@ def sentence(shot: CheckShot) -> str:
 
 
 def bias_text(bias: Bias) -> str:
-    """A bias against what the tool code allows, in words."""
+    """Describe a bias and the value allowed by the tool code."""
     unit, factor, decimals = _UNITS[bias.sensor]
     value, sigma, expected = (factor * x for x in (bias.value, bias.sigma, bias.expected))
     return (

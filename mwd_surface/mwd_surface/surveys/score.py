@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Surveys against the truth that a simulated sonde publishes beside them: what `mwd run` ends with.
+Comparison of surveys with the truth published by a simulated sonde, printed at the end of `mwd run`.
 
-Only for looking at; no estimator reads the truth.
+It is for people only; no estimator reads the truth.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, Verdict
 from mwd_surface.trajectory.north import North
 
 SURVEY_TYPE = "mwd_msgs/msg/Survey"
-_NEAREST = 0.6  # s; a truth further away than that says nothing about a survey
+_NEAREST = 0.6  # s; largest time between a survey and the truth it is compared with
 
 
 @dataclasses.dataclass(frozen=True)
 class Scored:
     """
-    One survey beside the truth; angles in rad, azimuths from true north, None where unknown.
+    One survey and the truth; angles in rad, azimuths from true north, None where unknown.
 
     Attributes
     ----------
     sequence : int
     measured_depth : float
-        Of the sonde, from the truth, m.
+        True depth of the sonde, m.
     inclination, azimuth : float
-        True ones.
+        True values.
     measured_inclination, sigma_inclination : float
     raw, corrected, chosen : float or None
-        Azimuth as the compass has it, freed of axial interference, and the one the survey reports.
+        Azimuth as measured, corrected for axial interference, and as reported by the survey.
     sigma_azimuth : float or None
-        1 sigma of the chosen one.
+        1 sigma of the reported azimuth.
     verdict : Verdict
     action : str
-        The one reason to act on; empty of an accepted survey.
+        Main reason to act; empty for an accepted survey.
     """
 
     sequence: int
@@ -63,26 +63,26 @@ class Scored:
 
     @property
     def inclination_error(self) -> float:
-        """Measured less true, rad."""
+        """Measured minus true inclination, rad."""
         return self.measured_inclination - self.inclination
 
     @property
     def azimuth_error(self) -> float | None:
-        """Chosen less true, the short way round, rad."""
+        """Reported minus true azimuth, wrapped to +-pi, rad."""
         return None if self.chosen is None else float(wrap_pi(self.chosen - self.azimuth))
 
 
 def score(bag: Bag, namespace: str = "", truth: Path | None = None) -> list[Scored]:
     """
-    Every survey of a recording beside the truth at its time, in order of time.
+    Compare every survey of a recording with the truth at its time, in order of time.
 
-    namespace : of the well, where the recording has several. truth : file of the truth (parameter `truth_file` of the
-    sonde), for a run whose surface heard a link alone: the surveys are then those that the link brought.
+    namespace: namespace of the well, if the recording has several. truth: file of the truth (parameter `truth_file` of
+    the sonde), for a run whose surface received only a link; the surveys are then those of the link.
 
     Raises
     ------
     BagError
-        It has no truth, or several wells and none was named.
+        The recording has no truth, or several wells of which none was named.
     OSError
         The file of the truth cannot be read.
     """
@@ -107,7 +107,7 @@ def score(bag: Bag, namespace: str = "", truth: Path | None = None) -> list[Scor
 
 
 def _surveys(bag: Bag, topic: str) -> list[Survey]:
-    # A latched topic can be delivered, and recorded, more than once.
+    # A latched topic can be delivered and recorded more than once.
     found: dict[str, Survey] = {}
     for _, name, _, data in bag.messages([topic]):
         survey = survey_of(bag.decode(name, data))
@@ -116,7 +116,7 @@ def _surveys(bag: Bag, topic: str) -> list[Survey]:
 
 
 def _truth(bag: Bag, topic: str) -> NDArray[np.float64]:
-    """Rows of stamp (ns), inclination, azimuth, measured depth."""
+    """Return rows of stamp (ns), inclination, azimuth and measured depth."""
     rows = []
     for block in bag.blocks([topic]):
         samples = block[topic][1]

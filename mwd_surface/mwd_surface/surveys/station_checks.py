@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether a station can go into the path of its leg, its place on that path, and the flags it gets there.
+Checks whether a station may enter the path of its leg, its place on that path, and its flags.
 
 Units are SI and rad; azimuths are from the north of the well.
 """
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mwd_surface.surveys.survey_list import SurveyList
 
 NO_DEPTH = "no measured depth"
-# Remarks of a reader that make the coordinates of the whole path doubtful.
+# Kinds of reader remarks that make the coordinates of the whole path doubtful.
 _OF_COORDINATES = (RemarkKind.NORTH_ASSUMED, RemarkKind.UNIT_ASSUMED, RemarkKind.NUMBERS_ASSUMED)
 
 
@@ -45,7 +45,7 @@ def at_same_depth(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]
 
 
 def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
-    """Return why the record cannot go into the path, whoever decides; empty where it can."""
+    """Return why no decision can put the record into the path; empty if it can be used."""
     if record.measured_depth < 0.0:
         return [NO_DEPTH]
     why = []
@@ -63,7 +63,7 @@ def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
 
 
 def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
-    """Return what only an explicit replacement can override."""
+    """Return the conflicts with other stations that only an explicit replacement can override."""
     rivals = at_same_depth(whole, record)
     why = [f"duplicate depth: survey {r.survey.sequence} is at {r.measured_depth:.2f} m" for r in rivals]
     deeper = [
@@ -78,7 +78,7 @@ def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
 
 
 def obstacles(whole: SurveyList, record: SurveyRecord) -> list[str]:
-    """Return why the record does not go into the path by itself, apart from its verdict."""
+    """Return why the record is not used automatically, apart from its verdict."""
     why = fatal_reasons(whole, record)
     if record.measured_depth < 0.0:
         return why
@@ -106,7 +106,7 @@ def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int
             turn_rate=0.0,
             flags=(),
         )
-        # A rejected station gets no flags: it is out whether or not it could be used.
+        # A rejected station gets no flags of obstacles, because it is out in any case.
         flags = [] if record.judgement == Judgement.REJECTED else obstacles(whole, bare)
         return dataclasses.replace(bare, flags=(*flags, *revision_flags(record, whole.north)))
     path, k = place
@@ -125,7 +125,7 @@ def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int
 
 
 def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: int) -> list[str]:
-    """Return what is worth attention about a station in use, at index k of its path."""
+    """Return the flags of a station in use, at index k of its path."""
     flags = [*_age_flag(record, whole.rules), *([COORDINATES_ASSUMED] if path.assumed else [])]
     if record.survey.azimuth_from(whole.north) is None:
         flags.append("no azimuth: that of the station above is used")
@@ -133,7 +133,7 @@ def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: 
     if severity > whole.rules.dogleg_limit_deg:
         flags.append(f"dogleg {severity:.1f} deg/30 m is over {whole.rules.dogleg_limit_deg:g}")
     gap = float(path.md[k] - path.md[k - 1])
-    # From a tie-on that is known a vertical hole needs no stations; an assumed hole is said to be one.
+    # A vertical hole below a known tie-on needs no stations; the gap below an assumed hole is flagged elsewhere.
     vertical = path.kind[k - 1] == TIE_ON and max(path.inclination[k - 1 : k + 1]) <= _vertical_limit(whole.rules)
     if path.kind[k - 1] != ASSUMED and not vertical and gap > whole.rules.gap_limit:
         flags.append(f"gap {gap:.0f} m is over {whole.rules.gap_limit:g}")
@@ -144,7 +144,7 @@ def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: 
 
 
 def revision_flags(record: SurveyRecord, north: North) -> list[str]:
-    """Return what the estimator says of the survey now, where later ones have changed that: a person decides."""
+    """Return the flag for a verdict or azimuth that later surveys have changed; a person decides about it."""
     survey = record.revision
     if survey is None:
         return []
@@ -156,9 +156,10 @@ def revision_flags(record: SurveyRecord, north: North) -> list[str]:
 
 def revision_doubt(record: SurveyRecord, north: North) -> str:
     """
-    Return what later surveys say against a value in use, in a sentence; empty where nothing, or a person knew it.
+    Return a sentence if later surveys contradict a value in use; empty if they do not, or if a person knew it.
 
-    They do where the verdict is neither the first one nor accept, or the azimuth lies more than its 1 sigma away.
+    They contradict if the new verdict is neither the first one nor accept, or if the azimuth moved by more than its 1
+    sigma.
     """
     first, now = record.survey, record.revision
     if now is None or not record.in_use or now.revision <= record.decided_revision:
@@ -196,7 +197,7 @@ def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: f
     first = (md[1], inc[1]) if own else (bit_depth, 0.0)
     assumptions = tie_on_assumptions(whole.rules, t, *first)
     if assumptions:
-        # The reader of a list has said it in the words of that list.
+        # The reader of the list has already described this assumption in its own words.
         said = tuple(one for one in whole.remarks if one.kind == assumptions[0].kind)
         assumptions = said or assumptions
     made_up = any(one.kind == RemarkKind.HOLE_ABOVE_ASSUMED for one in assumptions)
@@ -227,22 +228,23 @@ def tie_on_assumptions(
     rules: ListRules, tie_on: TieOn, first_depth: float | None, inclination: float
 ) -> tuple[Remark, ...]:
     """
-    Return what a tie-on assumes about the hole above the first station.
+    Return the assumptions of a tie-on about the hole above the first station.
 
-    Nothing, where a person, a list or another leg gave it, or where the first station is near the wellhead: within the
-    interval between stations and the dogleg that pass without a warning.
+    There are none if a person, a list or another leg gave the tie-on, or if the first station is near the wellhead,
+    within the gap and dogleg limits that cause no warning.
 
     Parameters
     ----------
     rules : ListRules
     tie_on : TieOn
-        Of a leg without a parent.
+        Tie-on of a leg without a parent.
     first_depth, inclination : float
-        Measured depth, m, and inclination, rad, of the first station below it; depth None where there is none yet.
+        Measured depth, m, and inclination, rad, of the first station below the tie-on; depth is None if there is none
+        yet.
     """
     if tie_on.source == Origin.WITHOUT_POSITION:
         text = (
-            f"the position of the tie-on at {tie_on.measured_depth:.2f} m is not given in full; what is missing is"
+            f"the position of the tie-on at {tie_on.measured_depth:.2f} m is not given in full; missing values are"
             " taken as straight below the wellhead"
         )
         return (Remark(RemarkKind.TIE_ON_ASSUMED, text, {"measured_depth": tie_on.measured_depth}),)

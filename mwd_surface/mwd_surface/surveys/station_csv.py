@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Stations as CSV: angles, totals and verdict of each, with what a person needs to check it by hand.
+Stations as CSV: angles, totals and verdict of each, with the data that a person needs to check them by hand.
 
-The same columns come from a table of readings (`mwd survey`) and from a recording (`mwd process`). What is unknown is
-an empty cell; reasons are joined by a semicolon.
+A table of readings (`mwd survey`) and a recording (`mwd process`) give the same columns. Unknown values are empty
+cells; reasons are joined by semicolons.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mwd_surface.list_files.six_axis_table import TableStation
 
 
 class Column(NamedTuple):
-    """A column of the table; its unit ends the name. text: words, or several numbers, in place of one number."""
+    """A column of the table, with its unit at the end of the name; text: it holds words or several numbers."""
 
     name: str
     meaning: str
@@ -31,70 +31,72 @@ class Column(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """As people write it; empty where it has none."""
+        """Unit as people write it; empty if there is none."""
         return UNITS.get(self.name.rpartition("_")[2], "")
 
 
 UNITS = {"m": "m", "deg": "deg", "mps2": "m/s²", "nt": "nT"}
 OF_STATIONS = (
-    Column("md_m", "measured depth of the sensor; empty where none is known"),
-    Column("inclination_deg", "from the vertical"),
-    Column("azimuth_deg", "the best azimuth, clockwise from azimuth_reference"),
+    Column("md_m", "measured depth of the sensor; empty if unknown"),
+    Column("inclination_deg", "angle from the vertical"),
+    Column("azimuth_deg", "best azimuth, clockwise from azimuth_reference"),
     Column("azimuth_reference", "north of all azimuths of the row: magnetic, true or grid", text=True),
     Column("toolface_deg", "gravity toolface, from the high side"),
-    Column("g_total_mps2", "total gravity, as read"),
-    Column("b_total_nt", "total field, as read"),
-    Column("dip_deg", "dip of the field as read, below the horizontal"),
-    Column("verdict", "of the station: accept, doubtful or reject", text=True),
-    Column("reasons", "why, each with value and limit; joined by semicolons", text=True),
+    Column("g_total_mps2", "measured total gravity"),
+    Column("b_total_nt", "measured total field"),
+    Column("dip_deg", "dip of the measured field, below the horizontal"),
+    Column("verdict", "verdict of the station: accept, doubtful or reject", text=True),
+    Column("reasons", "reasons of the verdict, each with value and limit, joined by semicolons", text=True),
     Column("sigma_inclination_deg", "1 sigma"),
     Column("sigma_azimuth_deg", "1 sigma"),
     Column("sigma_toolface_deg", "1 sigma"),
     Column("magnetic_toolface_deg", "toolface from azimuth_reference"),
     Column(
         "azimuth_method",
-        "fused: posterior of all measured; gyro: no field; raw: no reference; none",
+        "fused: posterior of all sensors; gyro: no magnetic field; raw: no reference; none",
         text=True,
     ),
-    Column("azimuth_raw_deg", "from the field as read"),
+    Column("azimuth_raw_deg", "azimuth from the field as measured"),
     Column("sigma_azimuth_raw_deg", "1 sigma"),
-    Column("azimuth_corrected_deg", "by the single-station correction of axial interference"),
+    Column("azimuth_corrected_deg", "azimuth by single-station correction of axial interference"),
     Column("sigma_azimuth_corrected_deg", "1 sigma"),
-    Column("axial_interference_nt", "field of the string along the axis, positive down-hole"),
+    Column("axial_interference_nt", "field of the string along the axis, positive downhole"),
     Column("sigma_axial_interference_nt", "1 sigma"),
     Column("g_reference_mps2", "reference gravity"),
     Column("b_reference_nt", "total field of the reference"),
     Column("dip_reference_deg", "dip of the reference"),
-    Column("declination_deg", "of the reference, east positive; added to magnetic azimuth to give true"),
-    Column("convergence_deg", "subtracted from true azimuth to give grid"),
-    Column("headline", "the one reason to act on; empty: accepted", text=True),
+    Column("declination_deg", "declination of the reference, east positive; magnetic plus declination is true azimuth"),
+    Column("convergence_deg", "grid convergence; true minus convergence is grid azimuth"),
+    Column("headline", "main reason to act; empty if accepted", text=True),
     Column("verdict_inclination", "accept, doubtful or reject", text=True),
-    Column("verdict_azimuth", "the same; not determined: this attitude defines no azimuth", text=True),
-    Column("verdict_toolface", "the same", text=True),
-    Column("alternatives_deg", "other azimuths that fit the readings, likeliest first, with spaces between", text=True),
+    Column("verdict_azimuth", "as verdict_inclination; not determined if the attitude defines no azimuth", text=True),
+    Column("verdict_toolface", "as verdict_azimuth", text=True),
+    Column(
+        "alternatives_deg", "other azimuths that fit the readings, most likely first, separated by spaces", text=True
+    ),
     Column("alternative_odds", "probability of each", text=True),
-    Column("hypotheses", "what may disturb the readings, each with its probability", text=True),
+    Column("hypotheses", "possible disturbances of the readings, each with its probability", text=True),
 )
-# What a table of readings has beside: the value each row had first, with the rows before it in its run.
+# Additional columns of a table of readings: the first value of each row, computed with the rows before it in its run.
 OF_TABLES = (
-    Column("time", "as the table has it", text=True),
-    Column("run", "as the table has it", text=True),
-    Column("revised", "yes: later stations changed the verdict or the azimuth", text=True),
-    Column("outlier", "yes: off the other stations of the run", text=True),
-    Column("first_azimuth_deg", "azimuth with the rows before it in its run alone"),
+    Column("time", "time as in the table", text=True),
+    Column("run", "run as in the table", text=True),
+    Column("revised", "yes if later stations changed the verdict or azimuth", text=True),
+    Column("outlier", "yes if it disagrees with the other stations of the run", text=True),
+    Column("first_azimuth_deg", "azimuth computed only with the earlier rows of its run"),
     Column("first_sigma_azimuth_deg", "1 sigma"),
-    Column("first_verdict", "verdict with the rows before it alone", text=True),
-    Column("azimuth_msa_deg", "by multi-station analysis of the run, for comparison; empty: refused, or few stations"),
+    Column("first_verdict", "verdict computed only with the earlier rows", text=True),
+    Column("azimuth_msa_deg", "azimuth by multi-station analysis of the run; empty if refused or with few stations"),
     Column("sigma_azimuth_msa_deg", "1 sigma"),
 )
 COLUMNS = tuple(column.name for column in OF_STATIONS)
 ROW_COLUMNS = (*COLUMNS, *(column.name for column in OF_TABLES))
-# Columns of words; the others hold numbers.
+# Columns of text; the others hold numbers.
 TEXTS = frozenset(column.name for column in OF_STATIONS if column.text)
 
 
 def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
-    """One line: column -> text. measured_depth, m; nan where unknown."""
+    """Return one line: column -> text. measured_depth, m; NaN if unknown."""
     reference = station.reference or Reference()
     line = {
         "md_m": number(measured_depth, 3),
@@ -131,7 +133,7 @@ def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
 
 
 def _of_method(station: Station, method: AzimuthMethod) -> dict[str, str]:
-    """Azimuth of one method and its sigma; empty where it was not tried."""
+    """Return the azimuth of one method and its sigma; empty if the method was not tried."""
     found = station.by_method(method)
     return {
         f"azimuth_{method}_deg": _around(found.azimuth if found else None),
@@ -140,7 +142,7 @@ def _of_method(station: Station, method: AzimuthMethod) -> dict[str, str]:
 
 
 def row_cells(row: TableStation) -> dict[str, str]:
-    """One line of a table of readings: column -> text."""
+    """Return one line of a table of readings: column -> text."""
     line = {**cells(row.station, row.md), "time": row.time, "run": row.run}
     if row.first is None:
         return line
@@ -156,13 +158,13 @@ def row_cells(row: TableStation) -> dict[str, str]:
 
 
 def _multi_station(station: Station) -> dict[str, str]:
-    """The azimuth of the analysis of a run; nothing where it was refused."""
+    """Return the azimuth by multi-station analysis; empty if it was refused."""
     found = station.by_method(AzimuthMethod.MULTI_STATION)
     return {} if found is None or found.refused is not None else _of_method(station, AzimuthMethod.MULTI_STATION)
 
 
 def text(columns: Sequence[str], lines: Iterable[Mapping[str, Any]]) -> str:
-    """The table with its header; a line lacks what it doesn't know."""
+    """Return the table with its header; missing keys of a line become empty cells."""
     out = io.StringIO()
     writer = csv.DictWriter(out, columns, restval="", lineterminator="\n")
     writer.writeheader()
@@ -171,10 +173,10 @@ def text(columns: Sequence[str], lines: Iterable[Mapping[str, Any]]) -> str:
 
 
 def number(value: float | None, decimals: int) -> str:
-    """Fixed-point text; empty for what is unknown (None, nan, infinite)."""
+    """Return fixed-point text; empty if unknown (None, NaN, infinite)."""
     if value is None or not math.isfinite(value):
         return ""
-    # Without a minus before zero.
+    # Adding 0.0 avoids "-0".
     return f"{round(value, decimals) + 0.0:.{decimals}f}"
 
 
@@ -185,5 +187,5 @@ def _degrees(value: float | None) -> str:
 def _around(value: float | None) -> str:
     if value is None or not math.isfinite(value):
         return ""
-    # 359.99999 must not become 360.0000.
+    # Do not write 359.99999 as 360.0000.
     return number(round(math.degrees(value) % 360.0, 4) % 360.0, 4)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Totals of a survey against their references and limits, as every table, light and plot shows them.
+Totals of a survey against their references and limits, as all tables, lights and plots show them.
 
-Where the azimuth is corrected for the drill string's field, total field and dip are judged without that field; the
-values as read stay beside them, so that nobody compares a corrected limit with an uncorrected value.
+Where the azimuth is corrected for the string's field, total field and dip are judged without that field; the measured
+values are shown too, so that a corrected limit is not compared with an uncorrected value.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NO_REFERENCE, NOT_MEASURED = "no reference", "not measured"
 
 @dataclasses.dataclass(frozen=True)
 class QualityLimits:
-    """What totals may deviate from the reference, as the quality lights show it where a survey brings no limits."""
+    """Tolerances of the totals for the quality lights, used if a survey has no limits of its own."""
 
     gravity: float = setting(0.0245, "tolerance of total gravity against the reference", unit="m/s^2", low=0.0)
     field_nt: float = setting(300.0, "tolerance of the total field against the reference", unit="nT", low=0.0)
@@ -42,9 +42,10 @@ class Total:
     """
     One total of a survey: gravity, m/s^2, field, T, or dip, rad.
 
-    read: as measured, None without that sensor. value: as judged. reference: None where there is none. deviation: as
-    the verdict takes it, None where value or reference is not known. limit: of the deviation. light: GOOD, DOUBTFUL,
-    REJECT, or why there is none: NO_REFERENCE, NOT_MEASURED. corrected: whether value is without the string's field.
+    read: measured value, None without that sensor. value: value that is judged. reference: None if there is none.
+    deviation: deviation used by the verdict, None if value or reference is unknown. limit: limit of the deviation.
+    light: GOOD, DOUBTFUL, REJECT, or why there is none: NO_REFERENCE, NOT_MEASURED. corrected: whether value excludes
+    the string's field.
     """
 
     name: str
@@ -59,7 +60,7 @@ class Total:
 
 
 def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:
-    """Return total gravity, total field and dip of a survey; `limits` count where the survey brings none."""
+    """Return total gravity, total field and dip of a survey; `limits` apply if the survey has none."""
     s, usual = survey, limits or QualityLimits()
     magnetic = s.b_total >= 0.0
     reference = magnetic and s.has_reference
@@ -77,7 +78,8 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
         limit = mine if mine >= 0.0 else default
         away = None if value is None or wanted is None else value - wanted
         if away is not None and mine >= 0.0 and off != 0.0:
-            # As the verdict takes it: gravity off standard gravity where that is what the tool was calibrated by.
+            # Use the verdict's deviation: for example, gravity is relative to standard gravity if the tool was
+            # calibrated so.
             away = off
         light = NOT_MEASURED if value is None else _light(away, limit, usual.reject_factor)
         of_string = corrected and name != "total gravity"
@@ -86,8 +88,8 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
 
 
 def _earth_field(s: Survey) -> tuple[float, float, bool]:
-    """Return total field, T, and dip, rad, as the verdict takes them, and whether they are corrected."""
-    # Of a hole so steep that the toolface is not determined the verdict takes the field as it is read.
+    """Return total field, T, and dip, rad, as judged, and whether they are corrected for the string's field."""
+    # In a hole so steep that the toolface is undetermined, the verdict uses the measured field.
     steep = s.kind == STATIC and s.verdict_toolface == Verdict.NOT_DETERMINED
     corrected = azimuth_source(s).without_axial and not steep
     if not corrected or s.b_total < 0.0 or not any(s.specific_force):

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The survey list of a well: measurements, automatic verdicts, decisions of people, and the path.
+Survey list of a well: measurements, automatic verdicts, decisions of people, and the path.
 
-A list is a value: every operation returns a new one or raises `ValueError` and leaves the old one as it was. Automatic
-verdict and decision are both kept; no measurement is ever dropped. Depth, once given, decides the order:
-a station at a depth already taken, or above a deeper one, waits until a person accepts it explicitly.
-
-Units are SI and rad; azimuths and map axes of the path refer to the north that the well names.
+A list is an immutable value: every operation returns a new list, or raises `ValueError` and leaves the old list
+unchanged. Automatic verdict and decision are both kept; no measurement is ever dropped. The depth decides the order: a
+station at an occupied depth, or above a deeper and earlier one, waits until a person accepts it explicitly. Units are
+SI and rad; azimuths and map axes of the path refer to the north named by the well.
 """
 
 from __future__ import annotations
@@ -37,13 +36,13 @@ from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan
 from mwd_surface.trajectory.well_path import Definitive
 
-#: Kinds of remarks about where the path of a list starts.
+#: Kinds of remarks about the start of the path.
 OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED, RemarkKind.TIE_ON_OF_LIST)
 
 
 @dataclasses.dataclass(frozen=True)
 class SurveyList:
-    """The whole list, in order of measured depth within each leg; the rules are those of the module."""
+    """The whole list, in order of measured depth within each leg; see the module for its rules."""
 
     well: Well = dataclasses.field(default_factory=Well)
     rules: ListRules = dataclasses.field(default_factory=ListRules)
@@ -52,9 +51,9 @@ class SurveyList:
     leg: str = MAIN
     tool: str = ""
     changed_ns: int = 0
-    #: In force; the vertical section lies along it where the well sets no azimuth.
+    #: Plan in force; the vertical section lies along the plan if the well sets no azimuth.
     plan: Plan | None = None
-    #: Assumptions behind the list, such as those of the reader that imported it.
+    #: Assumptions behind the list, for example those of the reader that imported it.
     remarks: tuple[Remark, ...] = ()
 
     @property
@@ -64,7 +63,7 @@ class SurveyList:
 
     @property
     def next_sequence(self) -> int:
-        """Number after the highest in the list."""
+        """Number after the highest one in the list."""
         return 1 + max((r.survey.sequence for r in self.records), default=0)
 
     def find(self, sequence: int) -> SurveyRecord:
@@ -74,7 +73,7 @@ class SurveyList:
         Raises
         ------
         ValueError
-            There is none; the message lists the last numbers there are.
+            There is no such survey; the message lists the last numbers.
         """
         for record in self.records:
             if record.survey.sequence == sequence:
@@ -88,12 +87,12 @@ class SurveyList:
         """
         Return the path of a leg (by default the current one), through its parents up to the wellhead.
 
-        bit_depth: m; where it is deeper than the last station the path is projected to it and marked so.
+        bit_depth: m; if it is deeper than the last station, the path is projected to it and marked so.
 
         Raises
         ------
         ValueError
-            No such leg.
+            There is no such leg.
         """
         return leg_path(self, self.find_leg(leg), [r for r in self.records if r.in_use], bit_depth)
 
@@ -113,12 +112,13 @@ class SurveyList:
         Parameters
         ----------
         survey : Survey
-            One already there (same uuid) changes nothing. A number already taken by another survey, as after a tool
-            that lost its memory, or beyond `LAST_SEQUENCE` becomes the next free one; the comment says so.
+            Survey; one that is already in the list (same uuid) changes nothing. A number that is taken, for example
+            after a tool lost its memory, or that exceeds `LAST_SEQUENCE`, is replaced by the next free one; the comment
+            says so.
         measured_depth, depth_age : float
-            Of the sensor at the survey, m, and how old that reading was, s; -1 unknown.
+            Depth of the sensor at the survey, m, and age of that reading, s; -1 unknown.
         leg, tool : str, optional
-            Other than the current ones.
+            Leg and tool, if not the current ones.
 
         Raises
         ------
@@ -160,27 +160,27 @@ class SurveyList:
         replace: bool = False,
     ) -> SurveyList:
         """
-        Put a survey into the path by decision of a person, whatever its automatic verdict; both are kept.
+        Put a survey into the path by a person's decision, whatever its automatic verdict; both are kept.
 
         Parameters
         ----------
         sequence : int
             Number of the survey.
         operator_name, reason : str
-            Who and why. The name must not be empty.
+            Person and reason. The name must not be empty.
         stamp_ns : int
-            When, ns.
+            Time of the decision, ns.
         measured_depth : float
-            Depth to give it, m; -1 keeps what it has.
+            New depth of the survey, m; -1 keeps the present one.
         replace : bool
-            True: also where another station has this depth (that one is then rejected by the same person, in favour
-            of this) or a deeper one exists (this one is put between).
+            Whether to accept it even if another station has this depth (that station is then rejected in favour of this
+            one) or if a deeper one exists (this one is put between).
 
         Raises
         ------
         ValueError
-            No operator, no such survey, no depth, no usable azimuth, a depth already taken or passed without
-            `replace`, or a path that no arc can join. The list is unchanged.
+            There is no operator, survey, depth or usable azimuth, the depth is taken or passed and `replace` is false,
+            or no path can join the stations. The list is unchanged.
         """
         old = self.find(sequence)
         _checked_operator(operator_name)
@@ -212,12 +212,12 @@ class SurveyList:
 
     def reject(self, sequence: int, operator_name: str, reason: str, stamp_ns: int) -> SurveyList:
         """
-        Take a survey out of the path by decision of a person; it stays in the list.
+        Remove a survey from the path by a person's decision; it stays in the list.
 
         Raises
         ------
         ValueError
-            No operator or no such survey.
+            There is no operator or no such survey.
         """
         old = self.find(sequence)
         _checked_operator(operator_name)
@@ -226,10 +226,11 @@ class SurveyList:
 
     def revise(self, survey: Survey) -> SurveyList:
         """
-        Keep what the estimator says of a survey now that it knows later ones; the first value stays in the path.
+        Store the estimator's new result for a survey after later ones; the first value stays in the path.
 
         A survey that the estimator withdraws leaves the path, unless a person has accepted it; one that it takes back
-        is treated as a new one. Returns the list unchanged where it has no such survey (uuid) or a newer revision.
+        into use is treated as a new one. Return the list unchanged if it has no such survey (uuid) or already has this
+        revision or a newer one.
 
         Raises
         ------
@@ -251,18 +252,18 @@ class SurveyList:
         return self._with([record if r is old else r for r in self.records])
 
     def remark(self, sequence: int, comment: str) -> SurveyList:
-        """Return the list with another comment at a survey; ValueError where there is none."""
+        """Return the list with a new comment on a survey; ValueError if there is no such survey."""
         old = self.find(sequence)
         return self._with([dataclasses.replace(r, comment=comment) if r is old else r for r in self.records])
 
     def tied_on(self, tie_on: TieOn, leg: str | None = None) -> SurveyList:
         """
-        Return the list with another tie-on of a leg.
+        Return the list with a new tie-on of a leg.
 
         Raises
         ------
         ValueError
-            A value is not finite or out of range, stations in use lie above it, or no such leg.
+            A value is not finite or out of range, stations in use lie above the tie-on, or there is no such leg.
         """
         there = self.find_leg(leg)
         tie_on = settings.from_mapping(TieOn, settings.to_mapping(tie_on), "tie_on")
@@ -271,13 +272,13 @@ class SurveyList:
         if above:
             raise ValueError(f"tie_on: surveys {above} of leg {there.name!r} lie at or above {tie_on.measured_depth} m")
         legs = tuple(dataclasses.replace(g, tie_on=tie_on) if g is there else g for g in self.legs)
-        # A reader's assumption about the start of the path ends where a person gives the start.
+        # A tie-on given by a person replaces a reader's assumption about the start of the path.
         remarks = self.remarks if there.parent else tuple(one for one in self.remarks if one.kind not in OF_START)
         return dataclasses.replace(self, legs=legs, remarks=remarks)._with(self.records)
 
     def sidetracked(self, name: str, measured_depth: float, parent: str | None = None) -> SurveyList:
         """
-        Return the list with a new current leg that leaves a leg at a measured depth on its path.
+        Return the list with a new current leg that starts at a measured depth on the path of another leg.
 
         Raises
         ------
@@ -286,14 +287,14 @@ class SurveyList:
         """
         source = self.find_leg(parent)
         if not name or any(g.name == name for g in self.legs):
-            raise ValueError(f"name: a new leg needs a name of its own, got {name!r}")
+            raise ValueError(f"name: a new leg needs a new name, got {name!r}")
         inc, azi, position = self.definitive(source.name).at(measured_depth)
         n, e, d = (float(v) for v in position)
         tie_on = TieOn(measured_depth, inc, azi, n, e, d, Origin.LEG)
         return dataclasses.replace(self, legs=(*self.legs, Leg(name, tie_on, source.name)), leg=name)
 
     def using(self, *, leg: str | None = None, tool: str | None = None) -> SurveyList:
-        """Return the list with another current leg (which must exist) or tool for the surveys to come."""
+        """Return the list with another current leg (which must exist) or tool for the next surveys."""
         return dataclasses.replace(self, leg=self.find_leg(leg).name, tool=self.tool if tool is None else tool)
 
     def configured(self, well: Well, rules: ListRules) -> SurveyList:
@@ -303,7 +304,7 @@ class SurveyList:
         Raises
         ------
         ValueError
-            The well names another north and a tie-on or a station in use has none from there.
+            The well names another north, and a tie-on or a station in use cannot be converted to it.
         """
         changed = dataclasses.replace(self, well=well, rules=rules)
         if well.north_reference != self.well.north_reference:
@@ -321,11 +322,11 @@ class SurveyList:
         return changed._with(self.records)
 
     def along(self, plan: Plan | None) -> SurveyList:
-        """Return the same stations with another plan, or without a plan."""
+        """Return the same stations with another plan, or without one."""
         return self if plan == self.plan else dataclasses.replace(self, plan=plan)._with(self.records)
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return everything but the rules as a plain table for a file."""
+        """Return the list without its rules as a plain table for a file."""
         table = settings.to_mapping(dataclasses.replace(self, plan=None))
         table.pop("rules")
         return {**table, "plan": None if self.plan is None else self.plan.to_mapping()}
@@ -333,12 +334,12 @@ class SurveyList:
     @classmethod
     def from_mapping(cls, table: Mapping[str, Any], rules: ListRules | None = None) -> SurveyList:
         """
-        Return the list of such a table.
+        Return the list from such a table.
 
         Raises
         ------
         ValueError
-            A key or value that does not belong there (settings.SettingsError), or a path that cannot be computed.
+            A key or value is not valid (settings.SettingsError), or a path cannot be computed.
         """
         planned = table.get("plan")
         plan = None if planned is None else Plan.from_mapping(planned)
@@ -348,12 +349,12 @@ class SurveyList:
 
     def find_leg(self, name: str | None = None) -> Leg:
         """
-        Return a leg by its name (by default the current one).
+        Return a leg by its name, by default the current one.
 
         Raises
         ------
         ValueError
-            There is none; the message lists those there are.
+            There is no such leg; the message lists the existing ones.
         """
         wanted = self.leg if name is None else name
         for leg in self.legs:
@@ -362,7 +363,7 @@ class SurveyList:
         raise ValueError(f"leg: there is no {wanted!r}; there are {', '.join(repr(g.name) for g in self.legs)}")
 
     def _with(self, records: Iterable[SurveyRecord], changed_ns: int | None = None) -> SurveyList:
-        """Return the list with other records, in order, and everything that follows from them."""
+        """Return the list with other records, sorted, and all derived values recomputed."""
         order = {leg.name: k for k, leg in enumerate(self.legs)}
         ordered = sorted(records, key=lambda r: (order.get(r.leg, -1), r.measured_depth, r.survey.sequence))
         strangers = sorted({r.leg for r in ordered} - set(order))
@@ -380,7 +381,7 @@ class SurveyList:
         return dataclasses.replace(fresh, records=done)
 
     def _with_kick_offs(self) -> SurveyList:
-        """Return the list with each sidetrack starting on the path of its parent, where that still gets there."""
+        """Return the list with each sidetrack starting on its parent's path, if that path still reaches the depth."""
         whole = self
         for k, leg in enumerate(self.legs):
             if leg.tie_on.source != Origin.LEG:
@@ -402,7 +403,7 @@ def _rejected(record: SurveyRecord, operator_name: str, reason: str, stamp_ns: i
 
 
 def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, stamp_ns: int) -> SurveyRecord:
-    """Return the record with a decision in force, which joins those before."""
+    """Return the record with a new decision in force, appended to the earlier ones."""
     decision = Decision(int(judgement), who, reason, stamp_ns, record.measured_depth)
     return dataclasses.replace(
         record,

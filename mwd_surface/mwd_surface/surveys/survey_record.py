@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-One survey and the line it becomes in the survey list; field for field the messages of the same names.
+A survey and its line in the survey list; fields as in the messages of the same names.
 
-Numbers are SI and rad; "unknown" is what the message says (mostly -1), never NaN. `settings.to_mapping` and
-`settings.from_mapping` turn both into plain tables and back.
+Numbers are in SI and rad; unknown values are those of the message (mostly -1), never NaN. `settings.to_mapping` and
+`settings.from_mapping` convert both to plain tables and back.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ Three = tuple[float, float, float]
 Nine = tuple[float, float, float, float, float, float, float, float, float]
 ZERO_3: Three = (0.0, 0.0, 0.0)
 ZERO_9: Nine = (0.0,) * 9
-# Kinds of a survey, by the numbers of its message.
+# Kinds of a survey, with the numbers of its message.
 STATIC, ROTARY = 0, 1
 
 
 class Verdict(enum.IntEnum):
-    """Automatic verdict, by the numbers of the Survey message; the last is of one quantity only."""
+    """Automatic verdict, with the numbers of the Survey message; NOT_DETERMINED occurs for single quantities only."""
 
     ACCEPT = 0
     DOUBTFUL = 1
@@ -34,12 +34,12 @@ class Verdict(enum.IntEnum):
 
     @property
     def word(self) -> str:
-        """For people and files."""
+        """Text for people and files."""
         return self.name.lower().replace("_", " ")
 
 
 class Judgement(enum.IntEnum):
-    """The judgement of an operator; the numbers of the SurveyRecord message."""
+    """Decision of an operator, with the numbers of the SurveyRecord message."""
 
     NOT_JUDGED = 0
     ACCEPTED = 1
@@ -47,12 +47,12 @@ class Judgement(enum.IntEnum):
 
 
 RECEIVED_OVER = "received over "
-"""How the reason begins that names the links over which a survey came."""
+"""Beginning of the reason that names the links over which a survey came."""
 
 
 @dataclasses.dataclass(frozen=True)
 class AzimuthEstimate:
-    """Azimuth of a survey by one method: rad from `north`, 1 sigma in rad (-1 not available), share in the fusion."""
+    """Azimuth by one method: rad from `north`, 1 sigma in rad (-1 if not available), weight in the fused azimuth."""
 
     method: str
     north: int = int(North.UNKNOWN)
@@ -64,7 +64,7 @@ class AzimuthEstimate:
 
 @dataclasses.dataclass(frozen=True)
 class Survey:
-    """A station as the estimator measured and judged it; units and unknowns as in Survey.msg, stamp in ns."""
+    """A station as measured and judged by the estimator; units and unknown values as in Survey.msg, stamp in ns."""
 
     stamp_ns: int
     uuid: str
@@ -121,76 +121,75 @@ class Survey:
 
     @property
     def verdicts(self) -> tuple[str, str, str]:
-        """Automatic verdict of inclination, azimuth and toolface in a word each."""
+        """Automatic verdicts of inclination, azimuth and toolface, in one word each."""
         given = (self.verdict_inclination, self.verdict_azimuth, self.verdict_toolface)
         return Verdict(given[0]).word, Verdict(given[1]).word, Verdict(given[2]).word
 
     @property
     def link(self) -> str:
-        """Links over which it was received; empty: none, the tool's own topics."""
+        """Links over which the survey came; empty if it came directly from the tool."""
         named = [one.removeprefix(RECEIVED_OVER) for one in self.reasons if one.startswith(RECEIVED_OVER)]
         return named[-1] if named else ""
 
     @property
     def action(self) -> str:
-        """The one reason to act on; of older lists, which have none, the first reason of the verdict."""
+        """Main reason to act; in older lists without a headline, the first reason of the verdict."""
         return self.headline or (self.reasons[0] if self.reasons and self.verdict != Verdict.ACCEPT else "")
 
     @property
     def disturbances(self) -> list[tuple[str, float]]:
-        """What may disturb the readings, in words, with its probability; the likeliest first, without the hopeless."""
+        """Possible disturbances with their probabilities, most likely first; negligible ones are left out."""
         pairs = zip(self.hypotheses, self.hypothesis_odds, strict=True)
         known = sorted(((odds, name) for name, odds in pairs if odds >= 0.005), reverse=True)
         return [(HYPOTHESES.get(name, name), odds) for odds, name in known]
 
     def alternatives_from(self, north: North) -> list[tuple[float, float]]:
-        """Other azimuths that fit the readings, rad, and their odds; from their own north where `north` is unknown."""
+        """Return other azimuths that fit, rad, and their odds; from the survey's own north if `north` is unknown."""
         pairs = zip(self.alternatives, self.alternative_odds, strict=True)
         turned = ((self.turned(azimuth, North(self.north), north), azimuth, odds) for azimuth, odds in pairs)
         return [(own % math.tau if found is None else found, odds) for found, own, odds in turned]
 
     @property
     def has_azimuth(self) -> bool:
-        """False where the estimator withheld the azimuth."""
+        """Whether the survey has an azimuth, that is, the estimator did not withhold it."""
         return self.covariance[4] >= 0.0 and self.north != North.UNKNOWN
 
     @property
     def has_readings(self) -> bool:
-        """False for a station of an imported list, of which only the angles are known."""
+        """Whether the readings are known; false for an imported station with angles only."""
         return self.g_total > 0.0
 
     @property
     def toolfaces(self) -> tuple[float | None, float | None]:
-        """Gravity and magnetic toolface, rad; None where not measured: a tool that turns has neither."""
+        """Gravity and magnetic toolface, rad; None if not measured, as for a rotating tool."""
         if self.kind == ROTARY or not self.has_readings:
             return None, None
         return self.gravity_toolface, self.magnetic_toolface if self.has_azimuth else None
 
     @property
     def has_reference(self) -> bool:
-        """True where a reference field was configured."""
+        """Whether a reference field was configured."""
         return self.b_reference > 0.0
 
     @property
     def sigma_inclination(self) -> float:
-        """1 sigma, rad; -1 not available (a covariance of 0 is one that nobody knows, REP-145)."""
+        """1 sigma, rad; -1 if not available (a covariance of 0 means unknown, REP-145)."""
         return math.sqrt(self.covariance[0]) if self.covariance[0] > 0.0 else -1.0
 
     @property
     def sigma_azimuth(self) -> float:
-        """1 sigma, rad; -1 not available."""
+        """1 sigma, rad; -1 if not available."""
         return math.sqrt(self.covariance[4]) if self.covariance[4] > 0.0 else -1.0
 
     def azimuth_from(self, north: North) -> float | None:
-        """Azimuth from the asked north, rad in [0, 2 pi), or None where it is not known there; see `turned`."""
+        """Return the azimuth from a given north, rad in [0, 2 pi), or None if it cannot be converted; see `turned`."""
         return self.turned(self.azimuth, North(self.north), north) if self.has_azimuth else None
 
     def turned(self, azimuth: float, given: North, north: North) -> float | None:
         """
-        Another azimuth, rad, of this survey's place from the asked north, rad in [0, 2 pi); None where not known.
+        Convert an azimuth at this survey's place from one north to another, rad in [0, 2 pi); None if not possible.
 
-        True = magnetic + declination, grid = true - convergence (S0's note in the seeds). Declination needs a
-        reference field.
+        True = magnetic + declination, grid = true - convergence. The declination needs a reference field.
         """
         if North.UNKNOWN in (given, north):
             return None
@@ -205,7 +204,7 @@ class Survey:
 
 @dataclasses.dataclass(frozen=True)
 class Decision:
-    """What a person decided about a survey: a `Judgement`, by whom, why, when, ns, and the depth then, m."""
+    """A person's decision about a survey: `Judgement`, name, reason, time, ns, and depth at that time, m."""
 
     judgement: int
     operator_name: str
@@ -220,14 +219,14 @@ COORDINATES_ASSUMED = "coordinates assumed"  # flag of a record
 @dataclasses.dataclass(frozen=True)
 class SurveyRecord:
     """
-    One line of the survey list: survey, depth, what people decided, place on the path; as in SurveyRecord.msg.
+    One line of the survey list: survey, depth, decisions, place on the path; as in SurveyRecord.msg.
 
-    decisions: every one ever made, oldest first; the last one is in force. Only the file of the list has them.
-    revised: the survey as the estimator judged it last with the later ones of its run, or none; the path keeps the
-    first. A survey that the estimator withdrew takes the place of the first. decided_revision: number of the revision
-    that was there when a person decided last; only the file has it.
+    decisions: all decisions, oldest first; the last one is in force. They are kept in the file of the list only.
+    revised: latest result of the estimator after later surveys of the run, or empty; the path keeps the first result.
+    A survey that the estimator withdrew replaces the first result. decided_revision: revision that was present at the
+    last decision; kept in the file only.
 
-    From `north` on the numbers follow from the list and are recomputed with it (m, rad/m; 0 unless `in_use`).
+    The fields from `north` on are derived from the list and recomputed with it (m, rad/m; 0 unless `in_use`).
     """
 
     survey: Survey
@@ -255,12 +254,12 @@ class SurveyRecord:
 
     @property
     def assumed(self) -> bool:
-        """Whether its place on the path rests on an assumption, which the path names."""
+        """Whether the station's place on the path rests on an assumption, which the path names."""
         return COORDINATES_ASSUMED in self.flags
 
     @property
     def revision(self) -> Survey | None:
-        """What the estimator says of the survey now; None where that is what it said first."""
+        """Estimator's result after later surveys; None if it equals the first result."""
         if not self.revised:
             return None
         first, now = self.survey, self.revised[-1]
@@ -269,7 +268,7 @@ class SurveyRecord:
 
     @property
     def azimuth_doubt(self) -> str:
-        """Which survey's azimuth is not to be relied on and why, in a sentence; empty where it is, or has none."""
+        """Sentence on an azimuth that is not to be relied on, with the reason; empty if it is reliable or absent."""
         verdict = Verdict(self.survey.verdict_azimuth)
         if verdict in (Verdict.ACCEPT, Verdict.NOT_DETERMINED):
             return ""
@@ -279,12 +278,12 @@ class SurveyRecord:
 
 def checked_survey(survey: Survey) -> Survey:
     """
-    The survey itself, every value of its declared type and finite, its angles in range.
+    Return the survey after checking that every value has its declared type and is finite, and angles are in range.
 
     Raises
     ------
     ValueError
-        Names the field, its value and the rule.
+        A value is wrong; the message names the field, its value and the rule.
     """
     whole = settings.from_mapping(Survey, settings.to_mapping(survey), "survey")
     if not whole.uuid:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The survey list of a file, of the folder of a well or a run, or of a recording, and its slide sheet.
+Survey list of a file, of the folder of a well or run, or of a recording, with its slide sheet.
 
-Only reads: a list that a running surface node keeps can be exported at the same time.
+Files are only read, so a list that a running surface node keeps can be exported at the same time.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ FILES = ("surveys.json", "surveys.previous.json")
 
 def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tuple[str, ...]]:
     """
-    The list, and what people must know about where it comes from.
+    Return the list, and notes for people on its origin.
 
     Parameters
     ----------
     path : Path
-        A surveys.json, a list of stations that others measured (CSV, LAS, WITSML), a folder with a surveys.json in it
-        or below (the folder of a run), or a recording.
+        A surveys.json, an imported list of stations (CSV, LAS, WITSML), a folder with a surveys.json in it or below
+        (the folder of a run), or a recording.
     given : Given, optional
         How a list of stations is read. Left out, the caller has no such options: a question of the reader then names
         `mwd path`.
@@ -53,9 +53,9 @@ def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tupl
     Raises
     ------
     ValueError
-        The file is no whole survey list, or the folder has lists of several wells.
+        The file is not a complete survey list, or the folder has lists of several wells.
     BagError
-        There is nothing at the path, or the recording has no survey list.
+        The path does not exist, or the recording has no survey list.
     """
     if path.is_file() and path.suffix == ".json":
         return _remarked(decoded(read_file(path, budgets.JSON)))
@@ -85,12 +85,12 @@ def _read(path: Path, given: Given | None) -> StationList:
 
 def stretches_of(path: Path) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
     """
-    The slide sheet of the same well as `surveys_of`, and what people must know about it; a recording has none.
+    Return the slide sheet of the same well as `surveys_of`, and notes for people; a recording has no slide sheet.
 
     Raises
     ------
     OSError
-        Its file cannot be read.
+        The file of the slide sheet cannot be read.
     """
     listed = path.is_file() and path.suffix == ".json"
     folders = [path.parent] if listed else _folders(path) if path.is_dir() else []
@@ -100,12 +100,12 @@ def stretches_of(path: Path) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
 
 def surveys_of_bag(bag: Bag) -> SurveyList:
     """
-    The last survey list of a recording, with its legs and its plan.
+    Return the last survey list of a recording, with its legs and plan.
 
     Raises
     ------
     BagError
-        It has none, or lists of several wells.
+        The recording has no survey list, or lists of several wells.
     """
     if all(topic.type_name != LIST_TYPE for topic in bag.topics.values()):
         if unread := bag.unread(LIST_TYPE):
@@ -143,7 +143,7 @@ def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
         try:
             surveys = decoded(read_file(folder / name, budgets.JSON))
         except ValueError as error:
-            why.append(f"{folder / name} is not whole ({error})")
+            why.append(f"{folder / name} is not complete ({error})")
             continue
         if name != FILES[0]:
             why.append(f"surveys taken from {name}: the last change may be missing")
@@ -152,12 +152,12 @@ def _stored(folder: Path) -> tuple[SurveyList, tuple[str, ...]]:
 
 
 def _remarked(surveys: SurveyList, notes: Sequence[str] = ()) -> tuple[SurveyList, tuple[str, ...]]:
-    """The list, and the sentences of its remarks before other notes."""
+    """Return the list, and the sentences of its remarks followed by the notes."""
     return surveys, (*sentences(surveys.remarks), *notes)
 
 
 def _north(bag: Bag, topic: str) -> North | None:
-    """North of the recorded path; None where none is recorded."""
+    """Return the north of the recorded path; None if it is not recorded."""
     about = bag.topics.get(topic)
     found = North.UNKNOWN
     if about is not None and about.type_name == PATH_TYPE:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The survey list on disk: written whole, checked when read, never lost to a crash, an edit or half a write.
+The survey list on disk: written as a whole, checked when read, and safe against crashes, edits and partial writes.
 
-Two files stand in the folder: the list as it is and as it was one change before. A file carries the SHA-256 of its
-own content. A new one is written beside, flushed to the disk and put in place by renaming, so that at any moment (a
-kill, a power cut) at least one whole file is there. A file that fails its check is kept under another name, and the
-one before is used; both facts are reported.
+The folder holds two files: the present list, and the list before its last change. Each file carries the SHA-256 of its
+content. A new file is written under another name, flushed to disk and renamed, so at least one complete file exists at
+any moment (kill, power cut). A file that fails its check is kept under another name and the other file is used; both
+facts are reported.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ VERSION = 1
 
 
 class StoreError(RuntimeError):
-    """The folder cannot be used: not writable, or another process keeps its list there."""
+    """Raised if the folder cannot be used: it is not writable, or another process keeps its list there."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Loaded:
-    """What came back: the list, a message for the operator (empty when all was well), and whether anything was lost."""
+    """Result of loading: the list, messages for the operator (empty if all was well), and whether data was lost."""
 
     surveys: SurveyList
     messages: tuple[str, ...] = ()
@@ -46,12 +46,12 @@ class Loaded:
 
 class SurveyStore:
     """
-    Keeper of one well's list in one folder; use as a context manager or call `close`.
+    Store of one well's list in one folder; use it as a context manager or call `close`.
 
     Raises
     ------
     StoreError
-        The folder cannot be made or written, or another process has it.
+        The folder cannot be created or written, or another process uses it.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -69,7 +69,7 @@ class SurveyStore:
             raise StoreError(f"another process ({error.owner}) keeps its survey list in {self.folder}") from None
 
     def close(self) -> None:
-        """Give the folder free."""
+        """Release the folder."""
         self._lock.free()
 
     def __enter__(self) -> SurveyStore:
@@ -82,12 +82,12 @@ class SurveyStore:
 
     def save(self, surveys: SurveyList) -> None:
         """
-        Write the list; when this returns it is on the disk, and the list before is in `previous`.
+        Write the list; on return it is on the disk, and the list before is in `previous`.
 
         Raises
         ------
         StoreError
-            The disk is full or refuses. The files that were there are untouched.
+            The disk is full or refuses. The existing files are unchanged.
         ValueError
             The list has a text or number that a file cannot hold. Nothing is written.
         """
@@ -106,10 +106,10 @@ class SurveyStore:
 
     def load(self, well: Well, rules: ListRules) -> Loaded:
         """
-        The newest whole list, under the given well and rules; an empty one where there is none yet.
+        Load the newest complete list, with the given well and rules; an empty list if there is none yet.
 
-        A damaged file is moved aside (surveys.damaged-1.json, -2, ...), never deleted. Where the well now names a
-        north that the stations cannot be turned to, the stored one stays in force and a message says so.
+        A damaged file is moved aside (surveys.damaged-1.json, -2, ...), never deleted. If the stations cannot be
+        converted to the north that the well now names, the stored north stays in force and a message says so.
         """
         messages: list[str] = []
         damaged = False
@@ -121,9 +121,9 @@ class SurveyStore:
             except (ValueError, OSError) as error:
                 damaged = True
                 kept = self._put_aside(path)
-                # The message goes into the log and to a page that needs no login.
+                # The message is logged and shown on a page without login, so it must not quote the file.
                 why = str(error) if isinstance(error, NotWholeError) else without_contents(path.name, error)
-                messages.append(f"{path.name} is not whole ({why}); kept as {kept.name}")
+                messages.append(f"{path.name} is not complete ({why}); kept as {kept.name}")
                 continue
             if path == self.previous:
                 lost = "the last change may be missing" if damaged else f"{self.current.name} was missing"
@@ -131,17 +131,17 @@ class SurveyStore:
             surveys, remarks = _under(stored, well, rules)
             return Loaded(surveys, (*messages, *remarks), path == self.previous)
         if damaged:
-            messages.append("no whole survey list is left: starting with an empty one; the log has every survey")
+            messages.append("no complete survey list is left: starting with an empty one; the log has every survey")
         return Loaded(SurveyList(well=well, rules=rules), tuple(messages), damaged)
 
     def _keep_current_as_previous(self) -> None:
-        # A second name for the same file, then a rename: `current` is there at every moment.
+        # Make a second name for the file and rename that, so that `current` exists at every moment.
         second = self.folder / "surveys.linking.json"
         second.unlink(missing_ok=True)
         try:
             os.link(self.current, second)
         except OSError:
-            # File systems without hard links (FAT, some network shares).
+            # Copy on file systems without hard links (FAT, some network shares).
             second.write_bytes(read_file(self.current, budgets.JSON))
         second.replace(self.previous)
 
@@ -154,11 +154,11 @@ class SurveyStore:
 
 
 class NotWholeError(ValueError):
-    """A file is not a whole survey list; the message quotes nothing of it."""
+    """Raised if a file is not a complete survey list; the message quotes nothing of its content."""
 
 
 def encoded(surveys: SurveyList) -> bytes:
-    """The list as the bytes of a file: JSON, UTF-8, one record a line, with its own checksum."""
+    """Return the bytes of a list's file: JSON, UTF-8, one record per line, with its own checksum."""
     content = surveys.to_mapping()
     records = ",\n".join(_canonical(r) for r in content.pop("records"))
     head = json.dumps({"format": FORMAT, "version": VERSION, "sha256": _checksum(surveys.to_mapping())})[:-1]
@@ -168,33 +168,36 @@ def encoded(surveys: SurveyList) -> bytes:
 
 def decoded(data: bytes, rules: ListRules | None = None) -> SurveyList:
     """
-    The list of a file's bytes.
+    Parse the bytes of a list's file.
 
     Raises
     ------
     ValueError
-        Not JSON to the end, not a survey list, of a newer version, edited (checksum), or its content does not fit.
+        The bytes are not complete JSON, not a survey list, of a newer version, edited (checksum), or have invalid
+        content.
     """
     try:
         table = load_json(data.decode())
     except ValueError as error:
         at = f" at byte {error.start}" if isinstance(error, UnicodeDecodeError) else f": {error}"
-        raise NotWholeError(f"half written or no JSON{at}") from error
+        raise NotWholeError(f"incomplete or not JSON{at}") from error
     if not isinstance(table, dict) or table.get("format") != FORMAT or not isinstance(table.get("list"), dict):
-        raise NotWholeError("no survey list")
+        raise NotWholeError("not a survey list")
     if table.get("version") != VERSION:
         version = table.get("version")
         which = f"version {version}" if type(version) is int and 0 <= version < 1000 else "an unknown version"
         raise NotWholeError(f"{which}, this program reads {VERSION}")
     if table.get("sha256") != _checksum(table["list"]):
-        raise NotWholeError("its checksum does not fit: edited or corrupted")
+        raise NotWholeError("its checksum does not match: edited or corrupted")
     return SurveyList.from_mapping(table["list"], rules)
 
 
 def _under(stored: SurveyList, well: Well, rules: ListRules) -> tuple[SurveyList, list[str]]:
     remarks = []
     if stored.records and stored.well.name != well.name:
-        remarks.append(f"the stored list is of well {stored.well.name!r}, the configuration says {well.name!r}")
+        remarks.append(
+            f"the stored list belongs to well {stored.well.name!r}, but the configuration names {well.name!r}"
+        )
     try:
         return stored.configured(well, rules), remarks
     except ValueError as error:
@@ -204,7 +207,7 @@ def _under(stored: SurveyList, well: Well, rules: ListRules) -> tuple[SurveyList
 
 
 def _canonical(value: Any) -> str:
-    # repr of a float is exact and the same everywhere, so equal content has equal bytes.
+    # repr of a float is exact and the same on every machine, so equal content gives equal bytes.
     return json.dumps(value, sort_keys=True, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 

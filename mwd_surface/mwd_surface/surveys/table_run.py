@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The stations of one run together: what each said when it was taken, and what it says with all of the run.
+Stations of one run together: the result of each with the stations before it, and with the whole run.
 
-The first value of a station knows the stations above it in the table, as the live one does; its revision knows every
-other station of the run (`revision`). A station whose field is not that of the others tells them nothing.
+The first result of a station uses the stations above it in the table, as the live one does; its revision uses all other
+stations of the run (`revision`). A station whose field disagrees with the others is not used for them.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from mwd_sensors.core import utc
 from mwd_surface.list_files.six_axis_table import TableRow, TableStation
 from mwd_surface.surveys import multi_station_analysis
 
-# Between two rows without a time, h: a stand. How a field from outside drifts follows from it.
+# Assumed time between two rows without a time, h: one stand. It scales the drift of an external field.
 _STAND = 0.5
-# A multi-station analysis is compared from so many stations on.
+# Least number of stations for a multi-station analysis.
 _TOGETHER = 3
 
 
 def run_stations(rows: Sequence[TableRow], settings: StationSettings) -> list[TableStation]:
     """
-    Compute the rows of a table, those of one run together.
+    Compute the rows of a table; rows of the same run are computed together.
 
-    Rows are in the order in which they were taken. A row that cannot be read is rejected with its reason and tells
-    nothing of the others.
+    Rows are in the order in which they were taken. A row that cannot be read is rejected with its reason and is not
+    used for the others.
 
     Returns
     -------
     list of TableStation
-        One for each row, in order; `station` knows all of its run, `first` the rows before it.
+        One per row, in order; `station` uses its whole run, `first` only the rows before it.
     """
     runs: dict[str, list[int]] = {}
     for k, row in enumerate(rows):
@@ -85,7 +85,7 @@ def _run(rows: list[TableRow], settings: StationSettings) -> list[TableStation]:
 def _multi_station(
     own: list[Measured], at: list[int], settings: StationSettings
 ) -> dict[int, tuple[MethodAzimuth, ...]]:
-    """Azimuths of stations `at` by multi-station analysis, for comparison; none without one field for all."""
+    """Return azimuths of stations `at` by multi-station analysis, for comparison; empty unless all have one field."""
     read = [(k, own[k].readings, own[k].station) for k in at]
     usable = [(k, readings, station) for k, readings, station in read if readings is not None and readings.has_field]
     references = {station.reference for _, _, station in usable}
@@ -103,7 +103,7 @@ def _multi_station(
 
 
 def _hours(times: list[str]) -> list[float]:
-    """Times of the rows, h; those of stand after stand where not all rows have one."""
+    """Return the times of the rows, h; if a row has none, assume equal times between stands."""
     try:
         return [utc.moment(time).timestamp() / 3600.0 for time in times]
     except ValueError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Surveys that a link did not bring whole, so that they are in no list: when, and why."""
+"""Surveys that a link did not bring completely and that are therefore in no list: their time and the reason."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NO_INPUT, _NO_FLOW = 0, 1
 
 
 class Unlisted(NamedTuple):
-    """A time with flow, ns, at whose begin a tool sends the survey taken before, and why none is in the list."""
+    """Interval with flow, ns, at whose beginning a tool sends a survey, and why no survey was listed."""
 
     start_ns: int
     end_ns: int
@@ -25,7 +25,7 @@ class Unlisted(NamedTuple):
 
 @dataclasses.dataclass
 class _Flow:
-    """Time with flow as one link saw it: end of the flow before, begin, end, ns; reasons why no word came."""
+    """Interval with flow as seen by one link: end of the flow before, begin, end, ns; reasons why no word came."""
 
     before_ns: int
     start_ns: int
@@ -35,16 +35,16 @@ class _Flow:
 
 def unlisted(bag: Bag, namespace: str = "") -> list[Unlisted]:
     """
-    Times with flow of which no survey stands in the list although a link waited for one.
+    Return intervals with flow for which no survey is listed although a link waited for one.
 
-    A wired tool sends without flow as well: its lost surveys leave no trace.
+    A wired tool also sends without flow, so its lost surveys cannot be found.
 
     Parameters
     ----------
     bag : Bag
-        Recording of a surface that hears the tool over links.
+        Recording of a surface that receives the tool over links.
     namespace : str
-        Of the well.
+        Namespace of the well.
     """
     prefix = namespace.strip("/")
     if not all(any(topic.type_name == kind for topic in bag.topics.values()) for kind in (_WORD, _QUALITY)):
@@ -70,7 +70,7 @@ def _ns(stamp: object) -> int:
 
 
 def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
-    """When inclinations of surveys were sent that came too uncertain, ns, and what came."""
+    """Return the times, ns, of survey inclinations that were received too uncertain, and a text about each."""
     out = []
     for _, name, _, data in bag.messages([topic]):
         word = bag.decode(name, data)
@@ -82,7 +82,7 @@ def _erased(bag: Bag, topic: str) -> list[tuple[int, str]]:
 
 
 def _flows(bag: Bag, topic: str) -> list[_Flow]:
-    """Times with flow of all links."""
+    """Return the intervals with flow of all links."""
     flows: list[_Flow] = []
     now: dict[str, _Flow | None] = {}
     stopped: dict[str, int] = {}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How well the position of a surveyed well is known: at its stations, at the bit, and ahead along the plan.
+Position uncertainty of a surveyed well at its stations, at the bit, and ahead along the plan.
 
-The stations' tools come from the well's survey programme, or from its one tool code; a tool in the list with another
-serial number has systematic errors of its own. The bit and the plan ahead count as stations of the tool in the hole.
+The tools of the stations come from the well's survey programme, or from its single tool code. A tool with another
+serial number has its own systematic errors. The bit and the plan ahead count as stations of the tool in the hole.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _OF_START = (RemarkKind.HOLE_ABOVE_ASSUMED, RemarkKind.TIE_ON_ASSUMED)
 @dataclasses.dataclass(frozen=True)
 class UncertainPath:
     """
-    A path and what is known of it.
+    A path and its uncertainty.
 
     path: stations, projection and planned stations. covariance: shape (n, 3, 3), m^2 in the axes of the path, or None;
-    note: the model behind it, or why there is none.
+    note: the error model, or why there is no covariance.
     """
 
     path: Definitive
@@ -51,12 +51,12 @@ class UncertainPath:
 
 def programme_of(well: Well) -> Programme | None:
     """
-    Return the programme of a well; None where neither programme nor tool code is set.
+    Return the programme of a well; None if neither programme nor tool code is set.
 
     Raises
     ------
     ProgrammeError
-        The file of the programme cannot be used.
+        The programme file cannot be used.
     """
     if well.programme:
         return read_programme(Path(well.programme).expanduser())
@@ -64,8 +64,8 @@ def programme_of(well: Well) -> Programme | None:
 
 
 def error_reference(well: Well, survey: Survey) -> ErrorReference:
-    """Return the local field a survey was judged by, at the place of the well."""
-    # What turns the well's north to true north must be known; else it has no effect on the result.
+    """Return the local reference field of a survey, at the place of the well."""
+    # The angle between the well's north and true north must be known; the other one does not affect the result.
     unknown = {North.MAGNETIC: ("declination",), North.GRID: ("convergence",)}.get(
         North[well.north_reference.upper()], ()
     )
@@ -79,18 +79,18 @@ def error_reference(well: Well, survey: Survey) -> ErrorReference:
         dip=survey.dip_reference,
         declination=declination,
         convergence=convergence,
-        # Of an imported survey neither may be known.
+        # An imported survey may have neither value.
         g_total=survey.g_reference if survey.g_reference > 0.0 else survey.g_total or STANDARD_GRAVITY,
     )
 
 
 def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None]) -> UncertainPath:
     """
-    Return a path of the list with its covariance; without one where its start is assumed.
+    Return a path of the list with its covariance; without covariance if the start of the path is assumed.
 
-    records: of each station of the path, None for tie-ons, projection and planned stations.
+    records: record of each station of the path; None for tie-ons, projection and planned stations.
     """
-    # The error model tells how measurements spread, not how wrong an assumption is.
+    # The error model describes the spread of measurements, not the error of an assumption.
     made_up = [one.text for one in path.assumptions if one.kind in _OF_START]
     if made_up:
         return UncertainPath(path, None, f"not given, because the coordinates are assumed: {'; '.join(made_up)}")
@@ -100,7 +100,7 @@ def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRec
         return UncertainPath(path, None, str(error))
     well = surveys.well
     what = f"survey programme {Path(well.programme).name}" if well.programme else f"error model {well.error_model}"
-    beside = "".join(f"; without the error of an assumption: {one.text}" for one in path.assumptions)
+    beside = "".join(f"; not including the error of an assumption: {one.text}" for one in path.assumptions)
     return UncertainPath(path, covariance, f"{what} (ISCWSA), 1 sigma, relative to the first station{beside}")
 
 
@@ -108,9 +108,9 @@ def uncertain_well(
     surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None], radius: float = 0.0
 ) -> UncertainWell:
     """
-    Return a path of the list with what measured its stations.
+    Return a path of the list with the survey tools of its stations.
 
-    records: as in `uncertain`. radius: of the hole, m.
+    records: as in `uncertain`. radius: radius of the hole, m.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def uncertain_well(
 
 
 def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None]) -> ProgrammeStations:
-    """Return what the programme wants to know of each station; what is not measured is in the leg and tool above."""
+    """Return each station's data for the programme; stations without a survey get the leg and tool above."""
     sigmas = np.full((path.md.size, 2), np.nan)
     legs, tools, methods = [path.leg] * path.md.size, [""] * path.md.size, [""] * path.md.size
     leg, tool = path.leg, ""
@@ -159,10 +159,10 @@ def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None])
 
 def continued(path: Definitive, plan: Plan | None, reach: float, step: float = 30.0) -> Definitive:
     """
-    The path, and from its end on the directions of the plan, for at most `reach` metres.
+    Return the path continued from its end in the directions of the plan, for at most `reach` metres.
 
-    The planned stations lie beside the plan by what the well is beside it now: no steering back is assumed. Without a
-    plan, or at its end, the path is returned as it is.
+    The planned stations keep the present offset from the plan: no steering back is assumed. Without a plan, or at its
+    end, the path is returned unchanged.
 
     Raises
     ------

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Advice on the next interval, slide or rotate, at what toolface, how far; from plan, projected path and slide sheet.
+Advice on the next interval (slide or rotate, toolface, length) from plan, projected path and slide sheet.
 
-The well is brought back to the plan by the one arc from the bit to the point of the plan that lies `look_ahead_m`
-further on. Its dogleg severity over what the motor yields per metre slid is the share of the interval to slide, as a
-directional driller reckons it.
+The well is brought back to the plan by one arc from the bit to the point of the plan that lies `look_ahead_m` ahead.
+The dogleg severity of this arc, divided by the motor's yield per metre slid, is the share of the interval to slide;
+directional drillers calculate it the same way.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from mwd_surface.trajectory.slide_sheet import Yield
 from mwd_surface.trajectory.well_path import Definitive
 
 _PER_30_M = math.radians(1.0) / 30.0  # rad/m of one degree in 30 m
-_YIELDS = 3  # intervals whose motor yield counts: it changes with formation and wear
-_LEAST_AHEAD = 1.0  # m; a plan that ends so soon gives no direction
+_YIELDS = 3  # number of latest intervals for the motor yield, which changes with formation and wear
+_LEAST_AHEAD = 1.0  # m; least length of plan ahead that gives a direction
 
 
 class AdviceMode(enum.IntEnum):
-    """As in mwd_msgs/SteeringAdvice."""
+    """Mode of an advice, as in mwd_msgs/SteeringAdvice."""
 
     NONE = 0
     ROTATE = 1
@@ -37,44 +37,47 @@ class AdviceMode(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True)
 class AdvisorySettings:
-    """The advice on steering."""
+    """Settings of the steering advice."""
 
     toolface_deg: float = setting(
         -1.0,
-        "Toolface to hold by the word of the directional driller, in place of one computed from the plan; below 0: "
-        "compute it",
+        "Toolface set by the directional driller, used instead of one computed from the plan. Below 0, it is computed",
         unit="deg",
         low=-1.0,
         high=360.0,
     )
     limit_deg: float = setting(
         15.0,
-        "Largest deviation from the wanted toolface that the page shows as good; a larger limit hides larger errors",
+        "Largest deviation from the advised toolface that the page shows as good. Raising it hides larger errors",
         unit="deg",
         low=1.0,
         high=180.0,
     )
     interval_m: float = setting(
         28.0,
-        "Length of an interval: what is drilled between two decisions, usually a stand",
+        "Length drilled between two decisions, usually a stand",
         unit="m",
         low=1.0,
         high=500.0,
     )
     look_ahead_m: float = setting(
         60.0,
-        "Distance along the plan at which the well is to be back on it; a shorter one steers harder and makes a more "
-        "tortuous hole",
+        "Distance along the plan at which the well should be back on the plan. Lowering it steers harder and makes a "
+        "more tortuous hole",
         unit="m",
         low=5.0,
         high=2000.0,
     )
     least_slide_m: float = setting(
-        2.0, "Shortest slide worth its set-up time; less than that is rotated", unit="m", low=0.0, high=100.0
+        2.0,
+        "Shortest slide that is worth its set-up time; a shorter one is rotated instead",
+        unit="m",
+        low=0.0,
+        high=100.0,
     )
     motor_yield_deg_30m: float = setting(
         8.0,
-        "Dogleg of a slide until the slide sheet has measured it: as the motor's bend is specified",
+        "Dogleg severity of a slide as specified for the motor, used until the slide sheet has measured it",
         unit="deg/30 m",
         low=0.1,
         high=60.0,
@@ -84,23 +87,23 @@ class AdvisorySettings:
 @dataclasses.dataclass(frozen=True)
 class Advice:
     """
-    How to drill the next interval; the fields are those of mwd_msgs/SteeringAdvice.
+    Advice for the next interval; the fields are those of mwd_msgs/SteeringAdvice.
 
     Attributes
     ----------
     mode : AdviceMode
     toolface : float or None
-        rad, of SLIDE; from the high side, where `magnetic` from north.
+        Toolface for SLIDE, rad, from the high side, or from north if `magnetic`.
     limit : float
-        Deviation allowed, rad.
+        Allowed deviation of the toolface, rad.
     sigma, confidence : float or None
-        Of the toolface, rad; probability that the direction needed lies within the limit of it.
+        1 sigma of the toolface, rad; probability that the needed direction lies within the limit of the toolface.
     from_depth, slide_to_depth, to_depth : float or None
-        Measured depths of the bit, m.
+        Measured depths of the bit: start, end of the slide, end of the interval, m.
     dogleg_severity, motor_yield : float or None
-        Needed, and per metre slid, rad/m.
+        Dogleg severity needed, and dogleg per metre slid, rad/m.
     survey, stamp_ns
-        Number and stamp of the survey it follows from, or 0.
+        Number and stamp of the survey on which the advice is based, or 0.
     """
 
     mode: AdviceMode = AdviceMode.NONE
@@ -122,7 +125,7 @@ class Advice:
 
 @dataclasses.dataclass(frozen=True)
 class Known:
-    """What it follows from: survey number and stamp, its sigmas, rad or None; magnetic: the toolface's kind."""
+    """Basis of an advice: survey number and stamp, its sigmas, rad or None; magnetic: the kind of toolface."""
 
     survey: int = 0
     stamp_ns: int = 0
@@ -132,7 +135,7 @@ class Known:
 
 
 def motor_yield(yields: Sequence[Yield]) -> float | None:
-    """Median dogleg per metre slid of the last intervals, rad/m; None before any was slid."""
+    """Return the median dogleg per metre slid of the last intervals, rad/m; None if none was slid yet."""
     measured = [value for value in (one.motor for one in yields) if value is not None and value > 0.0]
     return statistics.median(measured[-_YIELDS:]) if measured else None
 
@@ -143,7 +146,7 @@ def advise(
     """
     Return the advice for the next interval.
 
-    path: to the bit where that is known. yields: of the slide sheet, deepest last.
+    path: path to the bit if the bit depth is known. yields: from the slide sheet, deepest last.
     """
     limit = math.radians(settings.limit_deg)
     base = Advice(limit=limit, magnetic=known.magnetic, survey=known.survey, stamp_ns=known.stamp_ns, source="plan")
@@ -159,7 +162,9 @@ def advise(
         return dataclasses.replace(base, reason="no survey is accepted yet")
     if path.assumed:
         why = "; ".join(sentences(path.assumptions))
-        return dataclasses.replace(base, reason=f"the position is assumed, so the way to the plan is not known: {why}")
+        return dataclasses.replace(
+            base, reason=f"the position is assumed, so no steering to the plan can be computed: {why}"
+        )
     return _to_plan(settings, plan, path, yields, known, base)
 
 
@@ -190,7 +195,7 @@ def _to_plan(
     )
     needs = f"{arc.dogleg_severity / _PER_30_M:.1f} deg/30 m needed to be on plan in {ahead - here:.0f} m"
     if slide < settings.least_slide_m:
-        return dataclasses.replace(advice, mode=AdviceMode.ROTATE, reason=f"{needs}: less than a slide is worth")
+        return dataclasses.replace(advice, mode=AdviceMode.ROTATE, reason=f"{needs}: too little for a slide")
     words = "motor as specified" if measured is None else "motor as measured"
     if slide > interval:
         words += f", which gives {gives / _PER_30_M:.1f} at most: the well falls behind the plan"
@@ -198,7 +203,7 @@ def _to_plan(
     return dataclasses.replace(
         advice,
         mode=AdviceMode.SLIDE,
-        # Near vertical the high side turns with the azimuth; from north the two add up.
+        # Near the vertical the high side rotates with the azimuth; the toolface from north is their sum.
         toolface=(arc.toolface + (azimuth_at(inclination, azimuth) if known.magnetic else 0.0)) % math.tau,
         sigma=sigma,
         confidence=None if sigma is None else math.erf(base.limit / (math.sqrt(2.0) * max(sigma, 1e-12))),
@@ -209,10 +214,10 @@ def _to_plan(
 
 def _toolface_sigma(toolface: float, inclination: float, turn: float, known: Known) -> float | None:
     """
-    1 sigma of the direction of steering, rad, from that of the surveyed direction; None where that is not known.
+    Return 1 sigma of the steering direction, rad, from the sigmas of the survey; None if they are unknown.
 
-    turn: angle from the hole to the point aimed at, rad. What the survey errs across the steering plane turns that
-    plane by as much over the turn.
+    turn: angle from the hole direction to the direction of the target, rad. A survey error across the steering plane
+    rotates that plane by the error divided by the turn.
     """
     if known.sigma_inclination is None or known.sigma_azimuth is None:
         return None

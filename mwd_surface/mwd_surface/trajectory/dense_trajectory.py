@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-High-density trajectory: the hole between survey stations, by continuous measurements or the slide sheet.
+High-density trajectory: the hole between survey stations, from continuous measurements or the slide sheet.
 
-Minimum curvature spreads the dogleg of an interval evenly. A motor makes it where it slides, and over many stands of
-the same pattern the vertical depth drifts away from the hole (E. Stockhausen, W. Lesso, "Continuous direction and
-inclination measurements lead to an improvement in wellbore positioning", SPE/IADC 79917, 2003). Stations stay as they
-are: what lies between them is anchored at both ends. Depths are m along the hole, angles rad.
+Minimum curvature spreads the dogleg of an interval evenly, but a motor makes it while sliding. Over many stands with
+the same pattern the computed vertical depth drifts away from the hole (E. Stockhausen, W. Lesso, "Continuous direction
+and inclination measurements lead to an improvement in wellbore positioning", SPE/IADC 79917, 2003). Stations are not
+changed: the trajectory between them is anchored at both ends. Depths are in m along the hole, angles in rad.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ from mwd_surface.trajectory.slide_sheet import SLIDE, Stretch
 from mwd_surface.trajectory.well_path import Definitive
 
 STATION, CONTINUOUS, SLIDES, ARC = "station", "continuous", "slide sheet", "arc"
-# A longer part of an interval without continuous data leaves its shape open, m.
+# Longest part of an interval without continuous data for which its shape still counts as known, m.
 _LONGEST_GAP = 10.0
-# Continuous data so near to a station are anchored at it; without them nothing is known of their offset, m.
+# Distance from a station within which continuous data serve to anchor them at that station, m.
 _AT_STATION = 3.0
-# Length of hole whose samples are one value, their median, m.
+# Length of hole over which samples are replaced by their median, m.
 _BIN = 0.5
-# Continuous inclination that differs more from a station is not that of this hole, rad.
+# Largest difference between continuous inclination and a station; beyond it the data are of another hole, rad.
 _MOST_APART = math.radians(1.0)
-# Nearer to vertical the continuous azimuth says nothing.
+# Least inclination at which the continuous azimuth is used.
 _LEAST_INCLINATION = math.radians(5.0)
-# The slide sheet must know so much of an interval, and so many metres of it slid.
+# Least share of an interval covered by the slide sheet, and least length slid in it, m.
 _KNOWN_SHARE, _LEAST_SLID = 0.9, 0.5
 
 
 @dataclasses.dataclass(frozen=True)
 class Continuous:
-    """Continuous measurements: depth of the sensor, m, inclination and azimuth, rad (nan: unknown), shape (n,)."""
+    """Continuous measurements: depth of the sensor, m, inclination and azimuth, rad (NaN if unknown), shape (n,)."""
 
     md: Array
     inclination: Array
@@ -49,7 +49,7 @@ class Continuous:
 @dataclasses.dataclass(frozen=True)
 class DenseTrajectory:
     """
-    The trajectory, station by station with points between.
+    Trajectory with points between the stations.
 
     Attributes
     ----------
@@ -58,11 +58,11 @@ class DenseTrajectory:
     positions : ndarray, shape (n, 3)
         North, east, down, m.
     differences : ndarray, shape (n, 3)
-        Of the position from that by minimum curvature between the stations, m.
+        Position minus that by minimum curvature between the stations, m.
     source : tuple of str
-        What each point rests on: STATION, or CONTINUOUS, SLIDES or ARC for those between.
+        Basis of each point: STATION, or CONTINUOUS, SLIDES or ARC between stations.
     remarks : tuple of str
-        Intervals whose continuous data were not used, and why.
+        Intervals whose continuous data were not used, with the reason.
     """
 
     md: Array
@@ -83,25 +83,25 @@ def dense_trajectory(
     path: Definitive, continuous: Continuous | None = None, stretches: Sequence[Stretch] = (), step: float = 1.0
 ) -> DenseTrajectory:
     """
-    Join the stations of a path by what is known of the hole between them.
+    Join the stations of a path by the best available description of the hole between them.
 
     Parameters
     ----------
     path : Definitive
-        A projection to the bit is left out.
+        Path; a projection to the bit is left out.
     continuous : Continuous, optional
-        Comes first where it covers an interval. Its azimuth may count from any north and its angles may be off by what
-        stays the same from one station to the next.
+        Used first where it covers an interval. Its azimuth may be from any north, and its angles may have an error that
+        is constant from one station to the next.
     stretches : sequence of Stretch
-        The slide sheet: the dogleg of an interval is put where the string slid. An interval that was not slid, or of
-        which too little is known, stays an arc.
+        Slide sheet: the dogleg of an interval is placed where the string slid. An interval without slides, or with too
+        little information, stays an arc.
     step : float
-        Distance of the points, m.
+        Distance between the points, m.
 
     Raises
     ------
     ValueError
-        A step that is not above 0.
+        The step is not above 0.
     """
     if not step > 0.0:
         raise ValueError(f"step: must be above 0 m, got {step:g}")
@@ -132,7 +132,7 @@ def dense_trajectory(
 
 
 class _Interval:
-    """One interval between two stations, and points in it."""
+    """One interval between two stations, and the points in it."""
 
     def __init__(self, md: Array, inclination: Array, azimuth: Array, step: float) -> None:
         self._inclination, self._azimuth = inclination, azimuth
@@ -141,11 +141,11 @@ class _Interval:
         self.at = np.linspace(self._low, self._high, count + 1)[1:-1]
 
     def share(self, depth: Array) -> Array:
-        """Share of the interval above each depth."""
+        """Return the share of the interval above each depth."""
         return np.asarray((depth - self._low) / (self._high - self._low))
 
     def arc(self, share: Array) -> tuple[Array, Array]:
-        """Inclination and azimuth after a share of the arc between the stations, rad."""
+        """Return inclination and azimuth after a share of the arc between the stations, rad."""
         ends = np.array([0.0, 1.0])
         inclination, azimuth, _ = mc.interpolate(
             ends, self._inclination, self._azimuth, np.zeros((2, 3)), np.clip(share, 0.0, 1.0)
@@ -153,7 +153,7 @@ class _Interval:
         return inclination, azimuth
 
     def by_continuous(self, given: Continuous) -> tuple[Array, Array] | None:
-        """By continuous measurements; None where they do not cover it. ValueError where they are of another hole."""
+        """Return angles from continuous data; None if they do not cover the interval, ValueError if of another hole."""
         inside = (given.md >= self._low) & (given.md <= self._high) & np.isfinite(given.inclination)
         md, arc = given.md[inside], self.arc(self.share(given.md[inside]))
         place = np.floor((md - self._low) / _BIN).astype(np.int64)
@@ -171,7 +171,7 @@ class _Interval:
         if self._inclination.min() >= _LEAST_INCLINATION:
             known = np.isfinite(given.azimuth[inside])
             turns = wrap_pi(given.azimuth[inside][known] - arc[1][known])
-            # About their mean direction, so that a half turn between two norths does not cut them.
+            # Work about the mean direction, so that a difference of half a turn between two norths does not wrap.
             middle = math.atan2(np.sin(turns).sum(), np.cos(turns).sum()) if known.any() else 0.0
             places, turned = _binned(place[known], md[known], wrap_pi(turns - middle))
             if self._covered(places):
@@ -179,7 +179,7 @@ class _Interval:
         return np.clip(inclination, 0.0, math.pi), azimuth
 
     def by_slides(self, stretches: Sequence[Stretch]) -> tuple[Array, Array] | None:
-        """With the dogleg where the string slid; None where the sheet does not say or nothing was slid."""
+        """Return angles with the dogleg where the string slid; None if too little is known or nothing was slid."""
         overlaps = [
             (max(s.from_depth, self._low), min(s.to_depth, self._high), s.mode)
             for s in stretches
@@ -190,14 +190,14 @@ class _Interval:
         total = sum(to - begin for begin, to in slid)
         if known < _KNOWN_SHARE * (self._high - self._low) or total < _LEAST_SLID:
             return None
-        # Slides begin and end between the points: they are points of their own.
+        # Slides begin and end between the points, so add their ends as points.
         marks = [depth for pair in slid for depth in pair if self._low + 1e-6 < depth < self._high - 1e-6]
         self.at = np.unique(np.round(np.concatenate([self.at, marks]), 6))
         done = sum(np.clip(self.at - begin, 0.0, to - begin) for begin, to in slid)
         return self.arc(np.asarray(done) / total)
 
     def _covered(self, centres: Array) -> bool:
-        """Whether data at these depths, m, in order, show the interval and its ends."""
+        """Return whether data at these depths, m, in order, describe the interval and its ends."""
         return (
             len(centres) >= 3
             and float(np.diff(centres).max()) <= _LONGEST_GAP
@@ -205,7 +205,7 @@ class _Interval:
         )
 
     def _anchored(self, centres: Array, apart: Array) -> Array:
-        """Differences from the arc at the points, less the line between those at the stations."""
+        """Return the differences from the arc at the points, minus the line between the differences at the stations."""
         first, last = _at_ends(centres, apart, self._low, self._high)
         at = np.concatenate([[self._low], centres, [self._high]])
         line = first + (last - first) * self.share(at)
@@ -214,7 +214,7 @@ class _Interval:
 
 
 def _binned(place: Indices, md: Array, values: Array) -> tuple[Array, Array]:
-    """Mean depth and median value of each bin that has any, in order of depth."""
+    """Return mean depth and median value of each bin with data, in order of depth."""
     order = np.argsort(place, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(place[order])) + 1) if len(order) else []
     centres = np.array([float(md[group].mean()) for group in groups])
@@ -222,14 +222,14 @@ def _binned(place: Indices, md: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _at_ends(centres: Array, values: Array, low: float, high: float) -> tuple[float, float]:
-    """Value at the upper and at the lower station, by a line through those next to it."""
+    """Return the values at the upper and lower station, extrapolated from the data near them."""
     return _at_end(centres, values, low), _at_end(centres[::-1], values[::-1], high)
 
 
 def _at_end(centres: Array, values: Array, end: float) -> float:
-    """Value at an end; centres: the nearest first."""
+    """Return the value at an end; centres: nearest first."""
     near = np.abs(centres - end) <= _AT_STATION
     if np.count_nonzero(near) < 3:
         return float(values[near].mean())
-    # Next to a station the hole may bend otherwise than its arc: a mean would be off by that.
+    # Near a station the hole may bend differently from the arc, so use a line instead of the mean.
     return float(np.polynomial.Polynomial.fit(centres[near], values[near], 1)(end))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Two surveys of one hole beside each other, station by station: a gyro survey and that of the MWD, as a rule.
+Comparison of two surveys of one hole, station by station, usually a gyro survey and an MWD survey.
 
-The second path is taken on its arcs at the measured depths of the first one's stations, so that no station is moved.
+The second path is interpolated on its arcs at the measured depths of the first one's stations, so no station is moved.
 """
 
 from __future__ import annotations
@@ -20,23 +20,22 @@ from mwd_surface.trajectory.well_path import Definitive
 @dataclasses.dataclass(frozen=True)
 class PathDifference:
     """
-    The first path less the second one, at the first one's stations within the depths of both.
+    First path minus second path, at the stations of the first within the depths of both.
 
     Attributes
     ----------
     md : ndarray, shape (n,)
-        m.
+        Measured depth, m.
     inclination, azimuth : ndarray, shape (n, 2)
-        Of the first and the second path, rad.
+        Angles of the first and the second path, rad.
     turn : ndarray, shape (n, 2)
-        Difference of inclination, and of azimuth the short way round, rad; nan where a path is vertical and has no
-        azimuth.
+        Difference of inclination, and of azimuth wrapped to +-pi, rad; NaN where a path is vertical and has no azimuth.
     position : ndarray, shape (n, 3)
         Difference north, east, down, m.
     sigma : ndarray, shape (n, 3)
-        1 sigma of that difference, m; nan where one of the paths has no uncertainty.
+        1 sigma of the difference, m; NaN if one of the paths has no covariance.
     sigmas : ndarray, shape (n,)
-        Distance in sigmas of the difference (Mahalanobis: its square has 3 degrees of freedom); nan where not known.
+        Mahalanobis distance of the difference, in sigmas (its square has 3 degrees of freedom); NaN if unknown.
     """
 
     md: Array
@@ -49,7 +48,7 @@ class PathDifference:
 
     @property
     def distance(self) -> Array:
-        """Between the two at one measured depth, m, shape (n,)."""
+        """Distance between the two paths at the same measured depth, m, shape (n,)."""
         return np.asarray(np.linalg.norm(self.position, axis=1))
 
 
@@ -57,18 +56,18 @@ def difference(
     first: Definitive, second: Definitive, covariances: tuple[Array | None, Array | None] = (None, None)
 ) -> PathDifference:
     """
-    Compare two paths from the same north.
+    Compare two paths that refer to the same north.
 
     Parameters
     ----------
     first, second : Definitive
     covariances : tuple of two ndarray of shape (m, 3, 3) or None
-        Of their stations' positions, m^2. The two surveys are taken as independent of each other.
+        Covariances of the station positions, m^2. The two surveys are taken as independent.
 
     Raises
     ------
     ValueError
-        They are from different norths, or have no depth in common.
+        The paths refer to different norths, or have no depth in common.
     """
     if first.north != second.north:
         raise ValueError(
@@ -96,7 +95,7 @@ def difference(
 
 
 def _between(md: Array, covariance: Array, at: Array) -> Array:
-    """Covariance at depths between stations: on the straight line, which is a covariance again."""
+    """Interpolate covariances linearly at depths between stations; the result is a covariance again."""
     flat = covariance.reshape(len(md), 9)
     return np.column_stack([np.interp(at, md, flat[:, k]) for k in range(9)]).reshape(-1, 3, 3)
 
@@ -104,7 +103,7 @@ def _between(md: Array, covariance: Array, at: Array) -> Array:
 def _sigmas(position: Array, covariance: Array) -> Array:
     out = np.full(len(position), np.nan)
     for k, (step, cov) in enumerate(zip(position, covariance, strict=True)):
-        # At the tie-on neither has an uncertainty.
+        # At the tie-on neither path has an uncertainty.
         if np.all(np.isfinite(cov)) and np.linalg.eigvalsh(cov)[0] > 0.0:
             out[k] = float(np.sqrt(step @ np.linalg.solve(cov, step)))
     return out

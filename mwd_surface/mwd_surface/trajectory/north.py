@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which north an azimuth, a path or a plan is from."""
+"""North references of azimuths, paths and plans."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import enum
 
 
 class North(enum.IntEnum):
-    """Which north an azimuth is from; the numbers of the Attitude message."""
+    """North to which an azimuth refers, with the numbers of the Attitude message."""
 
     UNKNOWN = 0
     MAGNETIC = 1

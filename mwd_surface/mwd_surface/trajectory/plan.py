@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The planned well path: where the well is from it, and how to steer back to it or on to a target.
+Planned well path: the offset of the well from it, and how to steer back to it or on to a target.
 
-All lengths m, angles rad, positions north, east, down from the wellhead, in the north reference of the plan. Offsets
-are seen looking down-hole along the plan: up is towards its high side, right is clockwise from that.
+Lengths are in m, angles in rad, positions north, east, down from the wellhead, in the north reference of the plan.
+Offsets are seen looking downhole along the plan: up is towards its high side, right is clockwise from that.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from mwd_sensors.core.frames import mat_nt, wrap_tau
 from mwd_surface.list_files.remark import Remark
 from mwd_surface.trajectory.well_path import Definitive
 
-DRAWN_STEP = 10.0  # m between the points of the plan that the page draws
+DRAWN_STEP = 10.0  # distance between the drawn points of the plan, m
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Plan:
     """
-    Stations of a plan and their positions.
+    Plan with its stations and their positions.
 
-    md, inclination, azimuth: shape (n,), n >= 2, m and rad. positions: shape (n, 3), m. north: "magnetic", "true",
-    "grid" or "" where the file did not say. name: for people. remarks: assumptions of its reader.
+    md, inclination, azimuth: shape (n,), n >= 2, m and rad. positions: shape (n, 3), m. north: "magnetic", "true" or
+    "grid", or "" if the file does not name it. name: name for people. remarks: assumptions of the reader.
     """
 
     md: Array
@@ -48,11 +48,11 @@ class Plan:
         return isinstance(other, Plan) and self.to_mapping() == other.to_mapping()
 
     def __hash__(self) -> int:
-        """Return a hash that equal plans share."""
+        """Return a hash; equal plans have equal hashes."""
         return hash((self.name, self.north, self.md.tobytes()))
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return the plan as a plain table for a file; its path follows from stations and start."""
+        """Return the plan as a plain table for a file; the path can be recomputed from stations and start."""
         stations = np.column_stack([self.md, self.inclination, self.azimuth])
         start = self.positions[0].tolist()
         remarks = [settings.to_mapping(one) for one in self.remarks]
@@ -67,12 +67,12 @@ class Plan:
     @classmethod
     def from_mapping(cls, table: Mapping[str, Any]) -> Plan:
         """
-        Return the plan of such a table.
+        Return the plan from such a table.
 
         Raises
         ------
         ValueError
-            The table has not the fields of a plan, or no path goes through its stations.
+            The table does not have the fields of a plan, or its path cannot be computed.
         """
         try:
             md, inclination, azimuth = np.asarray(table["stations"], dtype=float).reshape(-1, 3).T
@@ -84,23 +84,23 @@ class Plan:
 
     @property
     def target(self) -> Array:
-        """The end of the plan, shape (3,), m."""
+        """End of the plan, shape (3,), m."""
         return np.asarray(self.positions[-1])
 
     @property
     def section_azimuth(self) -> float:
-        """Azimuth from the first station to the last, rad: the usual one for the vertical section."""
+        """Azimuth from the first station to the last, rad, the usual one for the vertical section."""
         return mc.closure(self.positions)
 
 
 @dataclasses.dataclass(frozen=True)
 class Offset:
     """
-    Where a point is from the plan.
+    Offset of a point from the plan.
 
-    distance: to the nearest point of the plan, m. plan_md: there. up, right: of the point from the plan, in the plane
-    across it, m. horizontal: distance in the map, m. vertical: below the plan (+), m. toolface: direction from the
-    well to the plan across the hole, from its high side, rad; the toolface that steers back.
+    distance: to the nearest point of the plan, m. plan_md: measured depth of that point, m. up, right: from the plan to
+    the point, in the plane across the plan, m. horizontal: distance in the map, m. vertical: below the plan (+), m.
+    toolface: direction from the well to the plan, across the hole, from its high side, rad; this toolface steers back.
     """
 
     distance: float
@@ -114,7 +114,7 @@ class Offset:
 
 @dataclasses.dataclass(frozen=True)
 class Steering:
-    """One arc to a target: its length, m, dogleg severity, rad/m, toolface and the direction at its end, rad."""
+    """Arc to a target: length, m, dogleg severity, rad/m, toolface, and the direction at its end, rad."""
 
     length: float
     dogleg_severity: float
@@ -132,15 +132,14 @@ def plan_of(
     name: str = "",
 ) -> Plan:
     """
-    A plan from its stations.
+    Build a plan from its stations.
 
-    start, shape (3,): position of the first one, m; left out, it lies straight below the wellhead at its measured
-    depth.
+    start, shape (3,): position of the first station, m; by default straight below the wellhead at its measured depth.
 
     Raises
     ------
     ValueError
-        As `minimum_curvature.path`, or fewer than two stations.
+        As `minimum_curvature.path`, or there are fewer than two stations.
     """
     depth, inc, azi = mc.checked_stations(md, inclination, azimuth)
     if depth.size < 2:
@@ -151,7 +150,7 @@ def plan_of(
 
 def interpolated(plan: Plan, step: float) -> Plan:
     """
-    The same path with a station at least every `step` metres, for drawing.
+    Return the same path with a station at least every `step` metres, for drawing.
 
     Raises
     ------
@@ -168,22 +167,22 @@ def interpolated(plan: Plan, step: float) -> Plan:
 
 def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: float) -> Offset:
     """
-    Distance and direction between the well and the plan.
+    Return distance and direction between the well and the plan.
 
     Parameters
     ----------
     plan : Plan
     position : array_like, shape (3,)
-        Of the well (a survey, or the bit), m.
+        Position of the well (a survey, or the bit), m.
     inclination, azimuth : float
-        Of the well there, rad; only the toolface depends on them.
+        Direction of the well at this position, rad; only the toolface depends on it.
     """
     point = np.asarray(position, dtype=float)
     md = nearest(plan, point)
     inc, azi, foot = mc.interpolate(plan.md, plan.inclination, plan.azimuth, plan.positions, md)
     away = point - foot
     mat_plan = mat_nt(inc, azi, 0.0)
-    # At toolface 0 the scribe line is the high side; the right side is minus the second axis.
+    # At toolface 0 the scribe line is the high side, and the right side is minus the second axis.
     up, right = float(away @ mat_plan[:, 2]), float(-away @ mat_plan[:, 1])
     return Offset(
         distance=float(np.linalg.norm(away)),
@@ -197,20 +196,20 @@ def offset_from(plan: Plan, position: ArrayLike, inclination: float, azimuth: fl
 
 
 def offset_of_end(plan: Plan | None, path: Definitive) -> tuple[Offset | None, float | None]:
-    """Offset of the end of a path from the plan, and the dogleg severity from there to the target, rad/m, if known."""
+    """Return the offset of a path's end from the plan, and the dogleg severity to the target, rad/m, if possible."""
     if plan is None or len(path.md) < 2:
         return None, None
     end = path.positions[-1], float(path.inclination[-1]), float(path.azimuth[-1])
     try:
         dogleg: float | None = steering_to(*end, plan.target).dogleg_severity
     except ValueError:
-        # The target is reached or behind the bit: no arc leads there.
+        # The target is reached or lies behind the bit, so no arc leads there.
         dogleg = None
     return offset_from(plan, *end), dogleg
 
 
 def nearest(plan: Plan, point: ArrayLike) -> float:
-    """Measured depth of the point of the plan that is nearest to a point, shape (3,), m; exact on every arc."""
+    """Return the measured depth of the plan's point nearest to a point, shape (3,), m; exact on every arc."""
     p = np.asarray(point, dtype=float)
     t_1, t_2 = mc.tangent(plan.inclination[:-1], plan.azimuth[:-1]), mc.tangent(plan.inclination[1:], plan.azimuth[1:])
     length = np.diff(plan.md)
@@ -222,7 +221,7 @@ def nearest(plan: Plan, point: ArrayLike) -> float:
     inward = (t_2 - np.cos(angle)[:, None] * t_1) / s_angle[:, None]
     radius = length / np.where(bent, angle, 1.0)
     across = np.sum(away * inward, axis=1)
-    # In the plane of the arc the nearest point is on the ray from its centre.
+    # In the plane of the arc, the nearest point lies on the ray from the centre through the projected point.
     on_arc = np.arctan2(along, radius - across) * radius
     at = plan.md[:-1] + np.clip(np.where(bent, on_arc, along), 0.0, length)
     candidates = np.concatenate([plan.md, np.minimum(at, plan.md[1:])])
@@ -232,21 +231,21 @@ def nearest(plan: Plan, point: ArrayLike) -> float:
 
 def steering_to(position: ArrayLike, inclination: float, azimuth: float, target: ArrayLike) -> Steering:
     """
-    The single arc from a place and direction to a target point.
+    Return the single arc from a position and direction to a target point.
 
-    The chord makes half the dogleg with the tangent, so length and curvature follow from its direction alone.
+    The chord makes half the dogleg with the tangent, so its direction determines length and curvature.
 
     Parameters
     ----------
     position, target : array_like, shape (3,)
         m.
     inclination, azimuth : float
-        At the position, rad.
+        Direction at the position, rad.
 
     Raises
     ------
     ValueError
-        The target is the position itself, or lies straight behind, where no arc reaches it.
+        The target is the position itself, or lies straight behind it, where no arc leads.
     """
     chord = np.asarray(target, dtype=float) - np.asarray(position, dtype=float)
     reach = float(np.linalg.norm(chord))
@@ -269,7 +268,7 @@ def steering_to(position: ArrayLike, inclination: float, azimuth: float, target:
 
 
 def _toolface_of(direction_n: Array, inclination: float, azimuth: float) -> float:
-    """Toolface whose steering plane contains a direction; rad from the high side, or from north where vertical."""
+    """Return the toolface whose steering plane contains a direction; rad from high side, or from north if vertical."""
     mat = mat_nt(inclination, azimuth_at(inclination, azimuth), 0.0)
     return float(wrap_tau(math.atan2(-float(direction_n @ mat[:, 1]), float(direction_n @ mat[:, 2]))))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reading a planned well path from a file, by the rules of every list of stations (`list_file`)."""
+"""Reading of a planned well path from a file, by the rules for all lists of stations (`list_file`)."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from mwd_surface.trajectory.plan import Plan, plan_of
 
 def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> Plan:
     """
-    The plan of a file: a table, LAS or WITSML.
+    Read the plan in a file: a table, LAS or WITSML.
 
-    north: "magnetic", "true" or "grid", which its azimuths must be from; empty: any. given: what the
-    caller says of the file.
+    north: "magnetic", "true" or "grid", the north that its azimuths must have; empty: any. given: facts about the file
+    stated by the caller.
 
     Raises
     ------
     ListFileError
-        The file is missing, unreadable, too large, not a plan, or from another north; the message gives file, line and
+        The file is missing, unreadable, too large, not a plan, or from another north; the message names file, line and
         rule.
     """
     return in_north(plan_from_list(read_list(path, given)), path, north)
@@ -34,9 +34,9 @@ def read_plan(path: str | Path, north: str = "", given: Given | None = None) -> 
 
 def in_north(plan: Plan, path: str | Path, north: str) -> Plan:
     """
-    Return a plan for a well whose azimuths are from a given north; empty: from any.
+    Return a plan for a well with azimuths from a given north (empty: any).
 
-    A plan that does not say its north is taken to be from that of the well, with a remark.
+    A plan that does not name its north is taken to be from the north of the well, with a remark.
 
     Raises
     ------
@@ -46,19 +46,19 @@ def in_north(plan: Plan, path: str | Path, north: str) -> Plan:
     if north and plan.north not in ("", north):
         raise ListFileError(f"{path}: azimuths from {plan.north} north, those of the well from {north} north")
     if north and not plan.north:
-        text = f"{plan.name} does not say which north its azimuths are from: taken as {north}, as those of the well"
+        text = f"{plan.name} does not name the north of its azimuths: taken as {north}, like those of the well"
         plan = dataclasses.replace(plan, remarks=(*plan.remarks, Remark(RemarkKind.NORTH_ASSUMED, text)))
     return plan
 
 
 def plan_from_list(stations: StationList) -> Plan:
     """
-    The plan through a list of stations; it starts where `station_list.start_of` says, as the path of every list.
+    Return the plan through a list of stations; it starts where `station_list.start_of` says, like every list's path.
 
     Raises
     ------
     ListFileError
-        Fewer than two stations, or one without azimuth where the hole is not vertical.
+        There are fewer than two stations, or one without azimuth where the hole is not vertical.
     """
     if stations.md.size < 2:
         raise ListFileError(f"{stations.name}: a plan needs at least two stations, got {stations.md.size}")
@@ -70,7 +70,7 @@ def plan_from_list(stations: StationList) -> Plan:
             " an offset well needs each azimuth"
         )
     if without.any():
-        # The azimuth of a vertical station has no meaning: it takes that of the hole next to it.
+        # The azimuth of a vertical station is undefined: use that of the hole next to it.
         stations = dataclasses.replace(stations, azimuth=carried(stations.azimuth))
     md, inclination, azimuth, start, remarks = completed(stations)
     plan = plan_of(md, inclination, azimuth, start, stations.north, stations.name)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The slide sheet on disk: a line of JSON for each stretch that ended, durable before the next one matters.
+The slide sheet on disk: one line of JSON per finished stretch, flushed to disk at once.
 
 A recording has the sheet with which it began as a table of such lines.
 """
@@ -22,7 +22,7 @@ _ROWS = "stretches"
 
 
 def read_stretches(path: Path) -> tuple[tuple[Stretch, ...], int]:
-    """Stretches of a file, and how many of its lines were no such; no file is an empty sheet."""
+    """Return the stretches in a file, and the number of invalid lines; a missing file is an empty sheet."""
     text = read_file(path, budgets.JSON).decode(errors="replace") if path.is_file() else ""
     return _stretches(text)
 
@@ -43,24 +43,24 @@ def _stretches(text: str) -> tuple[tuple[Stretch, ...], int]:
         try:
             found.append(settings.from_mapping(Stretch, load_json(line), "stretch"))
         except ValueError:
-            # A supply that failed in the middle of a line: the others are good.
+            # A power cut in the middle of a line damages only that line.
             bad += 1
     return tuple(found), bad
 
 
 def append_stretch(path: Path, stretch: Stretch) -> None:
     """
-    Put a stretch at the end of the file.
+    Append a stretch to the file.
 
     Raises
     ------
     OSError
-        The disk refuses.
+        The disk refuses the write.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(settings.to_mapping(stretch))
     with path.open("a+b") as file:
-        # A line that was cut off must not take this one with it.
+        # Start a new line if the last one was cut off, so that it does not damage this one.
         if file.seek(0, os.SEEK_END) and (file.seek(-1, os.SEEK_END), file.read(1))[1] != b"\n":
             text = "\n" + text
         file.write(text.encode() + b"\n")

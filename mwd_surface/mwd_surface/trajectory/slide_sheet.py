@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The slide sheet: which stretches of hole were slid, at which toolface, which were rotated, and what the slides gave.
+Slide sheet: stretches of hole that were slid (with toolface) or rotated, and the yield of the slides.
 
-New hole is what the hole depth grows by. It belongs to the way the string turned meanwhile; a stretch shorter than
-`least_length` is part of the one around it. Depths are m along the hole at the bit, angles rad, stamps ns.
+New hole is the growth of the hole depth. It counts as slid or rotated according to the string's rotation meanwhile; a
+stretch shorter than `least_length` becomes part of the stretch around it. Depths are in m along the hole at the bit,
+angles in rad, stamps in ns.
 """
 
 from __future__ import annotations
@@ -17,22 +18,22 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.trajectory.well_path import Definitive
 
 SLIDE, ROTATE = "slide", "rotate"
-_LONGEST_STEP = 30.0  # m; a hole that is suddenly so much deeper was not drilled just now
+_LONGEST_STEP = 30.0  # m; a larger step of the hole depth was not drilled just now
 
 
 @dataclasses.dataclass(frozen=True)
 class SlideRules:
-    """What counts as sliding and as a stretch."""
+    """Rules for sliding and for stretches."""
 
     rotating_above: float = setting(
         10.0,
-        "rotary speed above which the string counts as rotating; raise it where a noisy sensor reads a standing string",
+        "rotary speed above which the string counts as rotating; raise it if sensor noise shows rotation at rest",
         unit="r/min",
         low=0.1,
     )
     least_length: float = setting(
         0.5,
-        "shortest interval of its own on the slide sheet; a shorter one is added to its neighbours",
+        "shortest interval on the slide sheet; a shorter one is added to its neighbours",
         unit="m",
         low=0.0,
         high=10.0,
@@ -42,29 +43,29 @@ class SlideRules:
 @dataclasses.dataclass(frozen=True)
 class Stretch:
     """
-    New hole made in one way.
+    New hole drilled in one mode.
 
     Attributes
     ----------
     mode : str
         SLIDE or ROTATE.
     from_depth, to_depth : float
-        m.
+        Depths of the bit, m.
     begin_ns, end_ns : int
-        When.
+        Begin and end, ns.
     toolface : float or None
-        Mean over the metres slid, rad; None while rotating or where none was known.
+        Mean over the metres slid, rad; None while rotating or if none was known.
     steadiness : float or None
-        Length of the mean of the toolfaces' unit vectors: 1 held still, 0 all over the place.
+        Length of the mean unit vector of the toolfaces: 1 if held still, 0 if evenly scattered.
     magnetic : bool
-        The toolface counts from north, not from the high side.
+        Whether the toolface is from north instead of the high side.
     rotary_speed : float
         Mean over the metres, rad/s.
 
     Raises
     ------
     ValueError
-        `mode` is neither.
+        `mode` is neither SLIDE nor ROTATE.
     """
 
     mode: str
@@ -89,7 +90,7 @@ class Stretch:
 
 @dataclasses.dataclass(frozen=True)
 class Yield:
-    """What was drilled between two surveys: metres slid and rotated, and the dogleg that came of it, rad."""
+    """Drilling between two surveys: metres slid and rotated, and the resulting dogleg, rad."""
 
     from_depth: float
     to_depth: float
@@ -99,13 +100,13 @@ class Yield:
 
     @property
     def motor(self) -> float | None:
-        """Dogleg per metre slid, rad/m; None where next to nothing was slid."""
+        """Dogleg per metre slid, rad/m; None if less than a metre was slid."""
         return self.dogleg / self.slid if self.slid >= 1.0 else None
 
 
 @dataclasses.dataclass
 class _Open:
-    """The stretch at hand, in sums over metres."""
+    """The present stretch, as sums over metres."""
 
     mode: str
     from_depth: float
@@ -118,7 +119,7 @@ class _Open:
     magnetic: float = 0.0
 
     def closed(self) -> Stretch:
-        """As a value."""
+        """Return the stretch with its means."""
         length = self.to_depth - self.from_depth
         known = self.mode == SLIDE and self.faced > 0.0 and abs(self.faces) > 0.0
         return Stretch(
@@ -139,7 +140,7 @@ class SlideSheet:
     Stretches in the order in which they were drilled.
 
     earlier : sequence of Stretch
-        From before, as a file kept them.
+        Stretches from before, read from a file.
     """
 
     def __init__(self, rules: SlideRules | None = None, earlier: Sequence[Stretch] = ()) -> None:
@@ -159,24 +160,25 @@ class SlideSheet:
         magnetic: bool = False,
     ) -> Stretch | None:
         """
-        Take one reading; a stretch that ended with it comes back.
+        Process one reading; return a stretch that ended with it, or None.
 
         Parameters
         ----------
         stamp_ns : int
         hole_depth : float
-            m. Not deeper than before: nothing was drilled.
+            Hole depth, m; if it has not increased, nothing was drilled.
         rotary_speed : float
-            Of the string, rad/s.
+            Rotary speed of the string, rad/s.
         toolface : float or None
-            rad, where it is known.
+            Toolface, rad, if it is known.
         magnetic : bool
-            It counts from north.
+            Whether the toolface is from north.
         """
         if not (math.isfinite(hole_depth) and hole_depth >= 0.0 and math.isfinite(rotary_speed)):
             return None
         if self._depth is None or hole_depth - self._depth > _LONGEST_STEP:
-            # The first word of the rig, or hole that somebody else made: it is nobody's slide.
+            # This is the first reading, or the hole was drilled while nothing was recorded, so it belongs to no
+            # stretch.
             self._depth = hole_depth
             return self.finish()
         made = hole_depth - self._depth
@@ -186,7 +188,7 @@ class SlideSheet:
         if self._open is None:
             self._open = _Open(mode, self._depth, stamp_ns, self._depth, stamp_ns)
         if mode == self._open.mode and self._next is not None:
-            # It was but a moment of the other way.
+            # The other mode lasted for a moment only.
             self._grow(self._open, stamp_ns, self._next.to_depth, self._next.turns, None, False)
             self._next = None
         if mode != self._open.mode and self._next is None:
@@ -197,7 +199,7 @@ class SlideSheet:
         self._depth = hole_depth
         if self._next is not None and self._next.to_depth - self._next.from_depth >= self.rules.least_length:
             if self._open.to_depth - self._open.from_depth < self.rules.least_length:
-                # Too short to stand alone: what comes after takes it in.
+                # The stretch is too short to stand alone, so the next one includes it.
                 self._next.from_depth, self._next.begin_ns = self._open.from_depth, self._open.begin_ns
                 self._open, self._next = self._next, None
                 return None
@@ -208,15 +210,15 @@ class SlideSheet:
 
     @property
     def stretches(self) -> tuple[Stretch, ...]:
-        """All of them, the one at hand last."""
+        """All stretches, with the present one last."""
         return (*self._done, *([self._open.closed()] if self._open is not None else []))
 
     def finish(self) -> Stretch | None:
-        """End the stretch at hand, as where nobody will look on any longer; it comes back where it has a length."""
+        """End the present stretch, for example at shutdown; return it if it has a length."""
         if self._open is None:
             return None
         if self._next is not None:
-            # A moment of the other way that nobody saw the end of.
+            # Include a short change of mode whose end was not seen.
             self._grow(self._open, self._next.end_ns, self._next.to_depth, self._next.turns, None, False)
         ended = self._open.closed()
         self._open = self._next = None
@@ -238,9 +240,9 @@ class SlideSheet:
 
 def yields(stretches: Sequence[Stretch], path: Definitive) -> tuple[Yield, ...]:
     """
-    What each surveyed interval was drilled like, and the dogleg the surveys found there.
+    Return the metres slid and rotated in each surveyed interval, with the dogleg between its surveys.
 
-    The tendency of the formation is in the dogleg too; intervals in which nothing was recorded are left out.
+    The dogleg includes the tendency of the formation. Intervals without recorded drilling are left out.
     """
     found = []
     for k in range(1, len(path.md)):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The path of a well by minimum curvature: stations, positions, curvature, section, and the projection to the bit.
+Path of a well by minimum curvature: stations, positions, curvature, vertical section, and projection to the bit.
 
 Units are SI and rad; azimuths and map axes refer to the north that the path names.
 """
@@ -23,13 +23,14 @@ TIE_ON, ASSUMED, SURVEY, PROJECTED = "tie-on", "assumed", "survey", "projected" 
 @dataclasses.dataclass(frozen=True)
 class Definitive:
     """
-    The path of one leg from the wellhead down, by minimum curvature.
+    Path of one leg from the wellhead down, by minimum curvature.
 
     md, inclination, azimuth, vertical_section: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m.
     dogleg_severity, build_rate, turn_rate: shape (n,), rad/m, of the interval above. kind: `TIE_ON`, `ASSUMED` (a
-    tie-on that nobody gave: the hole from it to the next station is assumed too), `SURVEY` or `PROJECTED`. sequence: of
-    the survey, 0 for the other kinds. north: what azimuth and positions refer to. section_azimuth: of the vertical
-    section, rad. assumptions: what the coordinates of every station rest on in addition to measurements.
+    tie-on that was not given; the hole from it to the next station is assumed too), `SURVEY` or `PROJECTED`. sequence:
+    number of the survey, 0 for other kinds. north: reference of azimuth and positions. section_azimuth: azimuth of the
+    vertical section, rad. assumptions: assumptions on which the coordinates of all stations rest in addition to
+    measurements.
     """
 
     leg: str
@@ -49,32 +50,32 @@ class Definitive:
 
     @property
     def assumed(self) -> bool:
-        """Whether the coordinates rest on an assumption, so that depths and positions may be wrong by any amount."""
+        """Whether coordinates rest on an assumption, so that depths and positions may have errors of any size."""
         return bool(self.assumptions)
 
     @property
     def measured_depth(self) -> Array:
-        """m, shape (n,); as `md`."""
+        """Measured depth, m, shape (n,); the same as `md`."""
         return self.md
 
     @property
     def position_north(self) -> Array:
-        """m, shape (n,)."""
+        """Distance north of the wellhead, m, shape (n,)."""
         return self.positions[:, 0]
 
     @property
     def position_east(self) -> Array:
-        """m, shape (n,)."""
+        """Distance east of the wellhead, m, shape (n,)."""
         return self.positions[:, 1]
 
     @property
     def vertical_depth(self) -> Array:
-        """m, shape (n,)."""
+        """Vertical depth, m, shape (n,)."""
         return self.positions[:, 2]
 
     def at(self, md: float) -> tuple[float, float, Array]:
         """
-        Inclination and azimuth, rad, and position, shape (3,), m, at any measured depth of the path.
+        Return inclination and azimuth, rad, and position, shape (3,), m, at any measured depth of the path.
 
         Raises
         ------
@@ -87,16 +88,16 @@ class Definitive:
 
 def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
     """
-    The path with one more station at the bit, marked "projected".
+    Return the path with one more station at the bit, marked "projected".
 
     Parameters
     ----------
     path : Definitive
-        At least the tie-on.
+        Path with at least the tie-on.
     bit_depth : float
-        m. Not below the last station: the path is returned as it is.
+        Measured depth of the bit, m. If it is not below the last station, the path is returned unchanged.
     how : str
-        "straight" keeps the last direction, "curve" the plane and curvature of the last interval.
+        "straight" keeps the last direction, "curve" keeps plane and curvature of the last interval.
 
     Raises
     ------
@@ -108,14 +109,14 @@ def projected(path: Definitive, bit_depth: float, how: str) -> Definitive:
     ahead = bit_depth - float(path.md[-1])
     if ahead <= 0.0:
         return path
-    # Checked, a vertical end has the azimuth of the hole above it.
+    # `checked_stations` gives a vertical end the azimuth of the hole above it.
     inc, azi = (float(row[-1]) for row in mc.checked_stations(path.md, path.inclination, path.azimuth)[1:])
     bend = float(path.dogleg_severity[-1]) * ahead
-    # A longer reach than a quarter turn says nothing about the hole.
+    # Projecting a curve over more than a quarter turn would be meaningless.
     if how == "curve" and 1e-9 < bend < math.pi / 2:
         t_1, t_2 = mc.tangent(path.inclination[-2:], path.azimuth[-2:])
         full = float(path.dogleg_severity[-1]) * float(path.md[-1] - path.md[-2])
-        # The direction in which the arc turns at its end, in the plane of its two tangents.
+        # Direction in which the arc turns at its end, in the plane of its two tangents.
         inward = (math.cos(full) * t_2 - t_1) / math.sin(full)
         t = math.cos(bend) * t_2 + math.sin(bend) * inward
         inc, azi = math.atan2(math.hypot(t[0], t[1]), t[2]), math.atan2(t[1], t[0]) % math.tau
@@ -138,9 +139,9 @@ def path_of(
     sequence: tuple[int, ...],
 ) -> Definitive:
     """
-    Return the path through stations whose positions are known, with everything that follows from them.
+    Return the path through stations with known positions, with all derived values.
 
-    stations: measured depth, m, inclination and azimuth, rad, each of shape (n,). The other arguments are the fields of
+    stations: measured depth, m, inclination and azimuth, rad, shape (n,) each. The other arguments are the fields of
     the same names.
     """
     md, inclination, azimuth = stations

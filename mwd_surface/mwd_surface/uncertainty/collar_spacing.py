@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Axial field of a magnetised drill string at the survey sensors, and the non-magnetic length that keeps it small.
+Axial field of a magnetised drill string at the survey sensors, and the non-magnetic length that limits it.
 
-A magnetised piece of steel is a pair of poles of opposite sign at its ends; a pole's field falls with the square of
-its distance. S. J. Grindrod, J. M. Wolff, "Calculation of NMDC length required for various latitudes developed from
-field measurements of drill string magnetisation", IADC/SPE 11382 (1983). Which sign a string's poles have is not known
-before it is measured: the parts of a string are added with the signs that make the sum largest.
+A magnetised piece of steel acts as a pair of poles of opposite sign at its ends; the field of a pole falls with the
+square of its distance. S. J. Grindrod, J. M. Wolff, "Calculation of NMDC length required for various latitudes
+developed from field measurements of drill string magnetisation", IADC/SPE 11382 (1983). The signs of a string's poles
+are unknown before they are measured, so the fields of its parts are added with the signs that make the sum largest.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from scipy.optimize import brentq, minimize_scalar
 
 from mwd_estimation.assembly.assembly import Assembly, Component
 
-# Strength that poles of ordinary parts reach, Wb: collars or pipe above the sensor, and what is below it with a motor,
-# with ten metres of collars, with no more than stabiliser and bit. Typical values as they circulate in the trade, of
-# the size of published field measurements; not checked against the tables of that paper.
+# Usual pole strengths, Wb: collars or pipe above the sensor; steel below the sensor with a motor, with ten metres of
+# collars, or with only stabiliser and bit. These are typical values used in the industry, of the size of published
+# field measurements; they were not checked against the tables of the paper.
 POLES = {"collars": 900e-6, "motor": 1000e-6, "short collars": 300e-6, "bit": 90e-6}
-# A shorter part than this has the strength of stabilisers and bits, m.
+# Length below which a part is taken to have the pole strength of stabilisers and bits, m.
 _SHORT = 3.0
-# The longest non-magnetic collars that are looked for, m.
+# Longest non-magnetic collars considered, m.
 _LONGEST = 300.0
 
 
@@ -32,8 +32,8 @@ _LONGEST = 300.0
 class Steel:
     """A magnetised piece of the string on one side of the sensors."""
 
-    near: float  #: distance of its nearer end from the sensors, m
-    length: float  #: m; infinite for a string that goes on
+    near: float  #: distance from the sensors to its nearer end, m
+    length: float  #: length, m; infinite for the string above
     pole: float  #: strength of its poles, Wb
     name: str = ""
 
@@ -51,15 +51,15 @@ class Steel:
 
 
 def interference(pieces: Sequence[Steel]) -> float:
-    """Largest axial field of the pieces together, T."""
+    """Return the largest axial field of the pieces together, T."""
     return sum(piece.field for piece in pieces)
 
 
 def pieces_of(assembly: Assembly) -> tuple[Steel, ...]:
     """
-    Magnetic pieces of an assembly: neighbouring magnetic components are one piece, with the strongest of their poles.
+    Return the magnetic pieces of an assembly; adjacent magnetic components form one piece with their strongest pole.
 
-    A piece that reaches the upper end goes on with the string. ValueError where the sensors are in magnetic steel.
+    A piece at the upper end continues into the string. ValueError if the sensors lie in magnetic steel.
     """
     runs: list[tuple[float, list[Component]]] = []
     start, before = 0.0, False
@@ -90,21 +90,21 @@ def pieces_of(assembly: Assembly) -> tuple[Steel, ...]:
 
 def azimuth_error(axial: float, inclination: float, azimuth: float, horizontal: float) -> float:
     """
-    Error that an axial field makes in an uncorrected azimuth.
+    Return the error that an axial field causes in an uncorrected azimuth.
 
     Parameters
     ----------
     axial : float
-        T, down-hole positive.
+        Axial field, T, positive downhole.
     inclination, azimuth : float
-        Of the hole, azimuth from magnetic north, rad.
+        Direction of the hole, azimuth from magnetic north, rad.
     horizontal : float
         Horizontal field, T, above 0.
 
     Returns
     -------
     float
-        Measured less true azimuth, rad in [-pi, pi].
+        Measured minus true azimuth, rad in [-pi, pi].
     """
     along = horizontal * math.cos(azimuth) + axial * math.sin(inclination)
     measured = math.atan2(horizontal * math.sin(azimuth), along)
@@ -112,7 +112,7 @@ def azimuth_error(axial: float, inclination: float, azimuth: float, horizontal: 
 
 
 def largest_interference(limit: float, inclination: float, azimuth: float, horizontal: float) -> float:
-    """Axial field whose azimuth error of either sign stays within a limit, rad; infinite where none exceeds it."""
+    """Return the axial field whose azimuth error, for either sign, reaches a limit, rad; inf if none exceeds it."""
 
     def worst(axial: float) -> float:
         return max(abs(azimuth_error(sign * axial, inclination, azimuth, horizontal)) for sign in (-1.0, 1.0))
@@ -124,7 +124,7 @@ def largest_interference(limit: float, inclination: float, azimuth: float, horiz
 
 def shortest_collars(above: float, below: float, below_length: float, most: float) -> tuple[float, float]:
     """
-    Non-magnetic lengths above and below the sensors, of least sum, that keep the axial field within a limit.
+    Return the non-magnetic lengths above and below the sensors, of least sum, that keep the axial field within a limit.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def shortest_collars(above: float, below: float, below_length: float, most: floa
     Returns
     -------
     above, below : float
-        m.
+        Lengths, m.
 
     Raises
     ------

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Error terms of ISCWSA / OWSG tool codes along a well: what each error source of each survey tool does to the positions.
+Error terms of ISCWSA / OWSG tool codes along a well: the effect of each error source of each tool on the positions.
 
 The codes with their weighting functions and magnitudes are those of `welleng` (ISCWSA error model definition, revision
-5.13; OWSG sets A and B). Each tool is evaluated on its own stations, with the stations before and after them, so that
-an interval between two tools has a part from each (Williamson, SPE 67616, equations A-4 and A-14). The library is
-imported when first asked for, because it is slow to import and nothing else needs it.
+5.13; OWSG sets A and B). Each tool is evaluated on its own stations together with the stations before and after them,
+so that an interval between two tools has a contribution from each (Williamson, SPE 67616, equations A-4 and A-14). The
+library is imported on first use, because it is slow to import and nothing else needs it.
 
-In a vertical hole the library replaces weighting functions that have 1 / sin(inclination) by weights of its own. Some
-of these are wrong: XYM3E and XYM4E are multiplied by the squared cosine of the azimuth, the last station and the first
-leg miss parts. Here every vertical station is evaluated by the ordinary weighting functions next to the vertical, whose
-errors of position have a limit (ISCWSA error model definition 5.13, section 11.5, states the same limits).
+In a vertical hole the library replaces weighting functions that contain 1 / sin(inclination) by special weights. Some
+of these are wrong: XYM3E and XYM4E are multiplied by the squared cosine of the azimuth, and the last station and the
+first leg lack contributions. Here every vertical station is therefore evaluated by the ordinary weighting functions
+close to the vertical, where the position errors approach a limit (ISCWSA error model definition 5.13, section 11.5,
+states the same limits).
 """
 
 from __future__ import annotations
@@ -33,26 +34,27 @@ from mwd_sensors.core.constants import STANDARD_GRAVITY
 
 Mask = npt.NDArray[np.bool_]
 RANDOM = "random"
-# The library's word for an error that wells of one pad share; within one well it is correlated throughout.
+# The library's words for errors shared within a well or by the wells of a pad; within one well they are fully
+# correlated.
 _WHOLE_WELL = ("well", "global", "within_pad")
-# Nearer to the vertical than this no tool gives an azimuth, rad.
+# Inclination below which no tool gives an azimuth, rad.
 _VERTICAL = math.radians(1.0)
-# Inclination that a vertical station is evaluated at, rad: its shifts differ from their limit by this share.
+# Inclination at which a vertical station is evaluated, rad; its shifts differ from their limit by this share.
 _NEXT_TO_VERTICAL = 1e-7
-# Errors of the depth and of the course of the hole between stations: those that do not belong to the angles measured.
+# Beginnings of the names of error sources of depth and of the course between stations, not of the measured angles.
 _NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")
 
 
 class CovarianceUnavailableError(RuntimeError):
-    """The library of the error models is not installed; the message says how to get it."""
+    """Raised if the library of error models is not installed; the message says how to install it."""
 
 
 @dataclasses.dataclass(frozen=True)
 class ErrorReference:
     """
-    Local field the tool models work in: rad, T and m/s^2.
+    Local field for the tool models: rad, T and m/s^2.
 
-    latitude is nan where the place of the well is not given; only gyro codes need it.
+    latitude is NaN if the place of the well is not given; only gyro codes need it.
     """
 
     latitude: float
@@ -65,7 +67,7 @@ class ErrorReference:
 
 @dataclasses.dataclass(frozen=True)
 class Tool:
-    """Which tool measured a station: tool code, and the run in which its systematic errors stay the same."""
+    """Tool that measured a station: tool code, and the run within which its systematic errors stay the same."""
 
     code: str
     run: str = ""
@@ -74,21 +76,23 @@ class Tool:
 @dataclasses.dataclass(frozen=True)
 class ErrorTerm:
     """
-    One error source of one tool, at 1 sigma.
+    One error source of one tool at 1 sigma.
 
     Attributes
     ----------
     name : str
-        Of the source in the error model, such as "DRFR".
+        Name of the source in the error model, for example "DRFR".
     shared : str
-        Stations with the same name and the same text here have the same error; RANDOM: each station has its own.
+        Stations with the same name and the same text here share the error; RANDOM: each station has its own error.
     error : ndarray, shape (n, 3)
-        Shift of all deeper stations by the error at a station, m, in true north, east, down; 0 for other tools'.
+        Shift of all deeper stations by the error at a station, m, in true north, east, down; 0 for stations of other
+        tools.
     own : ndarray, shape (n, 3)
         Shift of the station itself, m.
     measured : ndarray, shape (n, 3)
-        Error of measured depth, m, inclination and azimuth, rad, behind both; 0 for the course of the hole between
-        stations, whose errors are those of the position. That of the azimuth grows without bounds towards the vertical.
+        Error of measured depth, m, inclination and azimuth, rad, that causes both shifts. It is 0 for errors of the
+        course between stations, which are position errors. The error of the azimuth grows without limit towards the
+        vertical.
     """
 
     name: str
@@ -100,7 +104,7 @@ class ErrorTerm:
 
 @dataclasses.dataclass(frozen=True)
 class _Stations:
-    """Measured depth, m, inclination and azimuth from true north, rad, shape (n,) each; vertical depth of the first."""
+    """Measured depth, m, inclination, azimuth from true north, rad, shape (n,) each; vertical depth of the first, m."""
 
     md: Array
     inclination: Array
@@ -116,9 +120,9 @@ class _Stations:
 
 def tool_codes() -> tuple[str, ...]:
     """
-    Every tool code known, by short name: OWSG sets A and B with gyros, and the ISCWSA's own examples.
+    Return the short names of all tool codes: OWSG sets A and B, gyros, and the ISCWSA's own examples.
 
-    Raises CovarianceUnavailableError where `welleng` is not installed.
+    Raise CovarianceUnavailableError if `welleng` is not installed.
     """
     try:
         return tool_code.names()
@@ -135,7 +139,7 @@ def check_tool_code(code: str) -> None:
     Raises
     ------
     ValueError
-        It does not; the message names near misses.
+        The code does not exist; the message names similar ones.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -159,17 +163,17 @@ def error_terms(
     stations : tuple of ndarray, shape (n,) each
         Measured depth, m, inclination and azimuth from true north, rad.
     tools : sequence of Tool or None, length n
-        What measured each station; None where the station is taken as given (a tie-on).
+        Tool that measured each station; None for a station that is taken as given (a tie-on).
     reference : ErrorReference
     first_tvd : float
         Vertical depth of the first station, m.
     without_angles : ndarray of bool, shape (n,), optional
-        Stations of which only the errors of depth and course apply, because their angles have sigmas of their own.
+        Stations for which only the errors of depth and course apply, because their angles have their own sigmas.
 
     Raises
     ------
     ValueError
-        An unknown tool code, a station beyond the limits of its code, or a gyro code without latitude.
+        There is an unknown tool code, a station beyond the limits of its code, or a gyro code without latitude.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -184,11 +188,12 @@ def error_terms(
 
 def angle_covariance(stations: tuple[Array, Array, Array], tool: Tool, reference: ErrorReference) -> Array:
     """
-    Return the covariance of inclination and azimuth along a well that one tool surveys, shape (n, 2, 2), rad^2.
+    Return the covariance of inclination and azimuth along a well surveyed by one tool, shape (n, 2, 2), rad^2.
 
-    stations: measured depth, m, inclination and azimuth from true north, rad, shape (n,) each. Errors as `error_terms`.
+    stations: measured depth, m, inclination and azimuth from true north, rad, shape (n,) each. Errors as in
+    `error_terms`.
     """
-    # Some terms have no value at the first station: it is given one more above.
+    # Some terms have no value at the first station, so add one more station above it.
     md, inc, azi = (np.append(values[:1], values).astype(float) for values in stations)
     md[0] -= 30.0
     total = np.zeros((inc.size, 2, 2))
@@ -199,7 +204,7 @@ def angle_covariance(stations: tuple[Array, Array, Array], tool: Tool, reference
 
 
 def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference, bare: Mask) -> Iterator[ErrorTerm]:
-    """Terms of one tool; own, shape (n,): its stations."""
+    """Yield the terms of one tool; own, shape (n,): its stations."""
     n = whole.md.size
     rows = np.flatnonzero(own)
     low, high = _inclination_limits(tool.code)
@@ -211,7 +216,7 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
                 " from there on"
             )
     first, last = max(0, int(rows[0]) - 1), min(n, int(rows[-1]) + 2)
-    # Stations of others that lie between only shape the path; their angles need not be within the limits.
+    # Stations of other tools in between only shape the path, so their angles may exceed the limits of this code.
     shape = np.where(own, whole.inclination, np.clip(whole.inclination, low, np.nextafter(high, 0.0)))
     part = whole.cut(first, last, shape)
     errors, tortuosity = _evaluated(part, tool.code, reference)
@@ -231,16 +236,16 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
 
 
 def _vertical_scale(name: str, stations: _Stations, tortuosity: float) -> Array:
-    """Factor of a source's errors at each station, shape (n,), from next to the vertical to its limit."""
+    """Return the factor by which errors decrease near the vertical, per station, shape (n,); 1 elsewhere."""
     s_inc = np.sin(stations.inclination)
     scale = np.ones(s_inc.size)
     if name.startswith("SAGE"):
-        # The fourth root of the sine is the only weight that falls slower than the inclination itself.
+        # The fourth root of the sine is the only weight that decreases more slowly than the inclination.
         low = s_inc < math.sin(_NEXT_TO_VERTICAL)
         scale[low] = (np.maximum(s_inc[low], 0.0) / math.sin(_NEXT_TO_VERTICAL)) ** 0.25
         scale[s_inc < mc.VERTICAL] = 0.0
     elif name.startswith("XCLA"):
-        # From a vertical station the hole does not turn: what is left is the tortuosity (definition 5.13, XCLA).
+        # After a vertical station the hole does not turn, so only the tortuosity remains (definition 5.13, XCLA).
         turn = np.abs(s_inc[1:] * np.sin(np.diff(stations.azimuth)))
         least = tortuosity * np.diff(stations.md)
         scale[1:] = np.where(s_inc[:-1] < mc.VERTICAL, least / np.maximum(turn, least), 1.0)
@@ -248,7 +253,7 @@ def _vertical_scale(name: str, stations: _Stations, tortuosity: float) -> Array:
 
 
 def _check_azimuth(code: str, errors: dict[str, Any], whole: _Stations, own: Mask, first: int) -> None:
-    """Refuse a north-seeking gyro near horizontal, where its terms grow with 1 / cos(inclination) beyond any use."""
+    """Raise for a north-seeking gyro near horizontal, where its terms grow with 1 / cos(inclination)."""
     largest = np.max([np.abs(np.asarray(source.e_DIA))[:, 2] for source in errors.values()], axis=0, initial=0.0)
     for k in np.flatnonzero(own & (np.sin(whole.inclination) > math.sin(_VERTICAL))):
         if not largest[k - first] < 0.5 * math.pi:
@@ -261,16 +266,17 @@ def _check_azimuth(code: str, errors: dict[str, Any], whole: _Stations, own: Mas
 def _shared(propagation: str, tool: Tool) -> str:
     if propagation == RANDOM:
         return RANDOM
-    # A run is one realisation of the tool's own errors; those of the well and of the Earth's field last longer.
+    # Within a run the tool's own errors are the same; errors of the well and of the Earth's field apply to the whole
+    # well.
     return "whole well" if propagation in _WHOLE_WELL else f"{tool.code}, run {tool.run}"
 
 
 def _realisations(source: Any) -> list[Mask]:
     """
-    Masks, shape (n,), of the stations that have one realisation of an error each.
+    Return masks, shape (n,), of the stations that share one realisation of an error.
 
-    A continuous gyro that restarts carries another random error from each start (definition 5.13, section 7.3): the
-    library then keeps the covariance of the parts, here they are told apart.
+    A continuous gyro that restarts has a new random error from each start (definition 5.13, section 7.3). The library
+    then gives only the covariance of the parts; here the parts are separated.
     """
     n = len(source.e_NEV)
     sigma = np.asarray(source.sigma_e_NEV)
@@ -283,7 +289,7 @@ def _realisations(source: Any) -> list[Mask]:
 
 def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> tuple[dict[str, Any], float]:
     """
-    Error sources by name, as the library has them, and the code's tortuosity, rad/m.
+    Return the library's error sources by name, and the code's tortuosity, rad/m.
 
     Each source has at least as many rows as there are stations.
     """
@@ -292,12 +298,12 @@ def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> tup
     md, azi = stations.md, stations.azimuth
     inc = np.clip(stations.inclination, _NEXT_TO_VERTICAL, math.pi - _NEXT_TO_VERTICAL)
     if md.size < 3:
-        # welleng's singular terms look at a third station; one straight ahead does not change the two above it.
+        # welleng's singular terms need a third station; one straight ahead does not change the two above it.
         ahead = md[-1] + (md[-1] - md[0] if md.size > 1 else 30.0)
         md, inc, azi = np.append(md, ahead), np.append(inc, inc[-1]), np.append(azi, azi[-1])
     if _needs_latitude(code) and not math.isfinite(reference.latitude):
         raise ValueError(f"{code} is a gyro code and needs the latitude of the well (well.latitude_deg, --lat)")
-    # Without convergence welleng has one set of axes, those of true north.
+    # Without convergence welleng uses one set of axes, those of true north.
     header = SurveyHeader(
         latitude=math.degrees(reference.latitude) if math.isfinite(reference.latitude) else 0.0,
         longitude=0.0,
@@ -334,7 +340,7 @@ def _evaluated(stations: _Stations, code: str, reference: ErrorReference) -> tup
 
 @functools.cache
 def _inclination_limits(code: str) -> tuple[float, float]:
-    """Inclinations a code is meant for, rad; the upper one is not included, except straight up."""
+    """Return the inclination range of a code, rad; the upper limit is excluded, except straight up."""
     found = next(iter(sorted(tool_code.folder().glob(f"*/{code}.json"))), None)
     if found is None:
         return 0.0, math.inf

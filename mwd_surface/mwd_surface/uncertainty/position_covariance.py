@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-How well the position of each station is known: the error terms of its survey tools summed up, and the ellipses.
+Position covariance of each station, summed from the error terms of its survey tools, and error ellipses.
 
-Errors of one run are the same at all its stations, those of the well and of the Earth's field in all runs; random ones
-are new at each station (ISCWSA error model definition 5.13; Williamson, SPE 67616, equations A-12 to A-15).
-Covariances are m^2 at 1 sigma.
+Errors of one run are the same at all its stations, errors of the well and of the Earth's field are the same in all
+runs, and random errors are new at each station (ISCWSA error model definition 5.13; Williamson, SPE 67616, equations
+A-12 to A-15). Covariances are in m^2 at 1 sigma.
 
-A vertical hole has no azimuth, and next to the vertical the azimuth of a list is noise. Many error sources act along
-the azimuth or across it, so that the model needs one: `minimum_curvature.directions` gives the azimuth of the hole next
-to it as far as there is one. Where there is none, such an error points in any direction: it counts with the same
-variance in each, and as independent of the errors of the hole whose azimuth is known.
+A vertical hole has no azimuth, and near the vertical the azimuth of a list is noise. Many error sources act along the
+azimuth or across it, so the model needs one: `minimum_curvature.directions` gives the azimuth of the adjacent hole as
+far as it is known. Where it is unknown, such an error may point in any direction: it gets the same variance in each
+direction, and is independent of the errors of the hole with known azimuth.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from mwd_sensors.core.frames import wrap_tau
 from mwd_surface.trajectory.north import North
 from mwd_surface.uncertainty.error_terms import RANDOM, ErrorReference, ErrorTerm, Mask, Tool, error_terms
 
-# Inclination from which the azimuth of a station counts in full, rad: the 1 sigma by which a single station's direction
-# differs from that of the hole in the OWSG codes (XYM3E, XYM4E).
+# Inclination above which the azimuth of a station counts in full, rad: 1 sigma of the difference between the direction
+# of a single station and that of the hole in the OWSG codes (XYM3E, XYM4E).
 AZIMUTH_KNOWN_FROM = math.radians(0.3)
 
 
 @dataclasses.dataclass(frozen=True)
 class Ellipse:
     """
-    Semi-axes, m, largest first, and the angle of the larger one from the first axis towards the second, rad.
+    Ellipse with semi-axes, m, largest first, and the angle from the first axis of its plane to the larger one, rad.
 
     A circle has angle 0.
     """
@@ -46,7 +46,7 @@ class Ellipse:
     angle: float
 
     def outline(self, points: int = 73) -> Array:
-        """Points round the ellipse about zero, shape (points, 2), m, in the two axes it was cut from."""
+        """Return points around the ellipse about zero, shape (points, 2), m, in the two axes of its plane."""
         t = np.linspace(0.0, math.tau, points)
         c, s = math.cos(self.angle), math.sin(self.angle)
         x, y = self.major * np.cos(t), self.minor * np.sin(t)
@@ -56,15 +56,15 @@ class Ellipse:
 @dataclasses.dataclass(frozen=True)
 class StationErrors:
     """
-    What is known of the errors of a well's stations.
+    Information on the errors of a well's stations.
 
     Attributes
     ----------
     tools : sequence of Tool or None, length n
-        What measured each station; None where it is taken as given, like a tie-on.
+        Tool that measured each station; None for a station taken as given, such as a tie-on.
     sigmas : ndarray, shape (n, 2), optional
-        1 sigma of inclination and azimuth of each station by itself, rad; it replaces the angles' errors of the tool
-        code and counts as the same error in a whole run, which is the cautious reading. nan: the code's.
+        Each station's own 1 sigma of inclination and azimuth, rad. It replaces the angle errors of the tool code and is
+        taken as the same error in the whole run, which is the cautious choice. NaN: use the code.
     tie_on : ndarray, shape (3, 3), optional
         Covariance of the first station, in the axes of the result, m^2.
     """
@@ -84,17 +84,17 @@ def position_covariance(
     first_tvd: float = 0.0,
 ) -> Array:
     """
-    Covariance of the stations' positions.
+    Return the covariance of the stations' positions.
 
     Parameters
     ----------
     md, inclination, azimuth : array_like, shape (n,)
-        Stations from the wellhead down (the first one is the surface root where its depth is 0), m and rad.
+        Stations from the wellhead down, m and rad; the first one is the surface root if its depth is 0.
     north : North
-        What azimuth, and the first two axes of the result, refer to.
+        North of the azimuths and of the first two axes of the result.
     errors : StationErrors or str
-        Tools of the stations; or the tool code of all of them, for example "MWD+SRGM", "MWD+IFR2+SAG+MS", "GYRO-NS"
-        or "ISCWSA MWD Rev5.11".
+        Tools of the stations; or one tool code for all, for example "MWD+SRGM", "MWD+IFR2+SAG+MS", "GYRO-NS" or "ISCWSA
+        MWD Rev5.11".
     reference : ErrorReference
         Local field.
     first_tvd : float
@@ -103,12 +103,13 @@ def position_covariance(
     Returns
     -------
     ndarray, shape (n, 3, 3)
-        North, east, down, m^2.
+        Covariance of north, east, down, m^2.
 
     Raises
     ------
     ValueError
-        Stations as for `minimum_curvature.path`, what `well_terms` refuses, or a tie-on covariance that is none.
+        Invalid stations as in `minimum_curvature.path`, input that `well_terms` refuses, or an invalid tie-on
+        covariance.
     CovarianceUnavailableError
         `welleng` is not installed.
     """
@@ -120,7 +121,7 @@ def position_covariance(
         return covariance
     tie = np.asarray(given.tie_on, dtype=float)
     if tie.shape != (3, 3) or not np.allclose(tie, tie.T) or not np.all(np.linalg.eigvalsh(tie) >= -1e-9):
-        raise ValueError(f"tie_on: a covariance is symmetric, 3 x 3 and not negative, got {tie.tolist()}")
+        raise ValueError(f"tie_on: a covariance must be symmetric, 3 x 3 and not negative, got {tie.tolist()}")
     return np.asarray(covariance + tie)
 
 
@@ -132,12 +133,13 @@ def well_terms(
     first_tvd: float = 0.0,
 ) -> list[ErrorTerm]:
     """
-    Error terms of all stations, in the axes of the well's own north; see `position_covariance`.
+    Return the error terms of all stations in the axes of the well's own north; see `position_covariance`.
 
     Raises
     ------
     ValueError
-        What `error_terms` refuses, an unknown north, or a reference that is not finite and positive where it must be.
+        Input that `error_terms` refuses, an unknown north, or a reference that is not finite or positive where it must
+        be.
     """
     depth, inc, azi = stations
     fields = {k: v for k, v in dataclasses.asdict(reference).items() if k != "latitude"}
@@ -173,22 +175,22 @@ def well_terms(
 
 def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128], steep: Mask) -> list[ErrorTerm]:
     """
-    Divide an error into the part whose direction is known and two parts at right angles for the rest.
+    Split an error into a part with known direction and two perpendicular parts for the unknown direction.
 
     Parameters
     ----------
     term, turned : ErrorTerm
-        At the stations' azimuths, and with the azimuths of the steep stations turned half round. What changes its sign
-        has the direction of the azimuth; what does not is fixed in the map.
+        Error at the stations' azimuths, and with the azimuths of steep stations turned by half a turn. The part that
+        changes sign follows the azimuth; the part that does not is fixed in the map.
     known : ndarray of complex, shape (n,)
-        As from `minimum_curvature.directions`, in true axes.
+        Mean direction vectors from `minimum_curvature.directions`, in true axes.
     steep : ndarray of bool, shape (n,)
-        Stations to divide.
+        Stations to split.
 
     Returns
     -------
     list of ErrorTerm
-        At every station the part with the azimuth's direction keeps the sum of its variances over all directions.
+        Parts of the error; at every station the sum of variances over all directions is kept.
     """
     share = np.minimum(np.abs(known), 1.0)
     rest = np.where(steep, np.sqrt(0.5 * (1.0 - share**2)), 0.0)
@@ -197,7 +199,7 @@ def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128]
     for one, other in ((term.error, turned.error), (term.own, turned.own)):
         odd = 0.5 * (one - other)
         shifts.append(np.where(steep[:, None], one - (1.0 - share)[:, None] * odd, one))
-        # Along and across the azimuth instead of north and east: the same in every direction of the hole.
+        # Use along and across the azimuth instead of north and east, so that the result is the same in every direction.
         along, right = c * odd[:, 0] + s * odd[:, 1], c * odd[:, 1] - s * odd[:, 0]
         zero = np.zeros(along.size)
         across.append([rest[:, None] * np.stack(v, axis=-1) for v in ((along, right, zero), (-right, along, zero))])
@@ -210,7 +212,7 @@ def _split(term: ErrorTerm, turned: ErrorTerm, known: npt.NDArray[np.complex128]
 
 
 def covariance_of(terms: Sequence[ErrorTerm], n: int) -> Array:
-    """Covariance of n positions, shape (n, 3, 3), m^2, of error terms: one sum per error that stations share."""
+    """Return the covariance of n positions, shape (n, 3, 3), m^2: one sum for each error that stations share."""
     covariance = np.zeros((n, 3, 3))
     for term in terms:
         if term.shared == RANDOM:
@@ -223,7 +225,7 @@ def covariance_of(terms: Sequence[ErrorTerm], n: int) -> Array:
 
 
 def shared_shifts(terms: Sequence[ErrorTerm]) -> dict[tuple[str, str], Array]:
-    """Shift of each position, shape (n, 3), m, by 1 sigma of each error that stations share; by name and reach."""
+    """Return the shift of each position, shape (n, 3), m, by 1 sigma of each shared error, by name and extent."""
     shifts: dict[tuple[str, str], Array] = {}
     for term in terms:
         if term.shared != RANDOM:
@@ -236,10 +238,10 @@ def shared_shifts(terms: Sequence[ErrorTerm]) -> dict[tuple[str, str], Array]:
 def _own_terms(
     stations: tuple[Array, Array, Array], tools: Sequence[Tool | None], sigmas: Array, bare: Mask
 ) -> list[ErrorTerm]:
-    """Terms of the stations' own sigmas, one of inclination and one of azimuth for each run; balanced tangents."""
+    """Return the terms of the stations' own sigmas, two per run (inclination, azimuth), by balanced tangents."""
     md, inc, azi = stations
     s_inc = np.sin(inc)
-    # Next to the vertical the sigma of azimuth ends at pi. The direction is then as uncertain across as along.
+    # Near the vertical the sigma of azimuth is limited to pi. The direction is then as uncertain across as along.
     least = np.maximum(1.0 - (s_inc / math.sin(AZIMUTH_KNOWN_FROM)) ** 2, 0.0) * sigmas[:, 0]
     sideways = np.maximum(s_inc * sigmas[:, 1], least)
     half = 0.5 * np.diff(md)
@@ -270,7 +272,7 @@ def _own_terms(
 
 def ellipse(covariance: ArrayLike, sigmas: float = 2.0) -> Ellipse:
     """
-    Ellipse of a 2 x 2 covariance, m^2, at so many sigmas.
+    Return the ellipse of a 2 x 2 covariance, m^2, at a number of sigmas.
 
     Raises
     ------
@@ -284,14 +286,14 @@ def ellipse(covariance: ArrayLike, sigmas: float = 2.0) -> Ellipse:
         )
     values, vectors = np.linalg.eigh(0.5 * (cov + cov.T))
     small, large = np.sqrt(np.maximum(values, 0.0)) * sigmas
-    # The axes of a circle, as those of a vertical well, are rounding.
+    # The axes of a circle, for example of a vertical well, would be determined by rounding.
     angle = math.atan2(vectors[1, 1], vectors[0, 1]) % math.pi if large - small > 1e-7 * large else 0.0
     return Ellipse(float(large), float(small), angle)
 
 
 def in_section(covariance: ArrayLike, section_azimuth: float) -> Array:
     """
-    Covariance along the vertical section and down.
+    Return the covariance along the vertical section and down.
 
     covariance, shape (..., 3, 3): north, east, down, m^2. section_azimuth: rad. Returns shape (..., 2, 2), m^2.
     """

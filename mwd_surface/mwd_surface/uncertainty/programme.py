@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The survey programme of a well: the tool code of each interval, and how well the first station is known.
+Survey programme of a well: the tool code of each interval, and the uncertainty of the first station.
 
-A programme is a YAML file: `intervals`, each from a measured depth to another with a tool code and the run it belongs
-to, and `tie_on` with the sigmas or the covariance of the first station. Depths m, covariances m^2.
+A programme is a YAML file with `intervals`, each a depth range with a tool code and its run, and `tie_on` with the
+sigmas or the covariance of the first station. Depths are in m, covariances in m^2.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CODE, STATION = "code", "station"
 
 
 class ProgrammeError(ValueError):
-    """A survey programme that cannot be used; the message says where and why."""
+    """Raised for a survey programme that cannot be used; the message says where and why."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,21 +33,23 @@ class Interval:
     """
     One row of the programme.
 
-    A station at depth d belongs to the interval with from_m < d <= to_m; the first row that fits counts. methods gives
-    tool codes to stations by the method of their azimuth, {gyro: GYRO-MWD}; such a code replaces the row's.
+    A station at depth d belongs to the first row with from_m < d <= to_m. methods maps the method of a station's
+    azimuth to a tool code, for example {gyro: GYRO-MWD}; such a code replaces the code of the row.
     """
 
     code: str = setting("MWD+SRGM", "tool code of OWSG set A or B, or of a gyro")
     from_m: float = setting(0.0, "measured depth of the start", unit="m", low=0.0)
-    to_m: float | None = setting(None, "measured depth of the end; left out: the rest of the well", unit="m", low=0.0)
-    run: str = setting(
-        "", "run of the tool; rows with the same run share its systematic errors. Left out: a run of its own"
+    to_m: float | None = setting(
+        None, "measured depth of the end; if left out, the rest of the well", unit="m", low=0.0
     )
-    leg: str = setting("", "leg of the survey list the row is for; left out: every leg")
+    run: str = setting(
+        "", "run of the tool; rows with the same run share its systematic errors. If left out, the row is its own run"
+    )
+    leg: str = setting("", "leg of the survey list to which the row applies; if left out, every leg")
     angles: str = setting(
         CODE,
-        "where the sigmas of inclination and azimuth come from: the code, or each station's own (the code then gives "
-        "the errors of depth and course)",
+        "source of the sigmas of inclination and azimuth: the code, or each station (the code then gives only the "
+        "errors of depth and course)",
         choices=(CODE, STATION),
     )
     methods: dict[str, str] = dataclasses.field(default_factory=dict)
@@ -56,9 +58,9 @@ class Interval:
 @dataclasses.dataclass(frozen=True)
 class TieOnErrors:
     """
-    How well the first station is known; all zero: it is where the positions are counted from.
+    Uncertainty of the first station; all zero if positions are counted from it.
 
-    covariance_m2 is the whole 3 x 3 covariance of north, east, down, m^2; it replaces the sigmas.
+    covariance_m2 is the full 3 x 3 covariance of north, east, down, m^2; it replaces the sigmas.
     """
 
     sigma_north_m: float = setting(0.0, "1 sigma to the north", unit="m", low=0.0)
@@ -67,7 +69,7 @@ class TieOnErrors:
     covariance_m2: list[list[float]] = dataclasses.field(default_factory=list)
 
     def covariance(self) -> Array | None:
-        """Covariance of the first station, shape (3, 3), m^2; None where it is exact."""
+        """Return the covariance of the first station, shape (3, 3), m^2; None if it is exact."""
         if self.covariance_m2:
             return np.array(self.covariance_m2)
         sigmas = np.array([self.sigma_north_m, self.sigma_east_m, self.sigma_tvd_m])
@@ -76,7 +78,7 @@ class TieOnErrors:
 
 @dataclasses.dataclass(frozen=True)
 class Programme:
-    """The whole programme; name: of the file, for people."""
+    """The whole programme; name: name of the file, for people."""
 
     intervals: tuple[Interval, ...]
     tie_on: TieOnErrors = dataclasses.field(default_factory=TieOnErrors)
@@ -84,23 +86,23 @@ class Programme:
 
     @classmethod
     def of_code(cls, code: str) -> Programme:
-        """Return the programme of a well that one tool surveys from top to bottom."""
+        """Return the programme of a well that is surveyed by one tool from top to bottom."""
         return cls((Interval(code, run="all"),), name=code)
 
     def errors(self, stations: ProgrammeStations) -> StationErrors:
         """
-        Tools of the stations of a well.
+        Return the tools of the stations of a well.
 
         Raises
         ------
         ProgrammeError
-            A station that no interval covers, or one without the sigmas of its own that its interval asks for.
+            A station is covered by no interval, or lacks the own sigmas that its interval needs.
         """
         tools: list[Tool | None] = []
         sigmas = np.full((stations.md.size, 2), np.nan)
         for k, md in enumerate(stations.md):
             if k == 0 and md > 0.0:
-                # A list that starts deeper starts with a tie-on.
+                # A list that starts below the surface starts with a tie-on.
                 tools.append(None)
                 continue
             number, row = self._interval(float(md), stations.legs[k], first=k == 0)
@@ -131,11 +133,11 @@ class Programme:
 @dataclasses.dataclass(frozen=True)
 class ProgrammeStations:
     """
-    What the programme looks at, one entry per station.
+    Data of the stations for the programme, one entry per station.
 
-    md, shape (n,): m. sigmas, shape (n, 2): own 1 sigma of inclination and azimuth, rad, nan where there is none.
-    measured: True for stations, False for what is projected or planned. legs, tools (serial numbers), methods (of the
-    azimuth): empty where not known.
+    md, shape (n,): m. sigmas, shape (n, 2): own 1 sigma of inclination and azimuth, rad, NaN if there is none.
+    measured: True for stations, False for projected or planned points. legs, tools (serial numbers), methods (of the
+    azimuth): empty if unknown.
     """
 
     md: Array
@@ -147,7 +149,7 @@ class ProgrammeStations:
 
     @classmethod
     def plain(cls, md: Array) -> ProgrammeStations:
-        """Return stations of which only the depth is known."""
+        """Return stations with known depth only."""
         n = md.size
         empty = [""] * n
         return cls(md, np.full((n, 2), np.nan), [True] * n, empty, empty, empty)
@@ -160,7 +162,7 @@ def read_programme(path: Path) -> Programme:
     Raises
     ------
     ProgrammeError
-        A file that cannot be read, is no YAML table, has unknown keys or codes, or intervals that end above their
+        The file cannot be read, is not a YAML table, has unknown keys or codes, or has an interval that ends above its
         start.
     """
     try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A well with the errors of its stations: its covariance from the top, or from a depth where two wells part."""
+"""A well with the errors of its stations: its covariance from the top, or from a depth where two wells separate."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from mwd_surface.uncertainty.position_covariance import StationErrors, position_
 @dataclasses.dataclass(frozen=True)
 class UncertainWell:
     """
-    Stations, what measured them, and the size of the hole.
+    Stations of a well, the tools that measured them, and the size of the hole.
 
-    md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: of azimuths
-    and axes. radius: of the open hole, m. surveyed: measured depth of the last survey, m; below it the path is
-    projected or planned. remarks: assumptions behind its list.
+    md, inclination, azimuth: shape (n,), m and rad. positions: shape (n, 3), north, east, down, m. north: north of
+    azimuths and axes. radius: radius of the open hole, m. surveyed: measured depth of the last survey, m; below it the
+    path is projected or planned. remarks: assumptions behind the list.
     """
 
     name: str
@@ -45,7 +45,7 @@ class UncertainWell:
         Raises
         ------
         ValueError, CovarianceUnavailableError
-            As `position_covariance`.
+            As in `position_covariance`.
         """
         return position_covariance(
             self.md,
@@ -59,7 +59,7 @@ class UncertainWell:
 
     def below(self, md: float) -> UncertainWell:
         """
-        Return the well from a measured depth on, with that point taken as known.
+        Return the well below a measured depth, with the position at that depth taken as exact.
 
         Raises
         ------
@@ -71,7 +71,8 @@ class UncertainWell:
                 f"{self.name}: {md:g} m is not on its path, which goes from {self.md[0]:g} to {self.md[-1]:g} m"
             )
         inc, azi, position = mc.interpolate(self.md, self.inclination, self.azimuth, self.positions, md)
-        # A station within a metre below is taken as the point itself: no error grows over so short a way.
+        # A station within the next metre is merged with this point, because errors do not grow over so short a
+        # distance.
         rest = self.md > md + 1.0
         sigmas = self.errors.sigmas
         tools = [None, *(tool for tool, keep in zip(self.errors.tools, rest, strict=True) if keep)]

@@ -67,19 +67,19 @@ def test_the_place_of_a_recording_can_be_given(bag, tmp_path):
     done = run(bag, "-o", tmp_path / "b.yaml", "--gravity", 9.795)
     assert calibration_run.read(tmp_path / "a.yaml").magnetometer is not None
     assert calibration_run.read(tmp_path / "b.yaml").magnetometer is None
-    assert "magnetometers are left as they are" in done.output
+    assert "magnetometers are not calibrated" in done.output
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["--unit", "ahr"], "did you mean ahrs"),
-        (["--grade", "mti3"], "a recording has its sensors already"),
-        ([], "say where the run was made with --lat and --lon, or --gravity"),
+        (["--grade", "mti3"], "only for scenarios, not for a recording"),
+        ([], "give the place with --lat and --lon, or --gravity"),
         (["--lat", "60"], "give both, or neither"),
-        (["--date", "2026-01-01"], "means nothing without"),
+        (["--date", "2026-01-01"], "has no effect without"),
         (["--lat", "60", "--lon", "5", "--date", "soon"], "write it as YYYY-MM-DD"),
-        (["--lat", "60", "--lon", "5", "--field", "50000,70"], "give one of them"),
+        (["--lat", "60", "--lon", "5", "--field", "50000,70"], "give only one of them"),
     ],
 )
 def test_a_mistake_is_one_sentence_and_leaves_no_file(bag, tmp_path, words, sentence):

@@ -81,8 +81,8 @@ def test_what_cannot_be_compared_is_told_in_a_sentence(folder):
     words = [folder / "run", "--offsets", folder / "same.yaml", "-o", folder / "out"]
     assert "none of the wells can be compared" in str(mwd(*words).exception)
     words[2] = folder / "far.yaml"
-    assert "make its path first, mwd path" in str(mwd(folder / "beside.csv", *words[1:]).exception)
-    assert "give one of them" in str(mwd(*words, "--programme", "a", "--code", "b").exception)
+    assert "first run mwd path" in str(mwd(folder / "beside.csv", *words[1:]).exception)
+    assert "give only one of them" in str(mwd(*words, "--programme", "a", "--code", "b").exception)
     assert "did you mean" in str(mwd(*words, "--code", "MWD+SRGN").exception)
     with SurveyStore(folder / "bare") as store:
         store.save(example.surveys(dataclasses.replace(example.WELL, error_model="")))

@@ -56,7 +56,7 @@ def test_a_configuration_is_explained(folder):
 def test_the_channel_says_what_pulse_width_it_allows(folder):
     said = run("tool", "check", folder / "tool.yaml", "--channel", folder / "well" / "pressure.csv")
     assert "pulses of 0.8 s: " in said
-    assert "shortest pulse width that leaves 19 of 20 words right: 0." in said
+    assert "shortest pulse width with 19 of 20 words right: 0." in said
     run("tool", "new", "-o", folder / "siren.yaml", "--code", "psk")
     with pytest.raises(ValueError, match="psk sends no pulses"):
         run("tool", "check", folder / "siren.yaml", "--channel", folder / "well" / "pressure.csv")

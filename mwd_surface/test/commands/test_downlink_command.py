@@ -54,7 +54,7 @@ def test_watch_listens_for_as_long_as_it_is_asked_to(monkeypatch):
     got = run(monkeypatch, "watch --seconds 8", [message(3, "confirmed")], silences=2)
     assert (got.exit_code, got.output) == (0, "3 confirmed: said\n")
     silent = run(monkeypatch, "watch --seconds 8", [], silences=2)
-    assert str(silent.exception).startswith("nothing was heard of a downlink within 8 s")
+    assert str(silent.exception).startswith("no downlink state received within 8 s")
 
 
 def test_state_is_the_newest_and_silence_has_two_causes(monkeypatch):

@@ -79,4 +79,4 @@ def test_what_is_wrong_is_one_sentence(run, tmp_path):
     (tmp_path / "plan.csv").write_text("md_m,inc,azi\n0,0,0\n30,x,0\n")
     refused(mwd("report", run, "-o", tmp_path, "--plan", tmp_path / "plan.csv"), "line 3", "finite number")
     (tmp_path / "file").write_text("")
-    refused(mwd("export", run, "-o", tmp_path / "file" / "folder"), "not written")
+    refused(mwd("export", run, "-o", tmp_path / "file" / "folder"), "could not be written")

@@ -33,8 +33,8 @@ def test_the_gyro_of_a_recording_needs_no_more_than_the_latitude():
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        ((58.4, None, "2026-03-01", None), "--date: means nothing"),
-        ((58.4, 1.9, "2026-03-01", "50360,71.6"), "--date: means nothing"),
+        ((58.4, None, "2026-03-01", None), "--date: has no effect"),
+        ((58.4, 1.9, "2026-03-01", "50360,71.6"), "--date: has no effect"),
         ((None, 1.9, None, None), "give both"),
         ((None, None, None, "50360"), "nT,dip,declination"),
         ((58.4, None, None, "much,little"), "nT,dip,declination"),

@@ -20,8 +20,8 @@ def test_nothing_is_missing_once_the_estimator_is_active():
     ("state", "logs", "word"),
     [
         ({}, {}, "its page does not answer"),
-        ({}, {"estimator": "preparing the filters; the first time ..."}, "compiles its filters"),
-        ({"findings": {"rows": []}}, READY, "does not hear the estimator"),
+        ({}, {"estimator": "preparing the filters; the first time ..."}, "is compiling its filters"),
+        ({"findings": {"rows": []}}, READY, "receives nothing from the estimator"),
         (page("inactive"), READY, "the estimator is inactive"),
     ],
 )

@@ -51,5 +51,5 @@ def test_the_secret_of_the_page_is_in_a_file_that_its_owner_alone_can_read(tmp_p
 
 def test_a_parameter_file_that_is_not_there_is_named(tmp_path):
     assert parameter_file(None) == []
-    with pytest.raises(FileNotFoundError, match="no such parameter file"):
+    with pytest.raises(FileNotFoundError, match="parameter file not found"):
         parameter_file(tmp_path / "none.yaml")

@@ -50,7 +50,7 @@ def test_a_station_without_depth_is_named_once_with_its_other_flags():
         ]
     )
     assert told == [
-        f"no depth of survey 4-5: {no_row}",
+        f"survey 4-5 has no depth: {no_row}",
         f"survey 5: {later}",
         "survey 6: no measured depth",
         "survey 2: gap",

@@ -152,7 +152,7 @@ def test_pending_and_granted_lapse_after_two_minutes_and_denied_ends():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"rig_age_s": 3.0}, "no data of the rig"),
+        ({"rig_age_s": 3.0}, "no data from the rig"),
         ({"in_slips": True}, "slips"),
         ({"in_slips": None}, "slips"),
         ({"pressure": 3.3e7}, "pressure is above"),
@@ -177,7 +177,7 @@ def test_every_interlock_keeps_it_from_starting_with_its_reason(changes, words):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"rig_age_s": 3.0}, "no data of the rig"),
+        ({"rig_age_s": 3.0}, "no data from the rig"),
         ({"in_slips": True}, "slips"),
         ({"pressure": 3.0e7}, "stalls"),
         ({"pressure": 3.3e7}, "pressure"),
@@ -209,7 +209,7 @@ def test_a_surface_that_did_not_watch_ends_it():
     rig.now += 5.0
     rig.play(STEP)
     assert rig.machine.state == DownlinkState.ABORTED
-    assert "did not watch" in rig.machine.reason
+    assert "did not check" in rig.machine.reason
 
 
 def test_an_interlock_that_breaks_before_the_first_symbol_waits_again():

@@ -186,7 +186,7 @@ def test_names_are_made_of_well_word_and_time_or_of_what_is_asked(files, tmp_pat
 
 
 def test_an_unknown_format_is_answered_with_the_near_ones(table, tmp_path):
-    with pytest.raises(ValueError, match="no 'wits'; did you mean witsml"):
+    with pytest.raises(ValueError, match="unknown format 'wits'; did you mean witsml"):
         export(table, "wits", tmp_path)
 
 

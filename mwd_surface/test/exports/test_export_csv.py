@@ -115,8 +115,8 @@ def test_the_decimal_sign_is_a_point_in_every_locale():
 
 
 def test_stations_left_out_are_named_in_the_head():
-    table = dataclasses.replace(example.table(), left_out=("station 3 left out: a number in it is not finite",))
-    assert "# station 3 left out: a number in it is not finite" in definitive_csv(table)
+    table = dataclasses.replace(example.table(), left_out=("station 3 omitted: a number in it is not finite",))
+    assert "# station 3 omitted: a number in it is not finite" in definitive_csv(table)
 
 
 def test_surveys_without_a_depth_are_named_with_what_to_do():
@@ -124,6 +124,6 @@ def test_surveys_without_a_depth_are_named_with_what_to_do():
     number = surveys.records[-1].survey.sequence + 1
     surveys = surveys.add(example.survey(number, 15.0, 80.0), -1.0, -1.0)
     (why,) = survey_table(surveys, 0).left_out
-    assert why.startswith(f"left out for want of a depth: survey {number};")
+    assert why.startswith(f"survey without measured depth not exported: {number};")
     assert f"# {why}" in definitive_csv(survey_table(surveys, 0))
     assert survey_table(surveys.reject(number, "Ann", "no depth", 1), 0).left_out == ()

@@ -123,7 +123,7 @@ def test_stations_that_print_the_same_depth_are_not_written_twice():
     path = whole.definitive()
     squeezed = dataclasses.replace(path, md=np.where(np.arange(path.md.size) == 3, path.md[2] + 1e-5, path.md))
     root = checked(witsml(table_of(whole, squeezed, example.MADE)))
-    assert "not below the one before" in text(root[0], "commonData/comments")
+    assert "not deeper than the one before" in text(root[0], "commonData/comments")
 
 
 def test_an_empty_list_and_equal_uuids_are_valid():

@@ -100,14 +100,14 @@ def test_only_verdicts_that_want_attention_are_explained():
 def test_every_decision_is_listed_with_who_when_and_why_after_the_automatic_one():
     whole = example.surveys().reject(9, "Bo", "casing is near", example.START + 95_000 * 10**9)
     table = survey_table(whole, example.MADE)
-    decided = sheet(table, "Who decided what")
+    decided = sheet(table, "Decisions; ")
     assert cells(decided, "Survey") == ["9", "9", "9"]
     assert cells(decided, "By") == ["automatic", "Aslaug", "Bo"]
     assert cells(decided, "Decision") == ["doubtful", "accepted", "rejected"]
     assert cells(decided, "Why")[1:] == ["-casing; gyro agrees", "casing is near"]
     assert decided.marks == ("", "", "not used")
     assert cells(sheet(table, "Flags and remarks"), "Survey") == ["3"]
-    assert "Used on a person's word against the automatic verdict: survey 9." in content(example.table()).notes
+    assert "Used by manual decision against the automatic verdict: survey 9." in content(example.table()).notes
 
 
 def test_the_ellipses_are_explained_and_further_sections_are_printed():
@@ -149,7 +149,7 @@ def test_a_slide_of_which_no_toolface_was_known_says_nothing_of_it():
 
 def test_what_the_slides_gave_is_the_dogleg_of_the_definitive_survey():
     table = example.table(stretches=example.stretches())
-    gave = sheet(table, "What the slides gave")
+    gave = sheet(table, "Yield of the slides")
     depth, severity = table.column("md_m"), table.column("dls_deg_per_30m")
     found = {depth.cell(k, paper=True): severity.cell(k, paper=True) for k in table.rows}
     titles = {title: k for k, title in enumerate(gave.titles)}

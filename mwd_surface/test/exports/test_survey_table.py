@@ -102,7 +102,7 @@ def test_a_station_that_is_not_finite_is_left_out_with_its_reason():
     broken = dataclasses.replace(path, inclination=np.where(np.arange(path.md.size) == 3, np.nan, path.inclination))
     table = tables.table_of(whole, broken, example.MADE)
     assert len(table.records) == path.md.size - 1
-    assert table.left_out == ("station 3 (survey 3) left out: a number in it is not finite",)
+    assert table.left_out == ("station 3 (survey 3) omitted: a number in it is not finite",)
 
 
 @pytest.mark.parametrize(

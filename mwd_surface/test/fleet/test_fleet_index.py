@@ -41,7 +41,7 @@ def test_the_head_sums_what_was_worked_out_and_counts_what_failed():
     page = fleet_index.index_html([done("/a"), done("/b", seconds=1800.0, surveys=1), failed("/c", "empty")])
     text = " ".join(page.split())
     for name, value in (
-        ("worked out", "2 of 3"),
+        ("processed", "2 of 3"),
         ("failed", "1"),
         ("hours", "2.00"),
         ("IMU samples", "1080000"),

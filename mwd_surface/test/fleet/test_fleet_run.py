@@ -61,7 +61,7 @@ def test_bags_are_found_by_folder_file_and_pattern_each_once(tmp_path):
     wanted = [tmp_path / "pad" / "a", alone, tmp_path / "pad" / "deep" / "b"]
     for patterns in ([f"{tmp_path}/pad/**"], [str(tmp_path)], [f"{tmp_path}/**/*.mcap", str(tmp_path)]):
         assert fleet_run.find_bags(patterns) == sorted(wanted)
-    with pytest.raises(ValueError, match="no recording there"):
+    with pytest.raises(ValueError, match="no recording found"):
         fleet_run.find_bags([f"{tmp_path}/nothing/**"])
 
 

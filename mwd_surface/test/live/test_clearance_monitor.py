@@ -120,7 +120,7 @@ def test_an_assumption_is_a_remark_of_the_page_and_no_alarm(folder):
     watched.update(surveys(folder), 642.5)
     assert context.alarm_log.active() == {}
     table = StateJson().snapshot(context.live.at(1.0))["sections"]["clearance"]
-    assert any("which north" in text for text in table["remarks"])
+    assert any("north of its azimuths" in text for text in table["remarks"])
 
 
 def test_a_hole_that_was_not_compared_is_an_alarm(folder):

@@ -490,7 +490,7 @@ def test_a_node_that_does_not_answer_gives_the_browser_a_sentence_and_blocks_nob
     with running(lambda _n, _a: (free.wait(5), "")[::1], token=TOKEN, command_timeout=0.5) as server:
         status, answer = order(server, "take_survey", {})
         assert status == 504
-        assert "still at work" in answer["message"]
+        assert "has not finished" in answer["message"]
         assert ask(server)[0] == 200
         free.set()
 
@@ -499,7 +499,7 @@ def test_a_node_that_does_not_answer_gives_the_browser_a_sentence_and_blocks_nob
 @pytest.mark.parametrize(
     ("name", "body", "status", "words"),
     [
-        ("explode", "{}", 404, "no such command"),
+        ("explode", "{}", 404, "unknown command"),
         ("accept_survey", "{", 400, "not JSON"),
         ("accept_survey", "[" * 10_000, 400, "not JSON"),
         ("accept_survey", "[]", 400, "object"),

@@ -48,7 +48,7 @@ def test_empty_cells_are_missing_samples_and_names_may_be_quoted(tmp_path):
     read = pressure_files.read(tmp_path / "p.csv")
     assert read.time_s == pytest.approx(np.delete(TIME, 7))
     assert np.all(np.isfinite(read.pressure_pa))
-    assert "1 samples are no numbers" in " ".join(read.notes)
+    assert "1 samples are not numbers" in " ".join(read.notes)
 
 
 def test_all_samples_behind_a_clock_that_went_back_are_told(tmp_path):
@@ -118,7 +118,7 @@ def test_bad_data_is_told(tmp_path):
     time = TIME.copy()
     time[100:] += 60.0
     notes = " ".join(pressure_files.read(csv(tmp_path / "p.csv", np.column_stack([time, bad]))).notes)
-    assert "1 samples are no numbers" in notes
+    assert "1 samples are not numbers" in notes
     assert "1 gaps" in notes
     assert "clips" in notes
     coarse = csv(tmp_path / "c.csv", np.column_stack([TIME, np.round(PRESSURE, -5)]))
@@ -141,7 +141,7 @@ def test_a_table_that_is_none_is_refused(tmp_path, content, complaint):
 
 def test_a_file_that_is_no_wav_is_refused(tmp_path):
     (tmp_path / "p.wav").write_bytes(b"RIFFnothing")
-    with pytest.raises(ValueError, match="no WAV"):
+    with pytest.raises(ValueError, match="not a WAV"):
         pressure_files.read(tmp_path / "p.wav")
 
 

@@ -148,7 +148,7 @@ def test_a_stream_that_is_no_wav_is_refused():
     stream = WavStream(reading)
     assert len(stream.read()[0]) == 0
     assert stream.ended
-    assert "no WAV" in stream.failure
+    assert "not a WAV" in stream.failure
     os.close(writing)
     os.close(reading)
 

@@ -121,7 +121,7 @@ def test_only_addresses_of_this_machine_alone_need_no_leave(host, own):
     [
         (errno.EADDRINUSE, "taken"),
         (errno.EACCES, "1024 or more"),
-        (errno.EADDRNOTAVAIL, "no address of this machine"),
+        (errno.EADDRNOTAVAIL, "not an address of this machine"),
         (errno.ENETDOWN, "Network is down"),
     ],
 )
@@ -137,7 +137,7 @@ def test_a_free_port_is_probed_without_being_kept():
         with pytest.raises(InterfaceError, match="taken"):
             probe_port("127.0.0.1", number)
     probe_port("127.0.0.1", number)
-    with pytest.raises(InterfaceError, match="no address"):
+    with pytest.raises(InterfaceError, match="not an address"):
         probe_port("no such host.invalid", 1)
 
 

@@ -34,7 +34,7 @@ TABLE = (
         counts=(("junk", 2),),
         last=(("survey", "12"),),
     ),
-    InterfaceStatus("modbus", "down", reason="127.0.0.1 port 502 is not allowed to this user"),
+    InterfaceStatus("modbus", "down", reason="127.0.0.1 port 502 may not be opened by this user"),
 )
 
 
@@ -42,7 +42,7 @@ def test_the_state_reads_as_lines_for_people():
     assert status_lines(TABLE, 100.0) == [
         "wits0_server: listening at 127.0.0.1:8686; out 25, in 3, dropped 1, refused 0, junk 2; last survey 12",
         "  10.0.0.7:4711: 60 s, out 25 (0.50/s), in 3, dropped 1, last 0717123.46",
-        "modbus: down; out 0, in 0, dropped 0, refused 0; 127.0.0.1 port 502 is not allowed to this user",
+        "modbus: down; out 0, in 0, dropped 0, refused 0; 127.0.0.1 port 502 may not be opened by this user",
     ]
     assert status_lines((), 0.0) == ["no rig interface is switched on"]
 

@@ -26,7 +26,7 @@ def test_fields_of_a_message_are_set_from_a_table_and_read_back():
 def test_a_field_or_value_that_does_not_fit_is_named():
     with pytest.raises(ValueError, match="operator: no such field; there are sequence"):
         filled(JudgeSurvey.Request, {"operator": "A"})
-    with pytest.raises(ValueError, match="sequence: 'x' is no uint32"):
+    with pytest.raises(ValueError, match="sequence: 'x' is not of type uint32"):
         filled(JudgeSurvey.Request, {"sequence": "x"})
     for field, value in {"sequence": 2**70, "measured_depth": 10**400, "reason": "\ud800"}.items():
         with pytest.raises(ValueError, match=f"{field}: "):

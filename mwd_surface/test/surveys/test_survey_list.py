@@ -250,7 +250,7 @@ def test_a_sidetrack_shares_the_path_above_its_tie_on_and_numbers_go_on():
     np.testing.assert_allclose(path.positions[3], there[2])
     assert split.definitive("main").md.tolist() == whole.definitive().md.tolist()
     assert split.using(leg="main", tool="T2").add(shot(6, 12.0), 220.0, 0.0).find(6).tool == "T2"
-    with pytest.raises(ValueError, match="a new leg needs a name of its own"):
+    with pytest.raises(ValueError, match="a new leg needs a new name"):
         split.sidetracked("ST1", 120.0)
     with pytest.raises(ValueError, match="outside the stations"):
         whole.sidetracked("ST2", 500.0)

@@ -81,7 +81,7 @@ def test_a_recorded_sidetrack_keeps_its_kick_off_and_the_plan(tmp_path):
 def test_a_damaged_file_gives_way_to_the_one_before_and_says_so(tmp_path):
     surveys = example.surveys()
     (tmp_path / "surveys.json").write_bytes(encoded(surveys)[:-40])
-    with pytest.raises(ValueError, match=r"surveys\.json is not whole"):
+    with pytest.raises(ValueError, match=r"surveys\.json is not complete"):
         surveys_of(tmp_path)
     (tmp_path / "surveys.previous.json").write_bytes(encoded(surveys))
     got, notes = surveys_of(tmp_path)

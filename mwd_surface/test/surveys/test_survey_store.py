@@ -66,12 +66,12 @@ def test_what_was_saved_comes_back_to_the_last_bit_and_the_one_before_is_kept(tm
 @pytest.mark.parametrize(
     ("damage", "says"),
     [
-        (lambda data: data[: len(data) // 2], "half written"),
-        (lambda _data: b"", "half written"),
+        (lambda data: data[: len(data) // 2], "incomplete or not JSON"),
+        (lambda _data: b"", "incomplete or not JSON"),
         (lambda data: data.replace(b'"azimuth":1.0', b'"azimuth":1.5', 1), "edited or corrupted"),
         (lambda data: bytes([data[100] ^ 1]).join([data[:100], data[101:]]), ""),
-        (lambda data: b"\xff\xfe" + data, "half written or no JSON"),
-        (lambda _data: b"[1, 2]", "no survey list"),
+        (lambda data: b"\xff\xfe" + data, "incomplete or not JSON"),
+        (lambda _data: b"[1, 2]", "not a survey list"),
         (lambda _data: b"[" * 200_000, "nested 200000 levels deep"),
         (lambda data: data.replace(b'"version": 1', b'"version": 9', 1), "version 9, this program reads 1"),
     ],
@@ -98,7 +98,7 @@ def test_two_damaged_files_are_both_kept_and_an_empty_list_says_so(tmp_path):
     got = loaded(tmp_path)
     assert got.surveys.records == ()
     assert got.fell_back
-    assert "no whole survey list is left" in got.messages[-1]
+    assert "no complete survey list is left" in got.messages[-1]
     assert {p.name for p in tmp_path.glob("*damaged*")} == {"surveys.damaged-1.json", "surveys.damaged-2.json"}
 
 
@@ -125,7 +125,7 @@ def test_every_single_truncation_is_noticed(tmp_path):
     data = (tmp_path / "surveys.json").read_bytes()
     # The last byte is the line's end, without which the content is still whole.
     for cut in range(0, len(data) - 1, 37):
-        with pytest.raises(ValueError, match="half written"):
+        with pytest.raises(ValueError, match="incomplete or not JSON"):
             survey_store.decoded(data[:cut])
 
 

@@ -48,7 +48,7 @@ export function showAlarms({ sections, server }) {
     el("div", { class: "split two" },
       el("div", {}, el("h2", {}, "Alarms"), 
         rows.length ? el("ul", { class: "alarms" }, rows) : el("p", { class: "empty" }, unknown ? "No alarm is known." : "No alarms."),
-        unknown ? el("p", {}, pill("unknown", "not evaluated"), ` ${unknown.replace(/^not evaluated: /, "")}: nothing that came would show it`) : null),
+        unknown ? el("p", {}, pill("unknown", "not evaluated"), ` ${unknown.replace(/^not evaluated: /, "")}: no data that would show this alarm has come`) : null),
       el("div", {}, el("h2", {}, `Events, UTC, ${sections.well?.name || ""}`), log.length
         ? el("table", { class: "log" }, el("thead", {}, el("tr", {}, ["Time", "What", "Source", "Text"].map((t) => el("th", { scope: "col" }, t)))), el("tbody", {}, log))
         : el("p", { class: "empty" }, "No events yet."))),

@@ -1,4 +1,4 @@
-// Single values on the page: number, unit, sigma, age, and a word where the value no longer counts.
+// Single values on the page: number, unit, sigma, age, and a word when the value is no longer valid.
 
 import { el, mark, setText } from "./dom.js";
 import * as units from "./units.js";
@@ -9,14 +9,14 @@ export function lookup(sections, where) {
   return where.split(".").reduce((table, key) => (table ? table[key] : undefined), sections);
 }
 
-// The state by the page's own reckoning: between two messages, and after the last one, ages go on.
+// State of a value by the page's clock: ages go on between two messages and after the last one.
 export function stateOf(cell, now, silent) {
   if (!cell || cell.value === null || cell.value === undefined) return "none";
   if (silent || cell.state !== "live" || now - cell.at > cell.stale_after) return "stale";
   return "live";
 }
 
-// The age of the measurement, which over a telemetry link is that of the word it comes from.
+// Age of the measurement; over a telemetry link, the age of the word that brought it.
 export const ageOf = (cell, now) => units.age(Math.max(0, now - (cell.measured_at ?? cell.at)));
 
 export function valueBox(where, label, kind, options = {}) {

@@ -3,7 +3,7 @@
 import { byId, el, setText } from "./dom.js";
 import * as units from "./units.js";
 
-// Title, unit kind, and the lines: column, word, colour, dashes. Several lines differ in more than colour.
+// Title, unit kind, and lines (column, word, colour, dashes). Several lines differ in dashes as well as in colour.
 const CHARTS = [
   ["Vibration", "vibration", [["vibration", "─ peak", "--trace", []], ["lateral_vibration", "╌ lat.", "--text", [6, 4]], ["axial_vibration", "┈ axial", "--good", [2, 3]]]],
   ["Rotary, tool", "rotation", [["rotary_speed", "", "--trace", []]]],
@@ -29,7 +29,7 @@ export class Charts {
     this.sizes.observe(this.grid);
   }
 
-  // Colours and units are fixed when a chart is made.
+  // Charts must be rebuilt for new colours or units, because these are fixed when a chart is made.
   rebuild() {
     for (const item of this.charts) item.plot.destroy();
     this.grid.replaceChildren();
@@ -67,7 +67,7 @@ export class Charts {
     }
   }
 
-  // Behind the lines: where the data was doubtful or bad.
+  // Draw shading behind the lines where the data was doubtful or bad.
   shade(plot) {
     const { ctx, bbox } = plot;
     ctx.save();
@@ -100,7 +100,7 @@ export class Charts {
   }
 }
 
-// Across north a bearing goes on, so that its line does not jump.
+// Let a bearing continue beyond 0 or 360 degrees, so that its line does not jump at north.
 export function unwrapped(angles) {
   let last = null;
   return angles.map((v) => {
@@ -116,7 +116,7 @@ const spanOf = (raw, kind, most) => {
   return most ? `≤ ${high}` : `${text(Math.min(...raw))} to ${high}`;
 };
 
-// Stretches of one level of doubt: from, to, level.
+// Intervals with one level of doubt: from, to, level.
 export function shadesOf(places, levels) {
   const found = [];
   levels.forEach((level, k) => {

@@ -1,7 +1,7 @@
-// The state as the server last sent it, and how long ago that was by the server's own clock.
+// The last state from the server, and its age by the server's own clock.
 
 const SILENT_AFTER = 2.5;
-// A connection whose other end is gone without a word (a cable, a switch) is closed by nobody.
+// If the other end disappears silently (cable, switch), no close event comes, so use a timeout.
 const REOPEN_AFTER = 6;
 const POLL_EVERY = 1000;
 const DRIFT = 1e-4;
@@ -29,13 +29,13 @@ export class Connection {
     }, POLL_EVERY);
   }
 
-  // Seconds on the server's steady clock. The smallest offset is the message that travelled fastest; creeping up
-  // slowly follows two clocks that do not run at quite the same speed. The browser's time of day is not used.
+  // Time on the server's steady clock, s. The message with the smallest offset travelled fastest. The offset creeps up
+  // slowly to follow two clocks that differ in speed. The browser's time of day is not used.
   now() {
     if (this.offset === null) return null;
     const { replay } = this.server;
     if (!replay) return seconds() - this.offset;
-    // The clock of a recording stands while it is paused, and runs at its rate.
+    // The clock of a recording stops while it is paused, and runs at the replay rate.
     const since = replay.playing && !replay.seeking ? Math.min(seconds() - this.receivedAt, 1) * replay.rate : 0;
     return this.said + since;
   }
@@ -84,7 +84,7 @@ export class Connection {
     if (this.failures >= 2) this.startPolling();
   }
 
-  // Some proxies let no WebSocket through.
+  // Poll, because some proxies block WebSocket.
   startPolling() {
     if (this.polling) return;
     this.polling = setInterval(async () => {
@@ -95,7 +95,7 @@ export class Connection {
         this.mode = "polling";
         this.take(message, true);
       } catch {
-        // Silence shows by itself: the banner comes from the age of the last message.
+        // No action is needed: the banner appears when the last message is too old.
       }
     }, POLL_EVERY);
   }
@@ -120,7 +120,7 @@ export class Connection {
     this.onChange(whole ? null : new Set(Object.keys(message.sections)));
   }
 
-  // Strips come by their new rows.
+  // Growing sections are sent as their new rows only.
   joined(name, { whole, columns, rows }) {
     const old = whole ? [] : this.sections[name]?.rows || [];
     return { columns, rows: old.concat(rows).slice(-7200) };

@@ -1,4 +1,4 @@
-// Who has control of top drive and pumps, what was asked, what the rig does; and the advice on the next interval.
+// Panel of rig control (owner, set-points, achieved values) and of the advice on the next interval.
 
 import { el, pill } from "./dom.js";
 import * as units from "./units.js";
@@ -25,7 +25,7 @@ function buttons(control, judge) {
 }
 
 function controlPart(control) {
-  if (control.since === null) return [el("p", { class: "empty" }, "Not known: nothing has told who has control of the rig.")];
+  if (control.since === null) return [el("p", { class: "empty" }, "Unknown: the state of rig control has not been reported.")];
   if (!control.enabled) return [el("p", { class: "empty" }, `The driller has the rig: ${control.reason || "control is switched off (control.enabled)."}`)];
   return [
     el("p", {}, pill(KINDS[control.state], control.owner ? `${control.owner} has control` : control.state === "fault" ? "fault" : "the driller has the rig"), ` ${control.role}`),
@@ -33,9 +33,9 @@ function controlPart(control) {
     control.reason ? el("p", {}, control.reason) : "",
     control.refusal ? el("p", { class: "headline" }, control.refusal) : "",
     facts([
-      ["Asked", `${asked(control)}${control.acknowledged ? ", acknowledged" : ""}`],
-      ["Top drive does", `${value("rotation", control.achieved_speed)}, ${value("torque", control.achieved_torque)}`],
-      ["Flow asked, is", `${control.flow === null ? "the driller's" : value("flow", control.flow)}, ${value("flow", control.achieved_flow)}`],
+      ["Commanded", `${asked(control)}${control.acknowledged ? ", acknowledged" : ""}`],
+      ["Top drive actual", `${value("rotation", control.achieved_speed)}, ${value("torque", control.achieved_torque)}`],
+      ["Flow commanded, actual", `${control.flow === null ? "the driller's" : value("flow", control.flow)}, ${value("flow", control.achieved_flow)}`],
       ["If the controller dies", `sliding: ${control.reactions.controller_lost_sliding}, rotating: ${control.reactions.controller_lost_rotating}`],
       ["If the MWD dies", `sliding: ${control.reactions.mwd_lost_sliding}, rotating: ${control.reactions.mwd_lost_rotating}`],
     ]),
@@ -56,14 +56,14 @@ function advicePart(advice) {
   return [facts(rows), el("p", { class: "quiet-text" }, `${advice.source}: ${advice.reason}`)];
 }
 
-// Replaced only where it changed: a button must not vanish between press and release.
+// Replace elements only if they changed, so that a button does not vanish between press and release.
 function keep(place, key, build) {
   if (place.dataset.key === key) return;
   place.dataset.key = key;
   place.replaceChildren(...build());
 }
 
-// judge(decision, number of the request that was shown): null where this page may not command.
+// judge(decision, number of the request that was shown); null if this page may not command.
 export function showControl(place, control, advice, judge) {
   if (!place.firstChild) {
     const part = (title, count) => el("div", {}, el("h2", {}, title), ...Array.from({ length: count }, () => el("div", {})));

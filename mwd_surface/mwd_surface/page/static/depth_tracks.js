@@ -1,4 +1,4 @@
-// Tracks over depth, deepest below: what the tool measured while the hole was made, with slides and surveys beside it.
+// Tracks over depth, deepest at the bottom: the values measured while the hole was drilled, with slides and surveys.
 
 import { el, svg } from "./dom.js";
 import { shadesOf, unwrapped } from "./charts.js";
@@ -30,7 +30,7 @@ function nice(span, wanted) {
   return [1, 2, 5, 10].map((m) => m * power).find((step) => step >= raw);
 }
 
-// Lines break where a step has no value.
+// Break lines where a step has no value.
 function runs(xs, ys) {
   const parts = [[]];
   xs.forEach((x, k) => {
@@ -46,7 +46,7 @@ export function depthTracks(log, steering, surveys, size) {
   const stations = (surveys?.rows || []).filter((row) => row.in_use && row.measured_depth !== null);
   const all = [...depths, ...stretches.flatMap((s) => [s.from_depth, s.to_depth])];
   if (!all.length) return el("p", { class: "empty" }, "No depth tracks yet: they grow while hole is made and the rig sends its depth.");
-  // Of a long hole what was last drilled.
+  // Show only the last drilled part of a long hole.
   const [bottom, top] = [Math.max(...all), Math.max(Math.min(...all), Math.max(...all) - 600)];
   const { width, height } = size;
   const plot = svg("svg", { viewBox: `0 0 ${width} ${height}`, width, height, role: "img", class: "plot", "aria-label": `Depth tracks to ${units.number("depth", bottom)} ${units.unit("depth")}` });
@@ -63,7 +63,7 @@ export function depthTracks(log, steering, surveys, size) {
   plot.append(svg("text", { class: "axis", x: EDGE.left - 6, y: 14, "text-anchor": "end" }, `MD, ${units.unit("depth")}`));
   modes(plot, stretches, y, top);
   const first = EDGE.left + EDGE.mode + EDGE.gap;
-  // On a narrow screen fewer, not thinner.
+  // Show fewer tracks on a narrow screen instead of thinner ones.
   const tracks = TRACKS.slice(0, Math.max(1, Math.min(TRACKS.length, Math.floor((width - first) / LEAST_WIDTH))));
   const wide = (width - first) / tracks.length - EDGE.gap;
   const shades = shadesOf(depths, log.rows.map((row) => row[log.columns.indexOf("doubt")]));
@@ -91,7 +91,7 @@ export function depthTracks(log, steering, surveys, size) {
   return plot;
 }
 
-// A letter as well as a colour: S slid, R rotated.
+// Mark the mode with a letter as well as a colour: S slid, R rotated.
 function modes(plot, stretches, y, top) {
   plot.append(svg("text", { class: "axis", x: EDGE.left + EDGE.mode / 2, y: 14, "text-anchor": "middle" }, "S/R"));
   for (const s of stretches) {

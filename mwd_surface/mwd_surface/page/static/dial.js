@@ -1,13 +1,13 @@
-// The toolface dial: high side or north up, clockwise looking down-hole.
+// The toolface dial: high side or north up, clockwise looking downhole.
 
 import { el, mark, setText, svg } from "./dom.js";
 import { ageOf, stateOf } from "./cells.js";
 import * as units from "./units.js";
 
 const CENTRE = 200;
-const QUILL_LASTS = 3; // s
+const QUILL_LASTS = 3; // s until the top drive pointer disappears
 const HUB = 92;
-const AGE_RING = 120; // s
+const AGE_RING = 120; // s until the age ring is closed
 const AGE_RADIUS = 189;
 const LABELS_AT = 140;
 const RINGS = { newest: 122, oldest: 101 };
@@ -26,7 +26,7 @@ function sector(from, to, inner, outer) {
   );
 }
 
-// An arc from the top, clockwise.
+// Path of an arc that starts at the top and goes clockwise.
 const arc = (to, radius) => `M ${at(0, radius)} A ${radius} ${radius} 0 ${to > Math.PI ? 1 : 0} 1 ${at(to, radius)}`;
 
 const LABELS = {
@@ -72,7 +72,7 @@ export class Dial {
       this.note,
     );
     place.append(this.svg);
-    // Beside the dial where it fills the screen: read at three metres.
+    // Large numbers next to the full-screen dial, to be read from three metres.
     this.far = { number: el("p", { class: "far-number" }), words: el("p", { class: "far-words" }), note: el("p", { class: "far-note" }) };
     this.beside = el("div", { class: "far", "aria-hidden": "true" }, this.far.words, this.far.number, this.far.note);
     side.append(this.beside);
@@ -131,7 +131,7 @@ export class Dial {
     this.showLegend(toolface, words, cell, state, wordAge !== null);
   }
 
-  // How old the toolface of a link is: a ring that closes within two minutes.
+  // Show the age of a toolface from a link as a ring that closes within two minutes.
   showAge(age) {
     const share = age === null ? 0 : Math.min(0.999, age / AGE_RING);
     mark(this.age, "d", share > 0 ? arc(share * 2 * Math.PI, AGE_RADIUS) : "");
@@ -156,7 +156,7 @@ export class Dial {
     mark(this.svg, "data-inside", state !== "live" || toolface.rotating || advisory.inside === null ? "none" : advisory.inside ? "yes" : "no");
   }
 
-  // A second pointer, from the rig; hollow, outside the ring, and gone with its age.
+  // Second pointer with the angle of the top drive from the rig: hollow, outside the ring, hidden when the angle is too old.
   showQuill(quill, now, silent) {
     const known = quill && quill.angle !== null && quill.since !== null && !silent && now - quill.since <= QUILL_LASTS;
     mark(this.quill, "visibility", known ? "visible" : "hidden");
@@ -164,7 +164,7 @@ export class Dial {
     if (known) mark(this.quill, "transform", `rotate(${((quill.angle * 180) / Math.PI).toFixed(1)} 200 200)`);
   }
 
-  // The newest on the outer ring; round for gravity, square for magnetic.
+  // Put the newest reading on the outer ring; round marks are gravity, square ones magnetic toolfaces.
   showReadings(readings, now) {
     const key = readings.map((r) => r.at).join();
     if (key !== this.readingsKey) {

@@ -1,4 +1,4 @@
-// Elements of the page. Text is only ever inserted as text: the name of a well or a person cannot become markup.
+// Elements of the page. Text is only inserted as text, so the name of a well or person cannot become markup.
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -22,7 +22,7 @@ export const svg = (name, attributes = {}, ...children) =>
 
 export const byId = (id) => document.getElementById(id);
 
-// Writing the same text again would cost layout and make screen readers repeat it.
+// Set text only if it changed: setting it again would cost layout time and make screen readers repeat it.
 export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }

@@ -1,4 +1,4 @@
-// The command to the tool at hand: its state for everybody, its buttons for those with the token.
+// The downlink command: its state for everyone, its buttons for people with the token.
 
 import { byId, el, pill } from "./dom.js";
 import { act, mayCommand, operatorName } from "./operator_tab.js";
@@ -11,7 +11,7 @@ const UNITS = { pulse_width: " s", carrier: " Hz", toolface_rate: " times" };
 
 let chosen = "";
 
-// number: of the request that was shown, so that none is granted that came in its place.
+// number: number of the request that was shown, so that a later request is not granted by mistake.
 const decide = (word, number) => () => act("decide_downlink", { decision: DECISIONS[word], operator_name: operatorName(), number });
 
 export function showDownlink(table, server) {
@@ -20,14 +20,14 @@ export function showDownlink(table, server) {
   if (!table?.known) return;
   const may = mayCommand(server);
   const key = JSON.stringify([table, may]);
-  // A list that is open must not be replaced below the hand.
+  // Do not replace a list while it is open.
   if (key === place.dataset.key || place.contains(document.activeElement) && document.activeElement.tagName === "SELECT") return;
   place.dataset.key = key;
   place.replaceChildren(
     el("h2", {}, "Command to the tool"),
     el("p", { class: "downlink-state" }, pill(KINDS[table.state] || "info", table.state), ` ${say(table)}`),
     table.blocked_by.length ? el("ul", { class: "downlink-blocked" }, table.blocked_by.map((text) => el("li", {}, text))) : "",
-    may ? buttons(table) : el("p", { class: "quiet-text" }, "With the token a command can be sent, granted and aborted; without it this page only shows."),
+    may ? buttons(table) : el("p", { class: "quiet-text" }, "With the token you can send, grant and abort commands; without it this page is read-only."),
   );
 }
 

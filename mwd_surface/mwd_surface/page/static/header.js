@@ -1,4 +1,4 @@
-// The head of the page: banner of a lost connection, facts of the well, states of streams, recorder and alarms.
+// Head of the page: banner for a lost connection, facts of the well, states of streams, recorder and alarms.
 
 import { byId, el, mark, pill, setText } from "./dom.js";
 import { STREAM_NAMES, stateOfStream } from "./streams.js";
@@ -27,7 +27,7 @@ export function showWell(well) {
   const total = {
     grid: declination === null || convergence === null ? null : declination - convergence, true: declination, magnetic: 0,
   }[well.north_reference];
-  // A value that was not given is assumed, and marked as assumed.
+  // Mark values that were not given as assumed.
   const assumed = well.given ? "" : " (assumed)";
   setText(byId("datum"), [
     well.depth_datum ? `Depth from ${well.depth_datum}${assumed}` : "Depth from a datum not given",
@@ -53,7 +53,7 @@ function pillTo(select, [tabName, kind, text]) {
 
 let pillsText = "";
 
-// Status words of the estimator, as a driller says them.
+// Status words of the estimator in the driller's terms.
 const TOOL = { still: "tool still", rotating: "tool rotating", sliding: "tool sliding" };
 const TROUBLE = {
   sensor_fault: "sensor faulty", sensor_suspect: "sensor in doubt", clipped: "sensor at its limit", mag_disturbed: "magnetic disturbance",
@@ -61,12 +61,12 @@ const TROUBLE = {
   no_reference: "no reference field", correction_refused: "azimuth not corrected",
 };
 
-// What the telemetry link does now; the tool is silent while no mud flows.
+// State of the telemetry link; the tool is silent while no mud flows.
 const LINK = {
   locked: ["good", "words arrive"], doubtful: ["doubtful", "words doubtful"], searching: ["info", "searching for words"],
   "no flow": ["idle", "no flow, tool silent"], "no pressure": ["reject", "no pressure"],
 };
-const LINK_LASTS = 5; // s; the receiver says its state once a second
+const LINK_LASTS = 5; // s; the receiver reports its state once per second
 
 function telemetryPill(link, now) {
   if (now - link.since > LINK_LASTS) return ["link", "stale", `${link.name}: receiver silent ${units.age(now - link.since)}`];
@@ -76,7 +76,7 @@ function telemetryPill(link, now) {
 
 function linkPills(links, now, silent, link) {
   const stream = (name) => stateOfStream(links[name], now, silent);
-  // Over a link nothing comes from the sonde itself.
+  // Over a link, no data come directly from the sonde.
   const down = (link ? ["rig"] : ["sonde", "estimator", "rig"]).filter((name) => stream(name) !== "live");
   const word = (name) => `no ${STREAM_NAMES[name].toLowerCase()}${stream(name) === "none" ? "" : ` ${units.age(now - links[name].at)}`}`;
   if (silent) return [["system", "reject", "link lost"]];
@@ -92,7 +92,7 @@ function recorderPill(recorder, now, silent) {
   return ["system", kind, `${word}${recorder.dropped ? `, ${recorder.dropped} dropped` : ""}`];
 }
 
-// The states of tool and rig are shown only while they report them.
+// Show the states of tool and rig only while they are reported.
 export function showPills(sections, now, silent, select, replayed) {
   const { links, recorder, attitude, rig } = sections;
   const list = [];
@@ -101,7 +101,7 @@ export function showPills(sections, now, silent, select, replayed) {
   if (attitude && alive("estimator")) {
     const doing = Object.keys(TOOL).find((word) => attitude.status.includes(word));
     if (doing) list.push(["system", "info", TOOL[doing]]);
-    // Which sensor is faulty is in the line of alarms; that there is no magnetometer says what comes of it.
+    // The alarm line names the faulty sensor; a missing magnetometer is shown with its consequence.
     const told = attitude.status.includes("no_mag") ? ["sensor_fault", "sensor_suspect"] : [];
     const bad = Object.keys(TROUBLE).filter((word) => attitude.status.includes(word) && !told.includes(word));
     list.push(...bad.map((word) => ["system", "doubtful", TROUBLE[word]]));
@@ -110,10 +110,10 @@ export function showPills(sections, now, silent, select, replayed) {
     if (rig.pumps_on !== null) list.push(["system", "info", rig.pumps_on ? "pumps on" : "pumps off"]);
     if (rig.in_slips) list.push(["system", "info", "in slips"]);
   }
-  // What does not fit in the row is left out from the end: the recorder stands first, as it shows nowhere else, then trouble.
+  // Items that do not fit are dropped from the end: the recorder comes first, because it is shown nowhere else, then faults.
   const rank = (kind) => ["reject", "doubtful", "stale"].indexOf(kind) + 1 || 9;
   list.sort((a, b) => rank(a[1]) - rank(b[1]));
-  // A recording that is played is not recorded.
+  // Hide the recorder state while a recording is played.
   if (recorder && !replayed) list.unshift(recorderPill(recorder, now, silent));
   const text = JSON.stringify(list);
   if (text === pillsText) return;
@@ -123,17 +123,17 @@ export function showPills(sections, now, silent, select, replayed) {
   if (held >= 0) byId("pills").children[Math.min(held, list.length - 1)]?.focus();
 }
 
-// What of the alarms is not evaluated, in words; empty where all are.
+// Names of the alarms that are not evaluated; empty if all are evaluated.
 export function notEvaluated(alarms) {
   if (alarms.since === null) return "alarms are not evaluated yet";
   return alarms.not_evaluated.length ? `not evaluated: ${alarms.not_evaluated.join(", ")}` : "";
 }
 
-// One line, always there: the worst alarm nobody has seen, then the worst that is still there.
+// Line that is always shown: the worst alarm not yet acknowledged, else the worst one still active.
 export function showAlarmStrip({ alarms }, now) {
   if (!alarms) return;
   const rows = alarms.rows.filter((a) => a.active || !a.acknowledged);
-  // The cause of an alarm that is not evaluated was not looked for, so its absence means nothing.
+  // A missing alarm proves nothing if the alarm is not evaluated.
   const unknown = notEvaluated(alarms);
   const [worst] = [...rows].sort((a, b) => a.acknowledged - b.acknowledged || b.severity - a.severity || b.raised_ns - a.raised_ns);
   const strip = byId("alarm");

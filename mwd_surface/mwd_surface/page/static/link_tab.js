@@ -1,4 +1,4 @@
-// The telemetry link: a strip that is always there, and a tab with spectrum, pressure, passes and words.
+// The telemetry link: a strip that is always shown, and a tab with spectrum, pressure, passes and words.
 
 import { byId, el, mark, pill, setText } from "./dom.js";
 import * as units from "./units.js";
@@ -18,7 +18,7 @@ function valueText(word) {
 function wordBox(word) {
   const share = Math.floor(100 * word.confidence);
   const bar = el("span", { class: "link-share", "aria-hidden": "true" });
-  // By script: the page allows no style in the markup.
+  // Set the width by script, because the content policy forbids styles in the markup.
   bar.style.setProperty("--share", `${share}%`);
   return el("span", { class: "link-word", "data-status": word.status, title: `${word.status}, right with ${share} %${word.final ? "" : ", provisional"}` },
     el("span", { class: "name" }, word.name), el("span", { class: "number" }, word.status === "erased" ? "erased" : valueText(word)), bar);
@@ -28,7 +28,7 @@ const state = (link) => pill(KINDS[link.state] || "idle", `${link.name}: ${link.
 
 const margin = (link) => (link.margin_db === null ? "" : `margin ${link.margin_db < 0 ? "−" : "+"}${Math.abs(link.margin_db).toFixed(1)} dB`);
 
-// State, margin, the pass under way and the words of the last survey.
+// State, margin, present pass, and words of the last survey.
 export function showLinkStrip(link, since) {
   const place = byId("link-strip");
   place.hidden = !link?.known;
@@ -45,11 +45,11 @@ export function showLinkStrip(link, since) {
   );
 }
 
-// overLink: false where the tool is heard directly; null or true where nothing of a link has come yet.
+// overLink: false if the tool is connected directly; null or true if no link state has come yet.
 export function showLink(link, overLink) {
   const place = byId("link-body");
   if (!link?.known) {
-    place.replaceChildren(el("p", { class: "empty" }, overLink === false ? "The surface hears the tool directly: there is no telemetry link to show." : "Nothing has come from a receiver of a telemetry link yet."));
+    place.replaceChildren(el("p", { class: "empty" }, overLink === false ? "The tool is connected directly: there is no telemetry link to show." : "No telemetry link has reported yet."));
     return;
   }
   if (!place.querySelector("canvas")) {
@@ -57,7 +57,7 @@ export function showLink(link, overLink) {
       el("p", { class: "link-reason" }),
       el("div", { class: "link-pictures" },
         el("figure", {}, el("figcaption", {}, "Spectrum of the pressure, the newest on the right"), el("canvas", { id: "link-waterfall", role: "img" })),
-        el("figure", {}, el("figcaption", {}, "Pressure of the last two minutes; the pulses chosen below it"), el("canvas", { id: "link-wave", role: "img" }))),
+        el("figure", {}, el("figcaption", {}, "Pressure of the last two minutes, with the chosen pulses below"), el("canvas", { id: "link-wave", role: "img" }))),
       el("div", { class: "link-tables" }),
       el("div", { class: "link-others" }));
   }
@@ -73,7 +73,7 @@ export function showLink(link, overLink) {
 
 const tables = (link) => [figures(link), passes(link), words(link)];
 
-// A link beside the one in use.
+// Row of a link that is not the one in use.
 function other(link) {
   return el("section", { "aria-label": link.name },
     el("p", {}, state(link), ` ${link.reason || margin(link)}`), el("div", { class: "link-tables" }, tables(link)));
@@ -122,7 +122,7 @@ function prepared(canvas) {
   return { context, width: box.width, height: box.height, colour: (name) => css.getPropertyValue(name).trim() };
 }
 
-// Columns of time, rows of frequency; lightness grows with power, so that it reads without colour.
+// Columns are time, rows are frequency. Lightness grows with power, so that the picture is readable without colour.
 function drawWaterfall(canvas, link) {
   const { context, width, height, colour } = prepared(canvas);
   const picture = link.picture;
@@ -161,7 +161,7 @@ function drawWave(canvas, link) {
   const picture = link.picture;
   if (!picture?.line.length) return;
   const span = 120;
-  // By what most samples reach: pumps that start are drawn beyond the edge, and hide no pulse.
+  // Scale to the range of most samples: starting pumps are drawn beyond the edge and do not hide the pulses.
   const sizes = picture.line.map(Math.abs).sort((a, b) => a - b);
   const most = Math.max(20, 2 * sizes[Math.floor(0.9 * sizes.length)]);
   const x = (ago) => width * (1 - ago / span);
@@ -188,5 +188,5 @@ function drawWave(canvas, link) {
     const at = x(ago);
     if (at > -60 && at < width) context.fillText(word.name, Math.max(2, at), height - 2);
   }
-  mark(canvas, "aria-label", "Pressure of the last two minutes with the pulses that were chosen");
+  mark(canvas, "aria-label", "Pressure of the last two minutes with the chosen pulses");
 }

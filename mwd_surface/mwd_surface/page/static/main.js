@@ -1,4 +1,4 @@
-// The driller's page: takes the state from the server, shows it, and shows when it is old.
+// The driller's page: receives the state from the server, shows it, and shows when it is old.
 
 import { showAlarms, toggleSound } from "./alarms_tab.js";
 import { refresh, valueBox } from "./cells.js";
@@ -74,7 +74,7 @@ const SHOW = {
   history: () => { if (!charts.byDepth) charts.show(); },
 };
 
-// The names of the sections that changed; null: all of them.
+// changed: names of the changed sections; null: all sections.
 const connection = new Connection((names) => {
   showSections([...(names || Object.keys(connection.sections))]);
   showReplay(connection.server.replay);
@@ -94,7 +94,7 @@ function showSections(names) {
   for (const show of new Set(names.map((name) => SHOW[name]).filter(Boolean))) show(sections);
 }
 
-// Age of the word that a link's toolface was predicted from, s; null without a link.
+// Age of the word from which a link's toolface was predicted, s; null without a link.
 const wordAge = (link, since) => (link?.known && link.toolface_age !== null ? link.toolface_age + since : null);
 
 function tick() {
@@ -177,7 +177,7 @@ byId("alarm").addEventListener("click", () => {
   select("alarms", true);
 });
 
-// The dial alone, as large as the screen; the address keeps the choice, so that a screen can be set up with it.
+// Show the dial alone, as large as the screen. The address keeps the choice, so that a screen can be set up with it.
 function setView(view) {
   document.body.dataset.view = view;
   setText(byId("view"), view === "toolface" ? "All" : "Dial");
@@ -189,7 +189,7 @@ function setView(view) {
 byId("view").addEventListener("click", () => {
   const wanted = document.body.dataset.view === "toolface" ? "all" : "toolface";
   setView(wanted);
-  // A browser may refuse to fill the screen; the page's own layout does not depend on it.
+  // A browser may refuse full screen; the layout of the page does not depend on it.
   if (wanted === "toolface") document.documentElement.requestFullscreen?.().catch(() => {});
   else if (document.fullscreenElement) document.exitFullscreen();
   tick();

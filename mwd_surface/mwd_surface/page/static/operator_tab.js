@@ -48,7 +48,7 @@ export function showControls(server, onToken) {
   const format = el("select", { id: "export-format" }, server.exports.map(([key, text]) => el("option", { value: key }, text)));
   const setDepth = el("button", { type: "button", id: "set-depth", disabled: true, onclick: () => {
     const metres = units.metres(depth.value);
-    if (metres === null) setText(answerBox, `bit depth: ${depth.value || "nothing"} is no number of ${units.unit("length")}`);
+    if (metres === null) setText(answerBox, `bit depth "${depth.value}" is not a number (${units.unit("length")})`);
     else act("set_depth", { bit_depth: metres, operator_name: operator.name });
   } }, "Set bit depth");
   const buttons = [
@@ -62,7 +62,7 @@ export function showControls(server, onToken) {
   const all = [...buttons, setDepth, writing];
   place.replaceChildren(
     el("h2", {}, "Operator"),
-    el("p", { class: "quiet-text" }, "With the token surveys can be judged in their table line and alarms acknowledged; without it this page only shows."),
+    el("p", { class: "quiet-text" }, "With the token you can judge surveys in their table row and acknowledge alarms; without it this page is read-only."),
     el("form", { class: "form", onsubmit: (event) => event.preventDefault() }, el("label", { for: "operator-name" }, "Your name, for the log"), name, el("label", { for: "operator-token" }, "Token"), token),
     el("div", { class: "buttons" }, buttons),
     el("div", { class: "buttons" },

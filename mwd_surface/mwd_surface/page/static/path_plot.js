@@ -1,4 +1,4 @@
-// Plan view, vertical section and a turnable view of the well path beside its plan, drawn to scale.
+// Plan view, vertical section and a rotatable 3D view of well path and plan, drawn to scale.
 
 import { el, svg } from "./dom.js";
 import * as units from "./units.js";
@@ -18,7 +18,7 @@ const points = (xs, ys, x, y) =>
     .filter((text) => text !== null)
     .join(" ");
 
-// One metre is as long across as it is up, whatever the shape of the window.
+// Use the same scale across and up, whatever the shape of the window.
 function frame(plot, across, up, downwards) {
   const { width, height } = sizeOf(plot);
   const xs = across.filter((v) => v !== null);
@@ -27,7 +27,7 @@ function frame(plot, across, up, downwards) {
   let [y0, y1] = [Math.min(0, ...ys), Math.max(0, ...ys)];
   const inner = [width - EDGE.left - EDGE.right, height - EDGE.top - EDGE.bottom];
   const perPixel = Math.max((x1 - x0) / inner[0], (y1 - y0) / inner[1], 0.02) * 1.08;
-  // What is left over across goes to the right; up and down it is shared.
+  // Put spare width on the right; share spare height between top and bottom.
   x0 -= Math.min((x1 - x0) * 0.06, perPixel * 14);
   x1 = x0 + perPixel * inner[0];
   const midY = (y0 + y1) / 2;
@@ -65,7 +65,7 @@ function wells(plot, planX, planY, wellX, wellY, kinds, x, y) {
   if (planX.length) plot.append(svg("polyline", { class: "planned", points: points(planX, planY, x, y) }));
   const last = kinds.lastIndexOf("survey") >= 0 ? kinds.lastIndexOf("survey") : kinds.length - 1;
   const line = (kind, from, to) => plot.append(svg("polyline", { class: kind, points: points(wellX.slice(from, to), wellY.slice(from, to), x, y) }));
-  // Nobody gave where the hole begins: what lies above the first survey is drawn as a guess.
+  // The start of the hole was not given, so draw the path above the first survey as a guess.
   const first = kinds[0] === "assumed" ? 1 : 0;
   if (first) line("assumed", 0, 2);
   line("drilled", first, last + 1);
@@ -84,7 +84,7 @@ function wells(plot, planX, planY, wellX, wellY, kinds, x, y) {
   });
 }
 
-// The angle counts from the first axis (north; along the section) to the second (east; down).
+// The angle counts from the first axis (north, or along the section) to the second (east, or down).
 function ellipses(plot, path, name, wellX, wellY, { x, y, perPixel }, firstIsUp) {
   for (const item of path.ellipses) {
     const [major, minor, angle] = item[name];
@@ -136,7 +136,7 @@ export function sectionView(path, plan, offset, size) {
 
 export function spaceView(path, plan, turn, tilt, size) {
   const { width, height } = size;
-  const plot = canvas("View in space, looking from a side; arrow keys turn it", size);
+  const plot = canvas("3D view from one side; the arrow keys turn it", size);
   const [s, c] = [Math.sin(turn), Math.cos(turn)];
   const [st, ct] = [Math.sin(tilt), Math.cos(tilt)];
   const view = (n, e, d) => (n === null ? [null, null] : [e * c - n * s, d * ct - (n * c + e * s) * st]);

@@ -1,4 +1,4 @@
-// The well path: plan and section side by side, or one view in space that can be turned.
+// The well path: plan and section side by side, or one 3D view that can be rotated.
 
 import { byId, el, pill } from "./dom.js";
 import { legend, planView, sectionView, spaceView } from "./path_plot.js";
@@ -19,7 +19,7 @@ export function showPath(sections) {
   const choice = el("button", { type: "button", class: "choice", "aria-pressed": String(view.on), onclick: () => { view.on = !view.on; showPath(sections); place.querySelector(".choice").focus(); } }, "3-D");
   const box = el("div", { class: "plots" });
   place.replaceChildren(el("div", { class: "path-head" }, el("div", {}, legend(plan, path), assumedNote(path), remarksNote(path, sections.surveys, sections.clearance)), ...near(sections.clearance), choice), box);
-  // Drawn at the size it has, so that letters keep theirs.
+  // Draw at the displayed size, so that letters keep their size.
   const [width, height] = [Math.max(260, box.clientWidth), Math.max(190, box.clientHeight)];
   if (view.on) box.append(turnable(path, plan, { width, height }));
   else {
@@ -29,7 +29,7 @@ export function showPath(sections) {
   }
 }
 
-// Offset wells from the last survey on, the nearest by the rule first.
+// Offset wells from the last survey on, sorted by the separation rule, nearest first.
 function near(clearance) {
   if (!clearance?.rows.length) return [];
   const length = (v) => `${units.number("length", v)} ${units.unit("length")}`;
@@ -42,7 +42,7 @@ function near(clearance) {
 }
 
 function turnable(path, plan, size) {
-  const box = el("div", { class: "turnable", tabindex: "0", role: "group", "aria-label": "View in space; arrow keys or a finger turn it" });
+  const box = el("div", { class: "turnable", tabindex: "0", role: "group", "aria-label": "3D view; turn it with the arrow keys or a finger" });
   const draw = () => box.replaceChildren(spaceView(path, plan, view.turn, view.tilt, size));
   const turn = (across, up) => {
     view.turn += across;

@@ -1,4 +1,4 @@
-// The bar of `mwd view`: where the recording stands, play and pause, rate; hidden on a live page.
+// The bar of `mwd view`: position in the recording, play and pause, rate; hidden on a live page.
 
 import { byId, el, setText } from "./dom.js";
 
@@ -16,7 +16,7 @@ async function ask(given) {
   try {
     await fetch("replay", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(given) });
   } catch {
-    // The banner shows that the viewer is gone.
+    // No action is needed: the banner shows that the viewer is gone.
   }
 }
 

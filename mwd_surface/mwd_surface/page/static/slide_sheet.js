@@ -1,9 +1,9 @@
-// The slide sheet: what was slid and rotated, newest on top, and what the slides gave between two surveys.
+// The slide sheet: slid and rotated intervals, newest at the top, and the yield of the slides between surveys.
 
 import { el } from "./dom.js";
 import * as units from "./units.js";
 
-// A heading and its unit; wide ones are left out on a phone.
+// Heading and unit of a column; columns marked wide are left out on a phone.
 const head = (names) => el("thead", {}, el("tr", {}, names.map(([name, unit, wide]) => el("th", { scope: "col", class: wide ? "at-1" : "" }, name, unit ? el("small", {}, unit) : null))));
 const cells = (texts, wide = []) => texts.map((text, k) => el("td", { class: wide.includes(k) ? "at-1" : "" }, text));
 const length = (v) => units.number("length", v);

@@ -1,4 +1,4 @@
-// Names of the streams and their state by the page's own clock.
+// Names of the streams, and their state by the page's own clock.
 
 export const STREAM_NAMES = {
   sonde: "Sonde", estimator: "Estimator", magnetometer: "Magnetometer", temperature: "Temperature",

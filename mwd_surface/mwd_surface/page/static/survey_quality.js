@@ -1,4 +1,4 @@
-// The panel beside the numbers: progress of a survey, quality of the last one, offset from the plan.
+// Panel next to the numbers: progress of a survey, quality of the last survey, offset from the plan.
 
 import { byId, el, mark, pill, setText } from "./dom.js";
 import { percent } from "./survey_table.js";
@@ -12,7 +12,7 @@ const KINDS = { "m/s^2": "gravity_deviation", T: "field", rad: "angle" };
 
 const progressParts = { head: el("p", { class: "taking" }), state: el("p", { class: "doing" }), bar: el("progress", { max: 1, value: 0, "aria-label": "Survey in progress" }), result: el("p", { class: "result" }) };
 
-// What the survey does or waits for, for how long, and how the last one ended; the box keeps its height.
+// State of the survey under way, its time, and the result of the last one; the box keeps its height.
 export function showProgress({ survey_progress: progress, rig, links }, now, silent) {
   const { head, state, bar, result } = progressParts;
   const place = byId("progress");
@@ -23,10 +23,10 @@ export function showProgress({ survey_progress: progress, rig, links }, now, sil
   const elapsed = progress.elapsed === null ? null : progress.elapsed + past;
   const left = progress.remaining === null ? null : Math.max(0, progress.remaining - past);
   const pumps = { true: "pumps on", false: "pumps off" }[rig?.pumps_on] || "";
-  // Without samples nothing is averaged, whatever the last report said.
+  // Without new samples no survey can be running, whatever the last report said.
   const held = progress.active && Boolean(links) && stateOfStream(links.estimator, now, silent) !== "live";
   mark(place, "data-state", silent || held ? "silent" : waiting ? "waiting" : progress.active ? "taking" : "idle");
-  setText(head, silent ? "NO NEWS OF A SURVEY" : held ? "SURVEY HELD UP" : waiting
+  setText(head, silent ? "NO SURVEY REPORT" : held ? "SURVEY HELD UP" : waiting
     ? `SURVEY WAITS · at most ${whole(left, Math.ceil)}`
     : progress.active ? `TAKING SURVEY · ${left === null ? "time unknown" : left > 0 ? `${Math.ceil(left)} s to go` : "finishing"}` : "No survey under way");
   const doing = waiting ? `${progress.waits_for}; averaging for ${whole(elapsed, Math.floor)} so far` : progress.state === "none under way" ? "" : progress.state;
@@ -53,7 +53,7 @@ function lightRow(light) {
 }
 
 const NAMES = ["inclination", "azimuth", "toolface"];
-// Before the first survey: the same rows, empty.
+// Empty rows with the same names, before the first survey.
 const NONE = ["total gravity", "total field", "dip"].map((name) => ({ name, unit: "T", value: null, deviation: null, limit: 1, light: "no survey" }));
 
 export function showQuality(quality) {

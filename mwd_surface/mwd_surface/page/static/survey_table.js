@@ -1,4 +1,4 @@
-// The survey table, newest on top; a line opens to show why it was judged so, and to be judged by a person.
+// The survey table, newest at the top; a row opens to show the reasons of its verdict and to take a person's decision.
 
 import { el, pill } from "./dom.js";
 import * as units from "./units.js";
@@ -7,7 +7,7 @@ const VERDICTS = { accepted: "good", waiting: "info", doubtful: "doubtful", reje
 
 const REVISED = { accept: "good", doubtful: "doubtful", reject: "reject" };
 
-// Verdict of each quantity: letter and mark of the row, and the whole word of its title.
+// Verdict of each quantity: letter and mark in the row, full word in the title.
 const QUANTITIES = [["I", "inclination"], ["A", "azimuth"], ["T", "toolface"]];
 const MARKS = { accept: "✓", doubtful: "?", reject: "✕", "not determined": "–" };
 
@@ -15,16 +15,16 @@ const each = (row) => row.verdicts.every((word) => word === "accept") ? null : e
   { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${name}: ${row.verdicts[k]}`).join(", ") },
   QUANTITIES.map(([letter], k) => `${letter}${MARKS[row.verdicts[k]]}`).join(" "));
 
-// What the estimator says of it now that it knows later surveys; the first value stays.
+// Verdict of the estimator after later surveys; the first verdict stays visible.
 const revised = (row) => !row.revised ? null : pill(REVISED[row.revised] || "info", `later: ${row.revised}`);
 
-// Assumptions behind depths and positions; null: none.
+// Note on the assumptions behind depths and positions; null if there are none.
 export const assumedNote = (path) => !path?.assumptions.length ? null : el("p", { class: "assumed-note" },
   pill("doubtful", "coordinates assumed"), ` ${path.assumptions.join("; ")}`);
 
 let remarksOpen = false;
 
-// What else was assumed about the lists behind these tables; null: nothing.
+// Other remarks on the lists behind these tables; null if there are none.
 export function remarksNote(path, ...tables) {
   const said = new Set(path?.assumptions);
   const texts = [...new Set(tables.flatMap((table) => table?.remarks || []))].filter((text) => !said.has(text));
@@ -42,7 +42,7 @@ const hemisphere = (value, plus, minus) =>
   value === null ? "–" : `${units.number("length", Math.abs(value))} ${value < 0 ? minus : plus}`;
 const or = (value, show) => (value === null || value === undefined ? "–" : show(value));
 
-// Deviation from the reference, as judged, in the colour and with the mark of its light.
+// Deviation from the reference, with the colour and mark of its light.
 function delta(row, k, kind) {
   const total = row.totals?.[k];
   if (!total || total.deviation === null) return "–";
@@ -50,14 +50,14 @@ function delta(row, k, kind) {
   return el("span", { class: `word ${total.light}` }, `${units.signed(kind, total.deviation)} ${mark}`);
 }
 
-// Columns that follow from the path above, which may rest on an assumption.
+// Columns that depend on the path above, which may rest on an assumption.
 const PLACES = new Set(["TVD", "N/S", "E/W", "VS"]);
 
 const cell = (row, [name, , text, level]) => row.assumed && PLACES.has(name)
   ? el("td", { class: `at-${level} assumed`, title: "rests on an assumption" }, `${text(row)} ?`)
   : el("td", { class: `at-${level}` }, text(row));
 
-// Column: heading, unit kind, text of a row, and from which width on it is shown (0 always, 1 tablet, 2 wide).
+// Column: heading, unit kind, text of a row, and least width at which it is shown (0 always, 1 tablet, 2 wide).
 function columns(north) {
   return [
     ["MD", "length", (r) => or(r.measured_depth, (v) => units.number("length", v)), 0],
@@ -111,7 +111,7 @@ export class SurveyTable {
       if (row.sequence === this.open) body.append(this.detail(row, wanted.length + 4, controls));
     }
     const table = el("table", { class: "surveys" }, el("caption", { class: "quiet" }, "Survey list, deepest first"), el("thead", {}, head), body);
-    // A rebuild while somebody types must not take the keyboard away.
+    // Keep the keyboard focus when the table is rebuilt while somebody types.
     const focused = document.activeElement?.getAttribute?.("data-keep");
     this.body.replaceChildren(assumedNote(path) || "", remarks, table);
     if (surveys.left_out) this.body.append(el("p", { class: "empty" }, `${surveys.left_out} older lines are in the export.`));
@@ -203,7 +203,7 @@ export class SurveyTable {
         if (depth.value.trim()) {
           const metres = units.metres(depth.value);
           if (metres === null) {
-            answer.textContent = `depth: ${depth.value} is no number of ${units.unit("length")}`;
+            answer.textContent = `depth "${depth.value}" is not a number (${units.unit("length")})`;
             return;
           }
           given.measured_depth = metres;
@@ -213,7 +213,7 @@ export class SurveyTable {
       const { message } = await this.judge(name, given);
       this.answer = message;
       answer.textContent = message;
-      // The table may have been rebuilt by the news of this very judgement.
+      // This decision's own update may already have rebuilt the table.
       const current = this.body.querySelector("output.answer");
       if (current) current.textContent = message;
     };

@@ -15,7 +15,7 @@ const rigBox = el("div", { class: "small-grid" },
   valueBox("rig.block_position", "Block", "length"),
   valueBox("drilling.cross_axial_interference", "Cross-axial interf.", "field"),
 );
-// What a telemetry link does not carry.
+// Values that a telemetry link does not carry.
 const NOT_OVER_LINK = ["sonde", "magnetometer", "temperature", "interference", "dynamics"];
 const streamRows = {};
 const streamBody = el("tbody", {});

@@ -1,4 +1,4 @@
-// Tabs, or all at once where there is room.
+// Tabs, or all panels at once on a large screen.
 
 import { byId, el, mark } from "./dom.js";
 

@@ -1,4 +1,4 @@
-// SI and radians in, what people read out. One switch changes all of it.
+// Conversion from SI and rad to units for people. One switch changes all units.
 
 const DEG = 180 / Math.PI;
 const FOOT = 0.3048;
@@ -27,7 +27,7 @@ const KINDS = {
   pressure: [[1e-5, 0, 0, "bar"], [1 / 6894.757, 0, 0, "psi"]],
 };
 
-// A still gyro reads a little; a string does not turn slower than this.
+// A gyro at rest shows a small rate; strings do not rotate slower than this.
 const DEAD_BAND = { rotation: 0.16 }; // rad/s
 
 let system = 0;
@@ -39,29 +39,29 @@ const rule = (kind) => KINDS[kind][Math.min(system, KINDS[kind].length - 1)];
 
 export const unit = (kind) => rule(kind)[3];
 
-// As it is printed behind a number: a degree sign stands close.
+// Unit as printed after a number: a degree sign follows without a space.
 export const after = (kind) => (/^(°(?![CF])|$)/.test(unit(kind)) ? unit(kind) : ` ${unit(kind)}`);
 
 export function number(kind, value, more = 0) {
   const [factor, offset, decimals] = rule(kind);
   if (Math.abs(value) < (DEAD_BAND[kind] || 0)) return "0";
-  // A small negative number rounds to "-0", which nobody measures.
+  // Avoid "-0", to which a small negative number rounds.
   return (value * factor + offset).toFixed(Math.max(0, decimals + more)).replace(/^-(0(\.0*)?)$/, "$1");
 }
 
-// A sigma too small for the decimals of its value gets as many as show it.
+// Give a small sigma enough decimals to show it.
 export function spread(kind, value) {
   const text = size(kind, value);
   return value > 0 && Number(text) === 0 ? (value * rule(kind)[0]).toPrecision(1) : text;
 }
 
-// Of a difference: the offset of a temperature does not count.
+// For a difference, the offset of a temperature scale does not apply.
 export function size(kind, value, more = 0) {
   const [factor, , decimals] = rule(kind);
   return (value * factor).toFixed(Math.max(0, decimals + more));
 }
 
-// What a person typed as a length in the units shown; null where it is no number. A comma is a decimal point.
+// Length typed in the shown units; null if it is not a number. A comma counts as a decimal point.
 export function metres(text) {
   const value = Number(text.trim().replace(",", "."));
   return text.trim() !== "" && Number.isFinite(value) && value >= 0 ? value / rule("length")[0] : null;
@@ -72,7 +72,7 @@ export const plain = (kind, value) => value * rule(kind)[0] + rule(kind)[1];
 // Degrees within one turn.
 export const turn = (degrees) => ((degrees % 360) + 360) % 360;
 
-// 359.97 rounded to one decimal is 0.0, not 360.0.
+// Write 359.97 rounded to one decimal as 0.0, not 360.0.
 export function bearing(value, decimals = 1) {
   const text = turn(value * DEG).toFixed(decimals);
   return Number(text) >= 360 ? (0).toFixed(decimals) : text;

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words from a phase-modulated carrier: search, blocks, code."""
+"""Words from a phase-modulated carrier: marker search, block decoder and error-correcting code."""

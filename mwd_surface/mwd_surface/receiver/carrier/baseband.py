@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A band about a carrier, taken out of real samples: complex values on the clock of the tool, and lines that disturb it.
+Complex envelope of a carrier on the tool's clock, and the spectral lines that disturb the carrier.
 
 Source: J. G. Proakis, M. Salehi, Digital Communications, 5th ed., 2008, section 2.1 (complex envelope).
 """
@@ -18,22 +18,22 @@ from mwd_sensors.core.compiled import compiled
 from mwd_sensors.telemetry.carrier import Carrier
 
 Complex = NDArray[np.complex128]
-PER_SYMBOL = 8  # values of the envelope a symbol
-# Half of the band that is let through, in symbol rates, and half width of the filter, symbols: the spectrum of
-# rectangular symbols has 95 % of its energy in it.
+PER_SYMBOL = 8  # envelope values per symbol
+# Cut-off of the filter in symbol rates, and its half width in symbols. The passed band holds 95 % of the energy of
+# rectangular symbols.
 _CUT_OFF = 3.5
 _HALF = 1.5
-# A line stands out of the spectrum by this factor of power: no symbol sequence of a block does.
+# Power of a line over the spectrum around it. No symbol sequence of a block reaches this factor.
 _STANDS_OUT = 25.0
 _NEIGHBOURHOOD = 32
 _MOST_LINES = 12
-# A line whose size and phase wander is four slow cosines over a block, as pumps hunt.
+# The amplitude and phase of a line vary with the pump speed: each line is modelled by four slow cosines over a block.
 WANDER = 4
 
 
 @dataclasses.dataclass(frozen=True)
 class Band:
-    """Band of a carrier on a grid: radians a step, steps a symbol, cut-off of the envelope in cycles a step."""
+    """Carrier on the grid: frequency in rad per step, steps per symbol, and filter cut-off in cycles per step."""
 
     omega: float
     symbol: float
@@ -46,14 +46,14 @@ class Band:
 
 
 def step_s(carrier: Carrier) -> float:
-    """Step of the grid on which a carrier is sampled, s; what is above a fifth of its rate is filtered out before."""
+    """Return the step of the grid for a carrier, s; first filter out frequencies above a fifth of its rate."""
     return 0.2 / (carrier.frequency_hz + _CUT_OFF * carrier.symbol_rate_hz)
 
 
 def band_of(carrier: Carrier) -> Band:
-    """Band of a carrier on the grid of `step_s`."""
+    """Return the band of a carrier on the grid of `step_s`."""
     step = step_s(carrier)
-    # Not down to zero frequency, where the noise is.
+    # Stop short of zero frequency, where the noise is strongest.
     width = min(_CUT_OFF * carrier.symbol_rate_hz, 0.9 * carrier.frequency_hz)
     return Band(2.0 * math.pi * carrier.frequency_hz * step, 1.0 / (carrier.symbol_rate_hz * step), width * step)
 
@@ -62,7 +62,7 @@ def band_of(carrier: Carrier) -> Band:
 def _envelope(
     value: Array, known: Array, at: float, spacing: float, band: tuple[float, float, float], out: Complex, whole: Array
 ) -> None:
-    """Envelope at positions at + k spacing of the values; whole: share of the filter that met known values."""
+    """Compute the envelope at positions at + k spacing; whole: share of the filter weight that met known values."""
     omega, cut_off, reach = band
     for k in range(len(out)):
         middle = at + k * spacing
@@ -74,7 +74,8 @@ def _envelope(
             kernel = 2.0 * cut_off * c * c * c * c * (1.0 if a == 0.0 else math.sin(a) / a)
             total += kernel
             if 0 <= n < len(value) and known[n] > 0.0:
-                # The phase turns with the distance from the middle only, so that it is the same for any begin.
+                # The phase is counted from the middle of the filter, so that it does not depend on where the samples
+                # begin.
                 real += kernel * value[n] * math.cos(omega * u)
                 imag -= kernel * value[n] * math.sin(omega * u)
                 weight += kernel
@@ -84,25 +85,25 @@ def _envelope(
 
 def envelope(value: Array, known: Array, band: Band, at: float, count: int, symbol: float) -> tuple[Complex, Array]:
     """
-    Complex envelope on the clock of the tool.
+    Return the complex envelope on the clock of the tool.
 
     Parameters
     ----------
     value, known : ndarray, shape (n,)
-        Samples of the grid without their mean, and 1 where they are known.
+        Samples of the grid with their mean removed, and 1 where a sample is known.
     band : Band
     at : float
         Position of the first value, steps.
     count : int
     symbol : float
-        Steps a symbol on the clock of the tool; its carrier runs on the same clock.
+        Steps per symbol by the clock of the tool; the carrier of the tool runs on the same clock.
 
     Returns
     -------
     ndarray, shape (count,)
-        Envelope, `PER_SYMBOL` values a symbol; phase 0 is that of the tool's carrier at `at`.
+        Envelope, `PER_SYMBOL` values per symbol; its phase is relative to the tool's carrier at `at`.
     ndarray, shape (count,)
-        1 where it is known.
+        1 where the envelope is known.
     """
     out, whole = np.empty(count, dtype=complex), np.empty(count)
     spacing = symbol / PER_SYMBOL
@@ -114,11 +115,11 @@ def envelope(value: Array, known: Array, band: Band, at: float, count: int, symb
 
 def lines(value: Array, band: Band) -> Array:
     """
-    Frequencies of the lines in a band, strongest first.
+    Return the frequencies of the spectral lines in a band, strongest first.
 
-    value, shape (n,): samples of the grid. Returns shape (k,), radians a step.
+    value, shape (n,): samples of the grid. Returns shape (k,), rad per step.
     """
-    # The first difference takes the slope of 1/f noise out, so that the floor is even.
+    # The first difference removes the slope of 1/f noise, so that the noise floor is flat.
     step = np.diff(value)
     power = np.abs(np.fft.rfft((step - step.mean()) * np.hanning(len(step)))) ** 2
     per_bin = 2.0 * math.pi / len(step)
@@ -135,17 +136,17 @@ def lines(value: Array, band: Band) -> Array:
     peak = (inner >= power[low - 1 : high]) & (inner >= power[low + 1 : high + 2]) & (inner > _STANDS_OUT * floor)
     found = np.flatnonzero(peak)
     found = low + found[np.argsort(-inner[found], kind="stable")][:_MOST_LINES]
-    # Middle of a Hann-windowed line from the amplitudes beside its largest one.
+    # Interpolate the frequency of a Hann-windowed line from the amplitudes next to its largest one.
     left, middle, right = (np.sqrt(power[found + k]) for k in (-1, 0, 1))
     share = (right - left) / (2.0 * middle - left - right + 1e-300)
     return np.asarray(per_bin * (found + 0.5 * np.clip(share, -1.0, 1.0)))
 
 
 def line_columns(found: Array, band: Band, count: int, symbol: float) -> Complex:
-    """Lines in the envelope, as `envelope` would see them: `WANDER` columns for each; shape (count, WANDER k)."""
+    """Return the lines as `envelope` shows them: `WANDER` columns per line, shape (count, WANDER k)."""
     spacing = symbol / PER_SYMBOL
     n = np.arange(count)
     slow = np.cos(math.pi * (n[:, None] + 0.5) / count * np.arange(WANDER)[None, :])
-    # The envelope turns against the tool's carrier.
+    # The envelope is relative to the tool's carrier, so a line rotates in it at the difference of the frequencies.
     turn = np.exp(1j * (found - band.omega * band.symbol / symbol)[None, :] * spacing * n[:, None])
     return np.asarray((turn[:, :, None] * slow[:, None, :]).reshape(count, -1))

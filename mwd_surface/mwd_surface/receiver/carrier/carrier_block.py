@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-One block of symbols on a carrier decoded: channel, noise and bits found in turn.
+Decoder of one block of symbols on a carrier: it estimates channel, noise and bits in turn.
 
-The first channel comes from the marker in the middle, later ones from all symbols as the code sees them; symbols and
-lines of the spectrum are solved for together, with the noise made white, and what the code says of a symbol is its
-prior in the next turn. Sources: M. Tuechler, R. Koetter, A. C. Singer, IEEE Trans. Commun. 50 (2002) 754 (turbo
+The first channel estimate comes from the marker in the middle of the block, later ones from all symbols as decoded so
+far. Symbols and spectral lines are solved for together after whitening the noise. The decoded probability of each
+symbol is its prior in the next iteration. Sources: M. Tuechler, R. Koetter, A. C. Singer, IEEE Trans. Commun. 50 (2002)
+754 (turbo
 equalisation by linear estimation); C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006,
 section 2.1 (prior of the channel).
 """
@@ -27,20 +28,20 @@ from mwd_surface.receiver.carrier.baseband import PER_SYMBOL, Complex
 from mwd_surface.receiver.carrier.whitening_complex import filtered, prediction_error_filter
 from mwd_surface.receiver.whitening import steadiness
 
-MARGIN = 4  # symbols before and behind the block that reach into it
-BEFORE, BEHIND = 1, 4  # symbols of the response before and behind its own
+MARGIN = 4  # symbols before and after the block whose response reaches into it
+BEFORE, BEHIND = 1, 4  # length of the response before and after its own symbol, in symbols
 _LAGS = PER_SYMBOL * (BEFORE + BEHIND)
 _TURNS = 4
 _ORDER = 6
-_UNCERTAIN = 0.03  # weight of samples whose symbols are not known, in the estimate of the lines
+_UNCERTAIN = 0.03  # weight, in the estimate of the lines, of samples whose symbols are unknown
 _SCALINGS = 3
-_KNOWN = 1e-4  # variance of a symbol that is known
-_LINE = 1e4  # variance of a line's size, noise being 1: as good as unknown
+_KNOWN = 1e-4  # variance of a known symbol
+_LINE = 1e4  # prior variance of a line's amplitude relative to the noise: practically unknown
 
 
 @dataclasses.dataclass(frozen=True)
 class BlockData:
-    """Envelope of a block with its margins, shape (n,); 1 where known; columns of the lines, shape (n, k)."""
+    """Envelope of a block with its margins, shape (n,); 1 where it is known; columns of the lines, shape (n, k)."""
 
     envelope: Complex
     known: Array
@@ -50,25 +51,25 @@ class BlockData:
 @dataclasses.dataclass(frozen=True)
 class BlockDecision:
     """
-    What the data say of a block.
+    Result of decoding a block.
 
     Attributes
     ----------
     bits : ndarray, shape (n,)
-        Log posterior ratio of each bit into the encoder, positive for 0.
+        Log posterior ratio of each bit at the input of the encoder, positive for 0.
     symbols : ndarray, shape (block_symbols,)
-        Most probable symbols, the mean of each.
+        Posterior mean of each symbol.
     evidence : float
-        Compares trials of one block.
+        Log evidence, to compare trials of the same block.
     ebn0_db : float
-        Energy of a bit into the encoder over noise density, after the equaliser.
+        Energy per bit at the input of the encoder over the noise density, after the equaliser.
     turn : float
-        Phase of the second half against the first, rad a symbol: what is left of the clock's error.
+        Phase drift between the two halves of the block, rad per symbol: the remaining error of the clock.
     taps : ndarray
         Prediction error filter of the noise.
     turned : tuple of ndarray
-        Bits as they would be with the phase of all symbols turned, if the marker was hit: all symbols of the code the
-        other way round are symbols of the code again, so that the bits do not tell.
+        Bits for each phase by which all symbols may be rotated. A rotated code word is a valid code word too, so the
+        code alone cannot tell them apart; the check of the block decides.
     """
 
     bits: Array
@@ -83,16 +84,16 @@ class BlockDecision:
 @functools.cache
 def _basis() -> Complex:
     """
-    Components of the response to one symbol, each scaled by its standard deviation; shape (c, _LAGS).
+    Return the components of the response to one symbol, each scaled by its standard deviation; shape (c, _LAGS).
 
-    A symbol lasts its time, arrives with a little error of time and has weaker echoes: the rectangle of a symbol,
-    convolved with independent taps of decreasing variance.
+    The model is the rectangle of a symbol, convolved with independent taps of decreasing variance: a small timing error
+    and weaker echoes.
     """
     lag = np.arange(_LAGS) - PER_SYMBOL * BEFORE
     fine = np.arange(-PER_SYMBOL, 3 * PER_SYMBOL, 0.5)
     size = np.exp(-0.5 * (fine / (0.25 * PER_SYMBOL)) ** 2) + 0.02 * (fine > 0) * np.exp(-fine / PER_SYMBOL)
     since = (lag[:, None] - fine[None, :] + 0.5) / PER_SYMBOL
-    # Edges as the band lets them through.
+    # Edges with the rise time that the filter of the band leaves.
     rise = 0.2
     shape = 0.5 * (np.tanh(since / rise) - np.tanh((since - 1.0) / rise))
     values, vectors = np.linalg.eigh(shape * size @ shape.T)
@@ -103,7 +104,7 @@ def _basis() -> Complex:
 
 
 class BlockDecoder:
-    """Decoder of the blocks of a carrier."""
+    """Decoder for the blocks of one carrier."""
 
     def __init__(self, carrier: Carrier) -> None:
         self._carrier = carrier
@@ -122,9 +123,9 @@ class BlockDecoder:
         ----------
         data : BlockData
         taps : ndarray, optional
-            Prediction error filter of the noise in the block before.
+            Prediction error filter of the noise in the previous block.
         turns : int
-            1: with the channel of the marker only, to compare trials.
+            Number of iterations; 1 uses the channel of the marker only, which is enough to compare trials.
         """
         mean, prior = np.zeros(self._count, dtype=complex), np.ones(self._count)
         mean[self._marker], prior[self._marker] = air.marker(), _KNOWN
@@ -164,7 +165,7 @@ class BlockDecoder:
         )
 
     def _turned(self, estimate: Complex, precision: Array) -> tuple[Array, ...]:
-        """Bits with the phase of all symbols turned."""
+        """Return the bits for each rotation of the phase of all symbols that the modulation allows."""
         turns = {"qpsk": (-1.0, 1j, -1j), "bpsk": (-1.0,), "dpsk": ()}[self._carrier.modulation]
         found = []
         for turn in turns:
@@ -180,24 +181,24 @@ class BlockDecoder:
         return float(np.angle(late * np.conj(early))) / (0.5 * self._carrier.block_symbols)
 
     def _sent(self, mean: Complex, shape: Complex) -> Complex:
-        """Symbols through a response that begins `BEFORE` each; shape (n,)."""
+        """Pass symbols through a response that begins `BEFORE` symbols early; shape (n,)."""
         impulses = np.zeros(self.rows, dtype=complex)
         impulses[::PER_SYMBOL] = mean
         begin = PER_SYMBOL * BEFORE
         return np.convolve(impulses, shape)[begin : begin + self.rows]
 
     def _trains(self, mean: Complex) -> Complex:
-        """Response of all symbols to each component; shape (n, c)."""
+        """Return the response of all symbols to each component; shape (n, c)."""
         return np.stack([self._sent(mean, one) for one in _basis()], axis=1)
 
     def _channel(
         self, data: BlockData, mean: Complex, variance: Array, taps: Complex, weight: Array
     ) -> tuple[Complex, Complex]:
-        """Response to one symbol, shape (_LAGS,), and the lines, shape (n,)."""
+        """Estimate the response to one symbol, shape (_LAGS,), and the sum of the lines, shape (n,)."""
         columns = np.concatenate([self._trains(mean), data.lines], axis=1)
         left = filtered(columns, taps)
         right = filtered(data.envelope, taps)
-        # Where symbols are uncertain, they are noise of their own size; lines are seen there all the same.
+        # Uncertain symbols act as noise of their own size in the estimate of the response, but still show the lines.
         sure = 1.0 - np.minimum(np.repeat(variance, PER_SYMBOL), 1.0)
         share = weight * np.maximum(sure, _UNCERTAIN)
         count = len(_basis())
@@ -224,7 +225,7 @@ class BlockDecoder:
         symbols: tuple[Complex, Array],
         weight: Array,
     ) -> tuple[Complex, Array]:
-        """Prediction error filter for noise of unit variance, from what is left; and the weight of each row."""
+        """Return the filter that whitens the residual to unit variance, and the weight of each row."""
         mean, variance = symbols
         rest = data.envelope - offset - self._sent(mean, response)
         sure = weight * (np.repeat(variance, PER_SYMBOL) < 0.5)
@@ -242,7 +243,7 @@ class BlockDecoder:
     def _equalised(
         self, data: BlockData, channel: tuple[Complex, Complex], mean: Complex, variance: Array, weight: Array
     ) -> tuple[Complex, Array]:
-        """Estimate of each symbol without its own prior, shape (count,), and its precision."""
+        """Return the estimate of each symbol without its own prior, shape (count,), and its precision."""
         response, taps = channel
         shape = np.convolve(response, taps)
         lines = filtered(data.lines, taps)
@@ -260,7 +261,7 @@ class BlockDecoder:
         return ((mean + change[: self._count]) / posterior - mean * prior) / own, own
 
     def _soft_bits(self, estimate: Complex, precision: Array) -> Array:
-        """Log-likelihood ratio of each coded bit on air."""
+        """Return the log-likelihood ratio of each transmitted coded bit."""
         z, rho = estimate[self._places], precision[self._places]
         if self._carrier.modulation == "qpsk":
             both = 2.0 * math.sqrt(2.0) * rho * z
@@ -271,7 +272,7 @@ class BlockDecoder:
         return np.asarray(4.0 * turned / (2.0 / rho + 1.0 / rho**2))
 
     def _symbols_of(self, ratios: Array, estimate: Complex, precision: Array) -> tuple[Complex, Array]:
-        """Mean and variance of each symbol by the log ratios of its bits; of DPSK by the symbol itself."""
+        """Return mean and variance of each symbol from the log ratios of its bits; for DPSK from the estimate."""
         mean, variance = np.zeros(self._count, dtype=complex), np.ones(self._count)
         mean[self._marker], variance[self._marker] = air.marker(), _KNOWN
         if self._carrier.modulation == "qpsk":
@@ -292,16 +293,16 @@ def _normal_equations(
     symbol: tuple[Complex, int], lines: Complex, rest: Complex, weight: Array, gram: Complex, seen: Complex
 ) -> None:
     """
-    Normal equations of symbols and lines; a product of whole matrices would be mostly of zeros.
+    Fill the normal equations of symbols and lines. The design matrix is mostly zeros, so its product is written out.
 
     Parameters
     ----------
     symbol : (ndarray, int)
-        Response to a symbol, shape (m,), and how many of its values come before the symbol.
+        Response to a symbol, shape (m,), and the number of its values that come before the symbol.
     lines : ndarray, shape (n, j)
     rest, weight : ndarray, shape (n,)
     gram, seen : ndarray, shapes (k + j, k + j), (k + j,)
-        Filled.
+        Filled by this function.
     """
     shape, before = symbol
     n, j, m = len(rest), lines.shape[1], len(shape)
@@ -332,9 +333,10 @@ def _normal_equations(
 @compiled
 def _invert(a: Complex) -> None:
     """
-    Turn a positive definite Hermitian matrix, shape (n, n), into its inverse (Gauss and Jordan, no pivots needed).
+    Invert a positive definite Hermitian matrix, shape (n, n), in place (Gauss-Jordan without pivoting).
 
-    For so small a matrix the threads of a linear algebra library wait for each other longer than they work.
+    The matrix is small: the threads of a linear algebra library would spend more time waiting for each other than
+    working.
     """
     n = len(a)
     for k in range(n):

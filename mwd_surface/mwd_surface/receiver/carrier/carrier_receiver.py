@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiver of a carrier: pressure or voltage in, words out, the same however the samples are cut."""
+"""Receiver of a carrier: pressure or voltage in, words out. The result does not depend on how the samples are cut."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from mwd_surface.receiver.grid import REACH
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.words import FrameReport, Reception
 
-_HOP = 16  # symbols by which the search proceeds
-_PAST = 48  # symbols before a hop that teach its noise
-_CLOCK = 1.2e-3  # largest error of a tool's clock that is looked for
-_STEP_RAD = 0.7  # phase at the end of a block by which two trials of the clock differ
+_HOP = 16  # step of the marker search, symbols
+_PAST = 48  # symbols before a step from which its noise is estimated
+_CLOCK = 1.2e-3  # largest relative error of the tool's clock that is searched
+_STEP_RAD = 0.7  # difference of the phase at the end of a block between two clock trials
 _KEPT_BLOCKS = 3
-# Samples a period at the upper edge of the band that the carrier needs.
+# Least number of samples per period at the upper edge of the carrier's band.
 _LEAST = 2.1
-# At a place where a block should begin, a marker weaker than this is none.
+# Score below which a marker counts as absent at the place where the next block should begin.
 _ABSENT = 3.0
 _MOST_LOST = 2
 
 
 @dataclasses.dataclass
 class _Lock:
-    """Where the next block begins, steps; steps a symbol; which block it should be; noise; blocks lost in a row."""
+    """Block being tracked: start of the next block, steps per symbol, its expected name, noise filter and losses."""
 
     start: float
     symbol: float
@@ -46,7 +46,7 @@ class _Lock:
 
 @dataclasses.dataclass
 class _Pass:
-    """A pass of a sequence so far."""
+    """The pass of a sequence that is being received."""
 
     name: BlockName
     start_s: float
@@ -62,7 +62,7 @@ class CarrierReceiver(SampledReceiver):
     Parameters
     ----------
     tool : ToolConfiguration
-        With the code psk.
+        Tool configuration with the code psk.
     """
 
     def __init__(self, tool: ToolConfiguration) -> None:
@@ -82,10 +82,10 @@ class CarrierReceiver(SampledReceiver):
         self._line = ""
 
     def finish(self) -> Reception:
-        """Words of what is left at the end of the samples."""
+        """Decode the samples that are left at the end and return their words."""
         done = self._take(*self._resampler.finish())
         if self._grid.end:
-            # As if the gauge had failed: what is there is decoded as far as it goes.
+            # Append unknown samples, as after a gauge failure, so that an incomplete last block is decoded too.
             missing = np.zeros(round((self._carrier.block_symbols + 4 * _HOP) * self._band.symbol))
             line = self._line
             done.add(self._take(missing, missing))
@@ -94,7 +94,7 @@ class CarrierReceiver(SampledReceiver):
         return done
 
     def why_nothing(self) -> str:
-        """Reason in one sentence why there is no word."""
+        """Return the reason, in one sentence, why no word was received."""
         if self._grid.end == 0:
             return "no words: there are no samples with rising times"
         if not self._markers:
@@ -110,7 +110,7 @@ class CarrierReceiver(SampledReceiver):
         return f"no words: {self._beside_line(reason)}"
 
     def _beside_line(self, reason: str) -> str:
-        """Reason, behind the line that is on the carrier."""
+        """Return the reason, preceded by the name of the line that disturbs the carrier, if there is one."""
         return f"{self._line}; {reason}" if self._line else reason
 
     def _check(self, spacing_s: float) -> None:
@@ -122,7 +122,7 @@ class CarrierReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """All steps for which the samples are there."""
+        """Search, lock and follow as far as the samples reach."""
         while True:
             if self._lock is not None:
                 if self._needs(self._lock.start, self._lock.symbol) > self._grid.end:
@@ -145,7 +145,7 @@ class CarrierReceiver(SampledReceiver):
         return math.ceil(start + (self._carrier.block_symbols + MARGIN) * symbol * 1.01 + self._band.reach) + REACH
 
     def _window(self, begin: float, end: float) -> tuple[Array, Array, int]:
-        """Samples of the grid without their mean, 1 where they are known, and the position of the first."""
+        """Return the samples with their mean removed, 1 where they are known, and the position of the first."""
         first = math.floor(begin - self._band.reach) - 1
         value, known = self._grid.samples(float(first), 1.0, math.ceil(end + self._band.reach) + 1 - first)
         known = known * (np.arange(first, first + len(value)) >= self._grid.first)
@@ -153,7 +153,7 @@ class CarrierReceiver(SampledReceiver):
         return (value - mean) * known, known, first
 
     def _search(self) -> None:
-        """Look for a marker that begins within the next hop."""
+        """Look for a marker that begins within the next step of the search."""
         symbol = self._band.symbol
         begin = self._hop * self._hop_steps
         past = min(_PAST, math.floor((begin - self._grid.first) / symbol))
@@ -168,7 +168,7 @@ class CarrierReceiver(SampledReceiver):
             self.last_sync_s = self._grid.seconds(start)
 
     def _scores(self, at: float, count: int, symbol: float) -> Array:
-        """Score of a marker that begins at each of `count` positions from `at` on, steps."""
+        """Return the score of a marker at each of `count` positions from `at` on, in steps."""
         value, known, first = self._window(at, at + count * symbol / PER_SYMBOL)
         middle = at - first + 0.5 * symbol / PER_SYMBOL
         found, whole = baseband.envelope(value, known, self._band, middle, count, symbol)
@@ -177,7 +177,7 @@ class CarrierReceiver(SampledReceiver):
         return marker_score(found, whole, baseband.line_columns(lines, self._band, count, symbol))
 
     def _named(self, lines: Array, first: int, count: int) -> str:
-        """Strongest line on the carrier, by the pump that makes it; lines, shape (k,): radians a step."""
+        """Name the strongest line on the carrier and the pump that causes it; lines, shape (k,): rad per step."""
         carrier, step_s = self._carrier, self._grid.step_s
         hertz = lines / (2.0 * math.pi * step_s)
         near = hertz[np.abs(hertz - carrier.frequency_hz) < carrier.symbol_rate_hz]
@@ -200,7 +200,7 @@ class CarrierReceiver(SampledReceiver):
     def _best(
         self, middle: float, symbols: list[float], taps: Complex | None
     ) -> tuple[BlockDecision, float, tuple[BlockName, bytes] | None, int]:
-        """Decision with the best of some clocks, its steps a symbol, the block if its check holds, number of trials."""
+        """Try clocks; return the best decision, its steps per symbol, the block if its check holds, and the trials."""
         half = self._carrier.half + 0.5 * MARKER_SYMBOLS
         best = symbols[0]
         if len(symbols) > 1:
@@ -212,14 +212,14 @@ class CarrierReceiver(SampledReceiver):
             trials = (carrier_words.checked(self._tool, bits) for bits in (decision.bits, *decision.turned))
             block = next((one for one in trials if one is not None), None)
             tries += 1
-            # What is left of the clock's error turns the second half against the first.
+            # A remaining error of the clock rotates the second half of the block against the first.
             change = decision.turn / (self._band.omega * self._band.symbol)
             if block is not None or tries == 3 or abs(decision.turn) * self._carrier.block_symbols < 0.1:
                 return decision, best * (1.0 - change), block, tries * (1 + len(decision.turned))
             best *= 1.0 - change
 
     def _try(self, start: float, score: float, done: Reception) -> None:
-        """Decode a block where a marker was found."""
+        """Decode a block at a marker that the search found."""
         self._candidate = None
         symbol = self._band.symbol
         turned = self._band.omega * symbol * 0.5 * self._carrier.block_symbols * _CLOCK
@@ -238,7 +238,7 @@ class CarrierReceiver(SampledReceiver):
         self._received(done, (name, words), decision, odds)
 
     def _follow(self, lock: _Lock, done: Reception) -> None:
-        """Decode the next block where it should be."""
+        """Decode the next block at its expected place."""
         half = self._carrier.half + 0.5 * MARKER_SYMBOLS
         middle = lock.start + half * lock.symbol
         decision, found, block, tries = self._best(middle, [lock.symbol], lock.taps)
@@ -252,7 +252,7 @@ class CarrierReceiver(SampledReceiver):
                 return
             self._missed(done, lock, decision)
             return
-        # The clock is learned from many blocks, its first estimate from one.
+        # Average the clock over many blocks; the first block gives the first estimate.
         gain = max(1.0 / (lock.blocks + 1), 0.2)
         lock.symbol += gain * (found - lock.symbol)
         lock.start = middle - half * lock.symbol
@@ -271,7 +271,7 @@ class CarrierReceiver(SampledReceiver):
         self._advance_lock(lock, span, good=True)
 
     def _missed(self, done: Reception, lock: _Lock, decision: BlockDecision) -> None:
-        """Words of a block whose check fails: erased, with what the code says of them."""
+        """Report the words of a block whose check fails as erased, with the probabilities that the code gives them."""
         span = self._span(lock)
         done.frames += self._next_pass(lock.name, span[0], decision.ebn0_db)
         if self._pass is not None:
@@ -289,7 +289,7 @@ class CarrierReceiver(SampledReceiver):
             self._pass.end_s = span[1]
 
     def _unlock(self, lock: _Lock, done: Reception) -> None:
-        """Search again from the end of the last good block on."""
+        """Give up tracking and search again from the end of the last good block."""
         self._lock = None
         done.frames += self._end_pass(
             self._beside_line("no carrier any more: flow off, too weak, or the tool began anew")
@@ -301,7 +301,7 @@ class CarrierReceiver(SampledReceiver):
         return float(self._grid.seconds(lock.start)), float(self._grid.seconds(end))
 
     def _next_pass(self, name: BlockName, start_s: float, ebn0_db: float) -> list[FrameReport]:
-        """Report of the pass that a block ends by beginning another one."""
+        """Return the report of the last pass if this block begins another pass."""
         last, ended = self._pass, []
         if last is not None and (name[:2] != last.name[:2] or name.place <= last.name.place):
             ended = self._end_pass("")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Markers found in noise: how much of the energy the known symbols explain, with any size and phase.
+Search for markers in noise: the score is the share of energy that the marker's symbols explain at any size and phase.
 
-A generalised likelihood ratio for a known shape in noise that is made white (S. M. Kay, Fundamentals of Statistical
+The score is a generalised likelihood ratio for a known shape in whitened noise (S. M. Kay, Fundamentals of Statistical
 Signal Processing II, 1998, section 7.4); in noise alone the score exceeds x with probability exp(-x), nearly.
 """
 
@@ -17,23 +17,23 @@ from mwd_sensors.telemetry.carrier import MARKER_SYMBOLS
 from mwd_surface.receiver.carrier.baseband import PER_SYMBOL, Complex
 from mwd_surface.receiver.carrier.whitening_complex import filtered, prediction_error_filter
 
-# Exceeded once in some thousand positions of noise: what passes costs a trial, and the check of the block decides.
+# Noise exceeds this about once in some thousand positions. A false marker costs one trial; the block's check decides.
 THRESHOLD = 8.0
 _ORDER = 6
 
 
 def marker_score(envelope: Complex, known: Array, lines: Complex) -> Array:
     """
-    Score of a marker that begins at each value.
+    Return the score of a marker that begins at each value of the envelope.
 
     Parameters
     ----------
     envelope : ndarray, shape (n,)
-        `PER_SYMBOL` values a symbol.
+        `PER_SYMBOL` values per symbol.
     known : ndarray, shape (n,)
-        1 where it is known.
+        1 where the envelope is known.
     lines : ndarray, shape (n, k)
-        Columns of the lines that disturb it; they are taken out.
+        Columns of the disturbing lines; they are fitted and subtracted first.
 
     Returns
     -------

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Words of a block on a carrier, and how far they are to be believed.
+Words of a carrier block and their confidence.
 
-The check of 16 bits lets one wrong block in 65 536 pass for each time it is tried; how probable a block was before it
-was tried is known from its marker. Words of a block whose check fails keep what the code says of them, less what the
-failing check takes away.
+The 16-bit check lets one wrong block in 65 536 pass for each trial. The score of the marker tells how probable a block
+was before the trials. Words of a block whose check fails keep the confidence that the code gives them, reduced because
+the failed check shows at least one wrong bit.
 """
 
 from __future__ import annotations
@@ -21,26 +21,24 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import Judged
 from mwd_surface.receiver.words import ReceivedWord, WordPlace, received
 
-# Odds that a block is there, to its check: where one should follow another one.
+# Odds that a block is present where one should follow the last.
 ODDS_EXPECTED = 10.0
 _PASSES_BY_CHANCE = 2.0**-16
-_BLOCKS_PER_SYMBOL = (
-    1e-3  # blocks in places where nothing is known: one in some hundred symbols, with flow half the time
-)
+_BLOCKS_PER_SYMBOL = 1e-3  # prior of a block at a place: one in some hundred symbols, with flow half the time
 _HEADER_BITS = 8
 _ALTERNATIVES = 3
 _NO_SURPRISE, _FLATTER = 0.5, 1.25
-# Words of such a block are right at most so often: all of its phases may be turned, which the code does not see.
+# Upper bound of the confidence of such words: all phases of the block may be rotated, which the code cannot see.
 _MOST_ERASED = 0.9
 
 
 def odds_of_marker(score: float) -> float:
-    """Odds that a marker of a score is one; noise exceeds a score x with probability exp(-x)."""
+    """Return the odds that a marker with this score is real; noise exceeds a score x with probability exp(-x)."""
     return min(_BLOCKS_PER_SYMBOL * math.exp(min(score, 50.0)), ODDS_EXPECTED)
 
 
 def items_of(tool: ToolConfiguration, name: BlockName) -> tuple[SequenceItem, ...]:
-    """Words of a block; none where the configuration has no such block."""
+    """Return the words of a block; empty where the configuration has no such block."""
     sequences = tool.surveys if name.kind == "survey" else tool.toolfaces
     if name.number >= len(sequences):
         return ()
@@ -49,7 +47,7 @@ def items_of(tool: ToolConfiguration, name: BlockName) -> tuple[SequenceItem, ..
 
 
 def following(tool: ToolConfiguration, name: BlockName) -> BlockName:
-    """Block that follows another one: the next of its sequence, or the first of the toolface sequence."""
+    """Return the next block: the next of the same sequence, else the first of the toolface sequence."""
     after = name._replace(place=name.place + 1)
     if items_of(tool, after):
         return after
@@ -58,7 +56,7 @@ def following(tool: ToolConfiguration, name: BlockName) -> BlockName:
 
 
 def checked(tool: ToolConfiguration, bits: Array) -> tuple[BlockName, bytes] | None:
-    """Name and words of a block whose check, name, parities and filling hold; bits as the decoder gives them."""
+    """Return name and words of a block if its check, name, parities and filling hold, else None; bits as decoded."""
     block = air.read_block((bits < 0.0).astype(np.int64), tool.table_check)
     if block is None:
         return None
@@ -74,10 +72,10 @@ def believed(
     tool: ToolConfiguration, block: tuple[BlockName, int], data: bytes, odds: float, span: tuple[float, float]
 ) -> list[ReceivedWord]:
     """
-    Words of a block whose check holds.
+    Return the words of a block whose check holds.
 
-    block: its name and the number of the frame; odds: that it was there, over the number of trials; span: begin and
-    end, s.
+    block: its name and the number of its frame; odds: prior odds of the block divided by the number of trials; span:
+    its begin and end, s.
     """
     name, frame = block
     confidence = 1.0 / (1.0 + _PASSES_BY_CHANCE / odds)
@@ -93,10 +91,10 @@ def believed(
 def erased(
     tool: ToolConfiguration, block: tuple[BlockName, int], bits: Array, span: tuple[float, float]
 ) -> list[ReceivedWord]:
-    """Words of a block whose check fails; bits: log posterior ratios as the decoder gives them; else as `believed`."""
+    """Return the words of a block whose check fails; bits: log posterior ratios; other arguments as in `believed`."""
     name, frame = block
-    # A block claimed to be right whose check fails was met by noise that the model does not know: its probabilities
-    # are flattened until the failure is no surprise.
+    # The code was sure of this block although its check fails, so the noise is worse than modelled: flatten the
+    # probabilities until a failed check is not surprising.
     while _right(bits) > _NO_SURPRISE:
         bits = bits / _FLATTER
     whole = _right(bits)
@@ -105,7 +103,8 @@ def erased(
     for k, item in enumerate(items_of(tool, name)):
         own = bits[at : at + item.bits]
         at += item.length
-        # One bit at least is wrong somewhere: the word is right if all its bits are, and others are not.
+        # At least one bit of the block is wrong: subtract the case in which all bits are right from the word's
+        # probability.
         confidence = _MOST_ERASED * max(_right(own) - whole, 0.0) / max(1.0 - whole, 1e-9)
         code = _number(own)
         weakest = np.argsort(np.abs(own), kind="stable")[:_ALTERNATIVES]
@@ -118,12 +117,12 @@ def erased(
 
 
 def _index(tool: ToolConfiguration, name: BlockName) -> int:
-    """Place of the first word of a block in its sequence."""
+    """Return the index of the first word of a block within its sequence."""
     return sum(len(items_of(tool, name._replace(place=place))) for place in range(name.place))
 
 
 def _right(bits: Array) -> float:
-    """Probability that all bits are right, each by itself."""
+    """Return the probability that all bits are right, taking them as independent."""
     return float(np.exp(-np.sum(np.log1p(np.exp(-np.abs(bits))))))
 
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Soft decisions on the bits of a convolutional code: a forward-backward pass along its trellis.
+Soft-decision decoder of the convolutional code: a forward-backward pass along its trellis.
 
-Probabilities, scaled at each step, in place of their logarithms: the same result, without a function call a branch.
+It works with probabilities scaled at each step instead of logarithms: the result is the same without a function call
+per branch.
 Source: L. Bahl, J. Cocke, F. Jelinek, J. Raviv, IEEE Trans. Inf. Theory 20 (1974) 284.
 """
 
@@ -14,12 +15,12 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.telemetry.convolution import MEMORY, outputs
 
-_SUREST = 40.0  # log-likelihood ratios beyond this say no more, and exp() would overflow
+_SUREST = 40.0  # larger log-likelihood ratios are clipped: they add nothing, and exp() would overflow
 
 
 @compiled
 def _forward_backward(given: Array, table: Indices, tail: int, bits: Array, coded: Array) -> float:
-    """As `decode`; given, shape (n, 2). bits, shape (n,), and coded, shape (n, 2), are filled. Returns the evidence."""
+    """Run the pass on given, shape (n, 2); fill bits, shape (n,), and coded, shape (n, 2); return the log evidence."""
     n, states = len(given), len(table)
     half = states // 2
     forward = np.zeros((n + 1, states))
@@ -82,7 +83,7 @@ def _forward_backward(given: Array, table: Indices, tail: int, bits: Array, code
 
 def decode(given: Array) -> tuple[Array, Array, float]:
     """
-    Posterior of the bits of a block.
+    Return the posterior of the bits of a block.
 
     Parameters
     ----------
@@ -92,11 +93,11 @@ def decode(given: Array) -> tuple[Array, Array, float]:
     Returns
     -------
     ndarray, shape (n - MEMORY,)
-        Log posterior ratio of each bit, positive for 0; the ending zeros left out.
+        Log posterior ratio of each bit, positive for 0, without the zeros that end the block.
     ndarray, shape (2 n,)
-        That of each coded bit, what was given included.
+        Log posterior ratio of each coded bit, including the given one.
     float
-        Log of the probability that random code words would agree with what was given; compares trials of one block.
+        Log evidence of the given ratios under the code, to compare trials of the same block.
     """
     pairs = np.clip(given, -_SUREST, _SUREST).reshape(-1, 2)
     bits, coded = np.empty(len(pairs)), np.empty((len(pairs), 2))

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Noise of a complex envelope made white: an autoregressive model of it, and its prediction error filter.
+Whitening of complex noise: an autoregressive model and its prediction error filter.
 
 Source: S. M. Kay, Modern Spectral Estimation, 1988, section 7.3 (Yule-Walker).
 """
@@ -13,12 +13,12 @@ import scipy
 from mwd_sensors.core.arrays import Array
 from mwd_surface.receiver.carrier.baseband import Complex
 
-# White noise added to the model, share of its variance: keeps the empty edges of the band from being raised.
+# White noise added to the model, as a share of its variance, so that the empty edges of the band are not amplified.
 _FLOOR = 1e-2
 
 
 def filtered(x: Complex, taps: Complex) -> Complex:
-    """Causal filter along the first axis; before its first row x is zero. x, shape (n,) or (n, k)."""
+    """Apply a causal filter along the first axis, with zeros before the first row. x, shape (n,) or (n, k)."""
     out = np.asarray(taps[0] * x, dtype=complex)
     for k in range(1, len(taps)):
         out[k:] += taps[k] * x[:-k]
@@ -27,7 +27,7 @@ def filtered(x: Complex, taps: Complex) -> Complex:
 
 def prediction_error_filter(noise: Complex, weight: Array, order: int) -> Complex:
     """
-    Coefficients of the filter that makes noise white, the newest sample's first, which is 1.
+    Return the coefficients of the filter that whitens noise; the first belongs to the newest sample and is 1.
 
     Parameters
     ----------

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole link: which receiver hears, its surveys and attitude, and when the tool sends."""
+"""A whole link: selection of the receiver, surveys, attitude, and when the tool sends."""

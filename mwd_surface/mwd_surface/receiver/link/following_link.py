@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A link that follows the tool to another configuration, to which a downlink leads.
+Link that follows the tool to the configuration a downlink command selects.
 
-While the tool's answer is waited for, the pressure goes to two links: one reads as before, the other as the tool will
-send. The first that believes the word by which the tool repeats the command shows that the tool has obeyed; then the
-other one goes on, with the words it has kept.
+While the surface waits for the tool's answer, the pressure goes to two links: one reads with the old configuration, the
+other with the new one. The tool has obeyed as soon as either link believes the word that repeats the command; then the
+new link replaces the old one, including the words it has collected.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from mwd_surface.receiver.words import ReceivedWord
 
 class FollowingLink:
     """
-    A link whose tool takes commands.
+    Link to a tool that takes downlink commands.
 
     Parameters
     ----------
     link : Link
-        By the tool configuration in force.
+        Link with the tool configuration in force.
 
     Attributes
     ----------
     link : Link
-        In force.
+        Link in force.
     """
 
     def __init__(self, link: Link) -> None:
@@ -39,22 +39,22 @@ class FollowingLink:
 
     @property
     def expects(self) -> int | None:
-        """Answer that is waited for; None: none is."""
+        """Code of the answer that is waited for, or None."""
         return None if self._next is None else self._echo
 
     def expect(self, tool: ToolConfiguration, echo: int) -> None:
-        """Listen beside as the tool will send once it has obeyed; echo: the code by which it says so."""
+        """Also read with the configuration that a command selects; echo: the code by which the tool confirms it."""
         self._next, self._echo = self.link.successor(tool), echo
         self._kept = LinkOutput()
 
     def go_on_as(self, tool: ToolConfiguration) -> None:
-        """Wait for no answer any more: the tool runs by this configuration."""
+        """Stop waiting for an answer and read with this configuration, which the tool now uses."""
         self._next = None
         if tool != self.link.tool:
             self.link = self.link.successor(tool)
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
-        """Take samples, as `Link.push`."""
+        """Add samples, as `Link.push`."""
         out = self.link.push(time_s, pressure_pa)
         if self._next is None:
             return out
@@ -66,13 +66,13 @@ class FollowingLink:
         return self._kept
 
     def take_strokes(self, pump: int, time_s: Array) -> None:
-        """Take strokes of a counter, as `Link.take_strokes`."""
+        """Add the strokes of a pump's counter, as `Link.take_strokes`."""
         for link in (self.link, self._next):
             if link is not None:
                 link.take_strokes(pump, time_s)
 
     def finish(self) -> LinkOutput:
-        """Give what is left when no more pressure comes."""
+        """Return the output that is left when no more pressure comes."""
         return self.link.finish()
 
     def _answers(self, word: ReceivedWord) -> bool:

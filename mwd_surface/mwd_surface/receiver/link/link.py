@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A link at the surface: pressure, voltage or bytes in; words, surveys as heard, attitude and the state of the link out.
+Link at the surface: takes pressure, voltage or bytes; gives words, received surveys, attitude and the link's state.
 
-Times are s on the clock of the samples, `stamp_ns` turns them into stamps. The same samples give the same output,
-however they are cut into blocks. `link_surveys` makes one list of the surveys of all links.
+Times are in s on the clock of the samples; `stamp_ns` turns them into stamps. The output does not depend on how the
+samples are cut into blocks. `link_surveys` merges the surveys of all links into one list.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.words import FrameReport, ReceivedWord, Reception, believed
 
 NO_INPUT, NO_FLOW, SEARCHING, LOCKED, DOUBTFUL = range(5)
-# Eb/N0 at which 19 of 20 words of 13 bits are right when their parity is used (docs/benchmarks.md, limits of the code).
+# Eb/N0 at which 19 of 20 words of 13 bits with parity are right (docs/benchmarks.md, limits of the code).
 NEEDED_DB = 6.0
-# The same of carriers, whose blocks are coded (docs/benchmarks.md, link).
+# The same for carriers, whose blocks are coded (docs/benchmarks.md, link).
 _NEEDED_DB = {"psk": 3.5}
 _GOODPUT_S = 300.0
 _JUDGED_WORDS = 40
@@ -46,7 +46,7 @@ _NO_INPUT = {
 
 @dataclasses.dataclass(frozen=True)
 class Quality:
-    """State of a link; fields as in mwd_msgs/LinkQuality; needed_db: Eb/N0 without margin, dB."""
+    """State of a link; fields as in mwd_msgs/LinkQuality; needed_db: Eb/N0 below which most words fail, dB."""
 
     state: int
     reason: str
@@ -69,9 +69,9 @@ class Quality:
 @dataclasses.dataclass
 class LinkOutput:
     """
-    What a block of samples completed: words, passes of sequences and surveys as heard, in order of time.
+    Words, passes of sequences and surveys that a block of samples completed, in order of time.
 
-    states: each new state of the link and since when, s, where a feed asks for it.
+    states: each new state of the link with the time it began, s; filled only by `LinkFeed`.
     """
 
     words: list[ReceivedWord] = dataclasses.field(default_factory=list)
@@ -80,7 +80,7 @@ class LinkOutput:
     states: list[tuple[float, Quality]] = dataclasses.field(default_factory=list)
 
     def add(self, more: LinkOutput) -> None:
-        """Take what came later."""
+        """Append the output of later samples."""
         self.words += more.words
         self.frames += more.frames
         self.surveys += more.surveys
@@ -89,17 +89,17 @@ class LinkOutput:
 
 class Link:
     """
-    One link.
+    One telemetry link with its receiver, flow detection, attitude and quality.
 
     Parameters
     ----------
     tool : ToolConfiguration
-        As in the tool.
+        Tool configuration, the same as in the tool.
     name : str
         mud_pulse, em or serial.
     rules : AgeRules
     stamp_ns : callable
-        Stamp of a time on the clock of the samples, s.
+        Converts a time on the clock of the samples, s, to a stamp, ns.
     """
 
     def __init__(
@@ -127,11 +127,11 @@ class Link:
 
     @property
     def tool(self) -> ToolConfiguration:
-        """Tool configuration by which it reads."""
+        """Tool configuration with which the link reads."""
         return self._tool
 
     def successor(self, tool: ToolConfiguration) -> Link:
-        """Return a link of another tool configuration that goes on from this one: flow, attitude, time."""
+        """Return a link with another tool configuration that continues this one's flow, attitude and time."""
         after = Link(tool, self.name, self._rules, self._stamp_ns)
         after._tool_flow, after.attitude = copy.deepcopy(self._tool_flow), copy.deepcopy(self.attitude)
         after.flow = after._tool_flow.spans
@@ -143,19 +143,19 @@ class Link:
         return after
 
     def push(self, time_s: Array, pressure_pa: Array) -> LinkOutput:
-        """Take samples, shape (n,): rising times, s, and Pa (V of a link through the ground)."""
+        """Add samples, shape (n,): rising times, s, and Pa (V for a link through the ground)."""
         time, value = np.asarray(time_s, dtype=float), np.asarray(pressure_pa, dtype=float)
-        # Once, before any stage: what no gauge can read is a sample that is missing.
+        # Values that no gauge can measure become missing samples, here and once for all stages.
         value = np.where(np.abs(value) < LARGEST, value, np.nan)
         out = LinkOutput()
-        # By seconds, so that what is searched beside the words does not depend on how the samples are cut.
+        # Cut by seconds, so that the search for another pulse width does not depend on how the samples arrive.
         seconds = np.flatnonzero(np.diff(np.floor(time))) + 1
         for part in np.split(np.arange(len(time)), seconds) if len(time) else ():
             out.add(self._push(time[part], value[part]))
         return out
 
     def _push(self, time: Array, value: Array) -> LinkOutput:
-        """Take samples that lie within one second, as `push`."""
+        """Add samples that lie within one second, as `push`."""
         if self._other is not None:
             self._other.push(time, value, self.flow.on_since(self.now_s), self._expected_s)
         if self._tool.medium == "mud":
@@ -169,23 +169,23 @@ class Link:
         return out
 
     def take_strokes(self, pump: int, time_s: Array) -> None:
-        """Take strokes that a counter saw, shape (n,), s; a line has no pumps."""
+        """Add the counted strokes of a pump, shape (n,), s; a serial line ignores them."""
         if isinstance(self._receiver, SampledReceiver):
             self._receiver.strokes(pump, time_s)
 
     def take_flow(self, at_s: float, flow_rate: float | None) -> None:
-        """Take the flow that the rig reports at a time, s: m^3/s; None: it reports none."""
+        """Add the flow that the rig reports at a time, s, in m^3/s; None if it reports none."""
         self._tool_flow.take(at_s, flow_rate)
 
     def finish(self) -> LinkOutput:
-        """Give what is left when no more pressure comes."""
+        """Return the output that is left when no more samples come."""
         return self._take(self._receiver.finish())
 
     def quality(self, *, silent: bool = False) -> Quality:
         """
-        State of the link as of the newest pressure.
+        Return the state of the link at the newest sample.
 
-        silent: no pressure arrives any more.
+        silent: whether the samples have stopped arriving.
         """
         state, reason = self._state(silent)
         frame, word, final = self._heard()
@@ -214,7 +214,7 @@ class Link:
 
     @property
     def _wired(self) -> bool:
-        """Whether the tool sends with flow and without."""
+        """Whether the tool is on a wire, so that it sends with and without flow."""
         return self._tool.medium == "serial"
 
     def _last_survey_age(self) -> float:
@@ -248,7 +248,7 @@ class Link:
         return max((item.bits for items in sequences for item in items if item.name == word.name), default=0)
 
     def _survey_of(self, words: list[ReceivedWord]) -> list[HeardSurvey]:
-        """Survey of a pass; none where no word of it is believed."""
+        """Return the survey of a pass; empty where no word of the pass is believed."""
         values = believed(words)
         if not values:
             return []
@@ -256,9 +256,9 @@ class Link:
         return [HeardSurvey(self.name, self._last_survey, values)]
 
     def _taken(self, sent_s: float) -> SurveyTime:
-        """When a survey was taken that was sent from a time on: while the pumps were off before."""
+        """Return when a survey sent from a time on was taken: in the last span without flow before that time."""
         if self._wired:
-            # It sends a survey once it was taken.
+            # A tool on a wire sends a survey directly after taking it.
             return SurveyTime(self._stamp_ns(sent_s - 0.5 * SURVEY_S), 0.5 * SURVEY_S)
         span = self.flow.before(sent_s)
         if span is None:
@@ -283,7 +283,7 @@ class Link:
         return SEARCHING, self._nothing_found(on_since, frame)
 
     def _nothing_found(self, on_since: float, frame: FrameReport | None) -> str:
-        """Why there is neither sync nor word though the tool may send; on_since: flow came on, s; -inf: not seen."""
+        """Return why no sync or word is found although the tool may send; on_since: flow-on, s, -inf if not seen."""
         if math.isinf(on_since) and self._other is not None:
             command = " or a command" if self._tool.downlink is not None else ""
             turns = " or a change of rotation" if self._tool.header_bits else ""
@@ -295,7 +295,7 @@ class Link:
         return "; ".join(filter(None, (reason, self._tool_flow.contradiction(self.now_s))))
 
     def _heard(self) -> tuple[FrameReport | None, ReceivedWord | None, list[ReceivedWord]]:
-        """Last pass, last word and the final words since the flow came on: those before say nothing of now."""
+        """Return the last pass, last word and final words since flow-on; older ones do not describe the present."""
         since = self.flow.on_since(self.now_s)
         frame, word = self._last_frame, self._last_word
         return (
@@ -317,10 +317,10 @@ class Link:
     def _longest_s(self) -> float:
         """Longest time from one decoded word to the next, s."""
         items = [item for items in (*self._tool.surveys, *self._tool.toolfaces) for item in items]
-        # Words are decoded some at a time, behind the response of the channel.
+        # Words are decoded in groups, after the response of the channel has passed.
         return max(4.0 * max(self._tool.seconds((item,)) for item in items), 1.0)
 
     @property
     def _expected_s(self) -> float:
-        """Time after flow-on within which words have come, s."""
+        """Time after flow-on by which the first words should have come, s."""
         return self._tool.transmit_delay_s + self._tool.head_s + 2.0 * self._longest_s

@@ -2,10 +2,10 @@
 """
 Attitude between the words of a link: the newest word of each angle, with a sigma that grows with its age.
 
-sigma^2 = word^2 + tool^2 + (rate age)^2. A toolface is withheld beyond a set age, and while the string turns. Where the
-top drive reports its angle, the toolface follows it with a lag: friction on the wall acts against the direction in
-which the pipe moves, so a string that slides along gives way to torsion as a damper does, at a rate of
-stiffness x speed x wind-up / (friction x radius of the pipe); a length of hole, not a time, is what a turn takes.
+sigma^2 = word^2 + tool^2 + (rate age)^2. A toolface is withheld beyond a set age and while the string rotates. Where
+the top drive reports its angle, the toolface follows that angle with a lag. Friction at the wall opposes the motion of
+the pipe, so a string that slides along the hole yields to torsion like a viscous damper, at the rate stiffness x speed
+x wind-up / (friction x pipe radius). The lag is therefore a drilled length, not a time.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mwd_surface.receiver.words import LinkValue, ReceivedWord, value_of
 
 @dataclasses.dataclass(frozen=True)
 class AgeRules:
-    """How a value of a link ages."""
+    """Settings for how a value received over a link ages."""
 
     toolface_max_age_s: float = setting(
         120.0,
@@ -48,7 +48,7 @@ class AgeRules:
     )
     toolface_sigma_deg: float = setting(
         2.0,
-        "1 sigma of the tool's own toolface, added to the rounding of the word.",
+        "1 sigma of the tool's own toolface, combined with the rounding of the word.",
         unit="deg",
         low=0.0,
         high=45.0,
@@ -62,23 +62,23 @@ class AgeRules:
     )
     quill_lag_m: float = setting(
         0.3,
-        "Hole drilled until 63 % of a turn of the top drive have reached the tool: friction torque on the wall times "
+        "Hole drilled until 63 % of a turn of the top drive has reached the tool: friction torque on the wall times "
         "the radius of the pipe, over the torsional stiffness of the string. Raise it in a long hole with much "
-        "friction; 0: the tool turns at once.",
+        "friction. With 0 the tool turns at once.",
         unit="m",
         low=0.0,
         high=20.0,
     )
     inclination_sigma_deg: float = setting(
         0.25,
-        "1 sigma of the tool's inclination, added to the rounding where the tool sends none (word sInc).",
+        "1 sigma of the tool's inclination, combined with the rounding where the tool does not send sigma (word sInc).",
         unit="deg",
         low=0.0,
         high=10.0,
     )
     azimuth_sigma_deg: float = setting(
         1.0,
-        "1 sigma of the tool's azimuth, added to the rounding where the tool sends none (word sAzm).",
+        "1 sigma of the tool's azimuth, combined with the rounding where the tool does not send its sigma (word sAzm).",
         unit="deg",
         low=0.0,
         high=90.0,
@@ -93,25 +93,25 @@ class AgeRules:
     )
     vertical_deg: float = setting(
         3.0,
-        "Inclination below which the automatic toolface is the magnetic one; as `attitude.vertical_deg` of the tool.",
+        "Inclination below which the automatic toolface is magnetic. Use the tool's `attitude.vertical_deg`.",
         unit="deg",
         low=0.5,
         high=20.0,
     )
 
 
-# Words of each angle, and the word with the tool's own sigma of it.
+# Quantities of each angle, and the quantity in which the tool sends the sigma of that angle.
 _ANGLES = {
     "inclination": ((meanings.CONTINUOUS_INCLINATION, meanings.INCLINATION), meanings.SIGMA_INCLINATION),
     "azimuth": ((meanings.CONTINUOUS_AZIMUTH, meanings.AZIMUTH), meanings.SIGMA_AZIMUTH),
 }
-_PIPE_RADIUS_M = 0.1  # on the wall of the hole, joints included
+_PIPE_RADIUS_M = 0.1  # where the pipe touches the wall, joints included
 _TOOLFACES = ("gravity_toolface", "magnetic_toolface")
 
 
 class LinkAttitude:
     """
-    The newest words of a link as samples of `wire.ATTITUDE`.
+    Attitude from the newest words of a link, as samples of `wire.ATTITUDE`.
 
     Parameters
     ----------
@@ -120,27 +120,27 @@ class LinkAttitude:
     Attributes
     ----------
     travel_s : float
-        Time that a word takes to the surface, s.
+        Travel time of a word to the surface, s.
     rotating : bool
-        Whether the string turns.
+        Whether the string rotates.
     in_slips : bool
-        Whether it hangs in the slips.
+        Whether the string hangs in the slips.
     speed : float or None
-        Speed of the string along the hole, m/s; None where unknown: the tool is then assumed to follow the top drive
+        Speed of the string along the hole, m/s; None if unknown, and then the tool is assumed to follow the top drive
         without delay.
     """
 
     def __init__(self, rules: AgeRules) -> None:
         self._rules = rules
         self._newest: dict[str, tuple[LinkValue, int, int]] = {}
-        # Time, angle of the top drive, and how much of it has reached the end of the string.
+        # Time, angle of the top drive, and the part of that angle that has reached the end of the string.
         self._quill: deque[tuple[float, float, float]] = deque(maxlen=4096)
         self.speed: float | None = None
         self.travel_s = 0.0
         self.rotating = self.in_slips = False
 
     def take(self, word: ReceivedWord) -> None:
-        """Take a word, provisional or final; a final one that is erased takes its provisional one back."""
+        """Store a word, provisional or final; an erased final word removes the provisional word in its place."""
         quantity = meanings.meaning_of(word.name)
         if not quantity:
             return
@@ -152,7 +152,7 @@ class LinkAttitude:
             del self._newest[quantity]
 
     def take_quill(self, at_s: float, angle: float) -> None:
-        """Take the angle of the top drive, rad, at a time on the clock of the pressure, s."""
+        """Store the angle of the top drive, rad, at a time on the clock of the pressure, s."""
         if not self._quill:
             self._quill.append((at_s, angle, angle))
             return
@@ -162,25 +162,26 @@ class LinkAttitude:
         lag = self._rules.quill_lag_m
         drilled = math.inf if self.speed is None else max(self.speed, 0.0) * (at_s - before)
         wound = (angle - end) * math.exp(-drilled / lag) if lag > 0.0 else 0.0
-        # More than friction holds, the end turns with the top drive.
+        # Wind-up beyond what friction holds turns the end of the string with the top drive.
         most = lag / _PIPE_RADIUS_M
         self._quill.append((at_s, angle, angle - min(max(wound, -most), most)))
 
     def toolface_age(self, now_s: float) -> float:
-        """Age of the newest toolface, s; -1 where there is none."""
+        """Return the age of the newest toolface, s; -1 if there is none."""
         found = self._toolface()
         return -1.0 if found is None else self._age(found[1], now_s)
 
     def angle_age(self, name: str, now_s: float) -> float:
-        """Age of the word that the inclination or azimuth, by name, comes from, s; -1 where there is none."""
+        """Return the age of the newest word of inclination or azimuth (`name`), s; -1 if there is none."""
         newest = self._angle_word(_ANGLES[name][0])
         return -1.0 if newest is None else self._age(newest, now_s)
 
     def sample(self, now_s: float, stamp_ns: int, reference: Reference | None) -> Samples:
         """
-        Attitude as of now, one row of `wire.ATTITUDE`.
+        Return the present attitude, one row of `wire.ATTITUDE`.
 
-        now_s: on the clock of the pressure; stamp_ns: the same moment. reference: turns azimuths from magnetic north.
+        now_s: time on the clock of the pressure; stamp_ns: the stamp of the same moment. reference: field that converts
+        magnetic azimuths to another north.
         """
         row = wire.ATTITUDE.empty(1)
         row["stamp_ns"] = stamp_ns
@@ -227,7 +228,7 @@ class LinkAttitude:
         return max(found, key=lambda one: one.start_s) if found else None
 
     def _motion(self) -> Status:
-        """Return the motion of the string from rig data: no word carries it. Without progress it does not slide."""
+        """Return the motion of the string from rig data, because no word carries it; sliding needs progress."""
         if self.rotating:
             return Status.ROTATING
         if self.in_slips:
@@ -239,7 +240,7 @@ class LinkAttitude:
         return max(found, key=lambda one: one[1].start_s) if found else None
 
     def _predicted(self, value: LinkValue, now_s: float) -> tuple[float, float]:
-        """Toolface turned by what has reached it of the top drive since it was measured, and its sigma, rad."""
+        """Return the toolface, turned by the top drive motion that has reached it since, and its sigma, rad."""
         rules, age = self._rules, self._age(value, now_s)
         (drive, end), (drive_then, end_then) = self._quill_at(now_s), self._quill_at(now_s - age)
         grown = math.radians(rules.toolface_rate_deg_s) * age
@@ -248,7 +249,7 @@ class LinkAttitude:
         return value.value + end - end_then, min(sigma, math.pi)
 
     def _quill_at(self, at_s: float) -> tuple[float, float]:
-        """Angle of the top drive and of what has reached the end of the string, rad."""
+        """Return the angle of the top drive and the part that has reached the end of the string, rad."""
         if not self._quill:
             return 0.0, 0.0
         times, drive, end = zip(*self._quill, strict=True)
@@ -260,9 +261,9 @@ class LinkAttitude:
 
 def best(rows: Sequence[Samples]) -> Samples:
     """
-    One attitude from those of several links at the same moment: of each angle the one with the smallest sigma.
+    Merge the attitudes of several links at the same moment: each angle from the link with the smallest sigma.
 
-    rows: of `wire.ATTITUDE`, one each, at least one. The toolface, gravity or magnetic, comes from one link.
+    rows: at least one, each one row of `wire.ATTITUDE`. Both toolfaces, gravity and magnetic, come from the same link.
     """
     row = rows[0].copy()
     for name in ("inclination", "azimuth"):
@@ -276,6 +277,6 @@ def best(rows: Sequence[Samples]) -> Samples:
 
 
 def _surest(rows: Sequence[Samples], names: Sequence[str]) -> Samples:
-    """Row in which one of the angles has the smallest known sigma; -1 is not known."""
+    """Return the row in which one of the named angles has the smallest known sigma; -1 means unknown."""
     sigmas = np.array([[float(row["sigma_" + name][0]) for name in names] for row in rows])
     return rows[int(np.argmin(np.where(sigmas < 0.0, math.inf, sigmas).min(axis=1)))]

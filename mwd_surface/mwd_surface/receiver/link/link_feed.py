@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One link fed with bursts as they arrive: stamps become times since the first sample, pressure waits for strokes."""
+"""Feed of one link with bursts as they arrive: converts stamps to times, and holds pressure until its strokes came."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from mwd_surface.receiver.link.link import Link, LinkOutput
 from mwd_surface.receiver.link.link_attitude import AgeRules
 
 _BACK_S = 5.0
-_LONGEST_GAP_S = 3600.0  # a longer one begins anew: no sync outlives it, and filling it would take seconds
-# Pressure waits so long, s of its own time and of the clock, for the strokes up to its end. Both: bursts that come
-# together say nothing of a counter, and neither does a replay that pauses.
+_LONGEST_GAP_S = 3600.0  # a longer gap restarts the link: no sync lasts that long, and filling it takes seconds
+# Longest wait of pressure for the strokes up to its end, s, both in its own time and on the clock. Both are needed:
+# bursts that arrive together do not show that a counter failed, and a paused replay does not either.
 _WAIT_S = 10.0
 _EARLY = 200
 
 
 class _Burst(NamedTuple):
-    """Stamps of the first sample and of the end, ns, s between samples, samples, and when it arrived, s."""
+    """Stamps of the first sample and of the end, ns; time between samples, s; samples; time of arrival, s."""
 
     start_ns: int
     end_ns: int
@@ -40,22 +40,22 @@ class LinkFeed:
     """
     One link and the clock of its samples.
 
-    Pressure waits for the strokes up to its end, so that the words are those that the recording decodes to.
+    Pressure waits for the pump strokes up to its end, so that live words equal those decoded from the recording.
 
     Parameters
     ----------
     tool : ToolConfiguration
-        As in the tool.
+        Tool configuration, the same as in the tool.
     rules : AgeRules
     warn : callable
-        Called with a sentence where the link begins anew.
+        Called with a sentence each time the link is restarted.
     clock : callable
-        Steady time, s, by which a counter of strokes is given up.
+        Steady time, s, that decides when to stop waiting for a stroke counter.
 
     Attributes
     ----------
     tool, in_force : ToolConfiguration
-        As configured, and as a downlink has changed it.
+        Configuration from the settings, and configuration after downlink commands.
     following : FollowingLink
     """
 
@@ -67,7 +67,7 @@ class LinkFeed:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.tool, self.in_force, self._rules, self._warn, self._clock = tool, tool, rules, warn, clock
-        # Strokes before the first pressure tell the crank angle at its beginning.
+        # Keep the strokes before the first pressure sample: they give the crank angle at its beginning.
         self._early: deque[tuple[int, int]] = deque(maxlen=_EARLY)
         self._strokes_until: int | None = None
         self._begin()
@@ -84,19 +84,19 @@ class LinkFeed:
         return self.following.link
 
     def stamp_of(self, seconds: float) -> int:
-        """Stamp, ns, of a time on the clock of the samples, s."""
+        """Return the stamp, ns, of a time on the clock of the samples, s."""
         return (self._origin_ns or 0) + round(seconds * NANOSECONDS)
 
     def seconds(self, stamp_ns: int) -> float | None:
-        """Time on the clock of the samples, s, of a stamp; None before the first sample."""
+        """Return the time on the clock of the samples, s, of a stamp; None before the first sample."""
         return None if self._origin_ns is None else (stamp_ns - self._origin_ns) / NANOSECONDS
 
     def push(self, start_ns: int, period_s: float, values: Array) -> LinkOutput:
         """
-        Take a burst: stamp of its first sample, ns, time between samples, s, and samples, shape (n,).
+        Add a burst: stamp of its first sample, ns, time between samples, s, and samples, shape (n,).
 
-        A time that goes back, or on by more than an hour, begins the link anew. Give the strokes that have arrived
-        before: this gives up a counter whose strokes do not come.
+        The link restarts if the time jumps back, or forward by more than an hour. Call `take_strokes` first for strokes
+        that have already arrived, because this call stops waiting for a counter that stays silent.
         """
         newest = self._waiting[-1].start_ns if self._waiting else self.stamp_of(self.link.now_s) if self.heard else None
         if newest is not None:
@@ -122,7 +122,7 @@ class LinkFeed:
         return math.isfinite(self.link.now_s)
 
     def take_strokes(self, until_ns: int, strokes: Sequence[tuple[int, int]]) -> LinkOutput:
-        """Take strokes of pumps: pump and stamp, ns, of each; until_ns: up to which there are no others."""
+        """Add strokes, each a pump and a stamp, ns; until_ns: no other strokes come before this stamp."""
         if self._origin_ns is None:
             self._early += strokes
         else:
@@ -138,7 +138,7 @@ class LinkFeed:
             self.following.take_strokes(pump, np.array(seconds))
 
     def finish(self) -> LinkOutput:
-        """Give what is left when no more samples come."""
+        """Return the output that is left when no more samples come."""
         out = LinkOutput()
         while self._waiting:
             out.add(self._use())
@@ -152,7 +152,7 @@ class LinkFeed:
         return out
 
     def _given_up(self) -> bool:
-        """Whether the oldest burst has waited too long for its strokes: the counter has failed."""
+        """Return whether the oldest burst has waited too long for strokes, which means the counter has failed."""
         oldest, newest = self._waiting[0], self._waiting[-1]
         of_data = (newest.end_ns - oldest.end_ns) / NANOSECONDS
         return of_data > _WAIT_S and newest.arrived_s - oldest.arrived_s > _WAIT_S
@@ -162,7 +162,7 @@ class LinkFeed:
         start_s = (burst.start_ns - (self._origin_ns or 0)) / NANOSECONDS
         at = start_s + burst.period_s * np.arange(len(burst.values), dtype=np.float64)
         out = self.following.push(at, burst.values)
-        # Of each burst, for in a backlog many are used at once, and no state between may be lost.
+        # Check the state after each burst: a backlog is used in one call, and no state in between may be lost.
         quality = self.link.quality()
         if (quality.state, quality.reason) != self._stated:
             self._stated = (quality.state, quality.reason)

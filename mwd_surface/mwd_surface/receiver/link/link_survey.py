@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A survey from the words of a link: angles, totals, covariance and verdict, with the errors of a tool code.
+Survey from the words of a link: angles, totals, covariance and verdict, with the errors of a tool code.
 
-The six axes stay in the tool. What they were, apart from the toolface, follows from the angles and totals received; the
-errors of the tool code propagate through them as through measured ones, and the rounding of the words is added.
+The tool does not send its six axes. They are reconstructed from the received angles and totals, except for the
+toolface. The errors of the tool code propagate through the reconstructed axes as through measured ones, and the
+rounding of the words is added.
 """
 
 from __future__ import annotations
@@ -32,27 +33,27 @@ from mwd_surface.surveys.survey_record import RECEIVED_OVER, AzimuthEstimate, Ni
 from mwd_surface.trajectory.north import North
 
 _VERDICTS = {"accept": Verdict.ACCEPT, "doubtful": Verdict.DOUBTFUL, "reject": Verdict.REJECT}
-# Where nothing was received of it: an ordinary field, for the size of errors only.
+# Ordinary field, used only for the size of the errors where no field word was received.
 _FIELD, _DIP = 5.0e-5, math.radians(65.0)
 _NAMESPACE = uuid.UUID("5b0cfe2c-94f6-4d0e-9c1f-6f0cbd0a5f5e")
 
 
-# How long after the begin of a rest the middle of its survey is at the latest, s.
+# Latest middle of a survey after the beginning of a rest, s.
 SETTLE_S = 6.0
-# Clocks of links and the ends of rests agree so far, s.
+# Tolerance between the clocks of links and the ends of rests, s.
 _CLOCKS_S = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
 class SurveyTime:
-    """When a survey was taken, ns, and half of the time at rest round it, s; inf: unknown, the stamp is the latest."""
+    """Stamp of a survey, ns, and half of the rest around it, s; inf: rest unknown, stamp is the latest time."""
 
     stamp_ns: int
     half_s: float
 
     @property
     def _rest_s(self) -> tuple[float, float]:
-        """Begin and end of the rest, s; of one that is not known all the time before."""
+        """Begin and end of the rest, s; an unknown rest begins at -inf."""
         if not self.known:
             return -math.inf, self.stamp_ns / NANOSECONDS
         begin = self.stamp_ns / NANOSECONDS - min(self.half_s, SETTLE_S)
@@ -64,13 +65,13 @@ class SurveyTime:
         return math.isfinite(self.half_s)
 
     def in_rest_of(self, other: SurveyTime) -> bool:
-        """Whether both rests can be one: are, where both are known."""
+        """Return whether both surveys may come from one rest; if both rests are known, whether they do."""
         (one_begin, one_end), (two_begin, two_end) = self._rest_s, other._rest_s
         return max(one_begin, two_begin) <= min(one_end, two_end) + _CLOCKS_S
 
 
 class HeardSurvey(NamedTuple):
-    """Words of a survey as one link brought them: its name, when it was taken, believed words by their meaning."""
+    """Survey as received over one link: name of the link, time, and the believed words by meaning."""
 
     link: str
     at: SurveyTime
@@ -87,7 +88,7 @@ def survey(
     quality: QualitySettings | None = None,
 ) -> Survey | None:
     """
-    Survey of the believed words of one pass; None where the inclination is not among them.
+    Build a survey from the believed words of one pass; None if the inclination is not among them.
 
     Parameters
     ----------
@@ -99,9 +100,9 @@ def survey(
     link : str
         Name of the link, for the reasons.
     reference : Reference or None
-        Field of the place; without one the totals are not judged and the azimuth stays magnetic.
+        Reference field at the site; without it the totals are not judged and the azimuth stays magnetic.
     errors : SensorErrors, optional
-        Of the tool code; default: ordinary MWD.
+        Errors of the tool code; ordinary MWD by default.
     quality : QualitySettings, optional
     """
     if meanings.INCLINATION not in values:
@@ -145,7 +146,7 @@ def _uuid(values: dict[str, LinkValue], at: SurveyTime, link: str) -> str:
 
 
 def _totals(values: dict[str, LinkValue], deviations: Deviations, quality: QualitySettings) -> dict[str, Any]:
-    """Totals as received, with what they may deviate."""
+    """Return the received totals, with their deviations from the reference and the limits of these deviations."""
     limits = np.nan_to_num(totals.bounds(deviations, quality), nan=-1.0)
     apart = (deviations.gravity, deviations.field, deviations.dip)
     return {
@@ -164,7 +165,7 @@ def _value(values: dict[str, LinkValue], quantity: str, otherwise: float) -> flo
 
 
 def _axes(values: dict[str, LinkValue], reference: Reference | None) -> tuple[Array, Array]:
-    """Specific force and field in tool axes that give the values received, toolface at the high side."""
+    """Return specific force and field in tool axes that reproduce the received values, with toolface at high side."""
     usual = (reference.total, reference.dip) if reference is not None else (None, None)
     g = _value(values, meanings.G_TOTAL, STANDARD_GRAVITY)
     b = _value(values, meanings.B_TOTAL, usual[0] or _FIELD)
@@ -182,7 +183,7 @@ def _angle_covariance(
     errors: SensorErrors,
     reference: Reference | None,
 ) -> Nine:
-    """Covariance of (inclination, azimuth, toolface): the tool's own sigma where it was sent, else the tool code's."""
+    """Return the covariance of (inclination, azimuth, toolface), from the tool's sigma if sent, else the tool code."""
     inclination = values[meanings.INCLINATION]
     covariance_s = covariance_s.copy()
     covariance_s[3, 3] += (errors.axial_interference_nt * 1e-9) ** 2
@@ -203,7 +204,7 @@ def _angle_covariance(
 
 
 def _deviations(values: dict[str, LinkValue], reference: Reference | None, covariance: Array) -> Deviations:
-    """Totals against the reference; nan where one of both is not known. Rounding adds to the covariance."""
+    """Return the totals minus the reference, NaN where either is unknown; word rounding is added to the covariance."""
     found = []
     for k, (quantity, of_reference) in enumerate(
         ((meanings.G_TOTAL, "gravity"), (meanings.B_TOTAL, "total"), (meanings.DIP, "dip"))
@@ -217,7 +218,7 @@ def _deviations(values: dict[str, LinkValue], reference: Reference | None, covar
 def _verdicts(
     values: dict[str, LinkValue], deviations: Deviations, angles: Nine, quality: QualitySettings
 ) -> tuple[tuple[Verdict, Verdict], list[str]]:
-    """Verdict of inclination and azimuth, and the reasons, the gravest first."""
+    """Return the verdicts of inclination and azimuth, and the reasons, most serious first."""
     field = totals.judge(deviations, quality)
     nothing = dataclasses.replace(deviations, field=math.nan, dip=math.nan)
     gravity = totals.judge(nothing, quality)
@@ -236,7 +237,7 @@ def _verdicts(
 
 
 def _far_off(sigma: float, far_deg: float) -> float:
-    """Probability that an azimuth of so many rad of sigma has an error that a well must not have."""
+    """Return the probability that an azimuth with this sigma, rad, is wrong by more than `far_deg`."""
     return math.erfc(math.radians(far_deg) / (math.sqrt(2.0) * sigma))
 
 
@@ -244,7 +245,7 @@ _TOTALS = {"total gravity": meanings.G_TOTAL, "total field": meanings.B_TOTAL, "
 
 
 def north_of(reference: Reference | None) -> tuple[North, float]:
-    """Best north that the reference leads to, and what turns a magnetic azimuth to it, rad."""
+    """Return the best north that the reference allows, and the angle that turns a magnetic azimuth to it, rad."""
     north = best_north(reference)
     return North[north.upper()], north_correction(reference, north) or 0.0
 

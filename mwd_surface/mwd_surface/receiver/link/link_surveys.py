@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-One list of surveys from all links of a tool: none twice, each with the better word of every quantity.
+Merge of the surveys of all links of a tool: no survey twice, and each quantity from its better word.
 
-Words of one survey that came over several links, or again over one, were taken in the same rest.
+Words that arrive over several links, or again over one link, belong to one survey if they were taken in the same rest.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from mwd_surface.surveys.survey_record import Survey
 _OF_SURVEY = (meanings.INCLINATION, meanings.AZIMUTH, meanings.G_TOTAL, meanings.B_TOTAL, meanings.DIP)
 _ANGLES = (meanings.AZIMUTH,)
 _SPARE_S = 30.0
-# Values rounded by two words differ by half a step of each at most; sigma is a step over the root of 12.
+# Two roundings of one value differ by at most half a step of each; the sigma of a word is its step over sqrt(12).
 _HALF_STEPS = 0.5 * math.sqrt(12.0) * 1.01
 
 
 @dataclasses.dataclass
 class _Station:
-    """What is known of the newest survey: its time, values and the link each came over, until when it waits."""
+    """Newest survey: its time, values, the link of each value, and the stamp until which it waits for more words."""
 
     heard: HeardSurvey
     values: dict[str, LinkValue]
@@ -42,23 +42,23 @@ class _Station:
 
 class LinkSurveys:
     """
-    Surveys of one tool, in order.
+    Surveys of one tool, in order of time.
 
     Parameters
     ----------
     tools : sequence of ToolConfiguration
-        Of each link. With several, a survey that lacks a word waits for the other links to bring it.
+        Configuration of each link. With several links, a survey that lacks a word waits for another link to bring it.
     reference : callable
-        Field of the place at a stamp, ns; None where it is not configured.
+        Returns the reference field at a stamp, ns, or None if it is not configured.
     errors : SensorErrors, optional
-        Of the tool code, where the tool sends no sigma.
+        Errors of the tool code, used where the tool sends no sigma.
     quality : QualitySettings, optional
-        When a survey is accepted, as of the estimator.
+        Acceptance limits of a survey, the same as the estimator's.
 
     Attributes
     ----------
     quality : QualitySettings
-        For surveys to come.
+        Acceptance limits of the surveys to come.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class LinkSurveys:
         self._count = 0
 
     def take(self, heard: HeardSurvey, now_ns: int) -> list[Survey]:
-        """Take the words of a pass, as of a stamp, ns; gives the surveys that are complete by it."""
+        """Add the words of a pass received by a stamp, ns; return the surveys that are now complete."""
         station, out = self._station, []
         if station is None or not _same(station, heard):
             out = self._ended(station)
@@ -88,24 +88,24 @@ class LinkSurveys:
             for quantity, value in heard.values.items():
                 if quantity not in station.values or _better(value, station.values[quantity], quantity):
                     station.values[quantity], station.links[quantity] = value, heard.link
-            # What is sent again after a rest too short for a survey was taken in the rest before.
+            # Words sent again after a rest too short for a survey belong to the survey of the rest before.
             if heard.at.half_s < station.heard.at.half_s and heard.at.in_rest_of(station.heard.at):
                 station.heard = station.heard._replace(at=heard.at)
         return out + self.advance(now_ns)
 
     def advance(self, now_ns: int) -> list[Survey]:
-        """Surveys that have waited long enough as of a stamp, ns."""
+        """Return the surveys that have waited long enough at a stamp, ns."""
         station = self._station
         if station is None or (not self._wanted <= station.values.keys() and now_ns < station.until_ns):
             return []
         return self._ended(station)
 
     def finish(self) -> list[Survey]:
-        """Give what waits when no more words come."""
+        """Return the survey that still waits when no more words come."""
         return self._ended(self._station)
 
     def _ended(self, station: _Station | None) -> list[Survey]:
-        """Survey of a station, unless it was given and nothing that it needs has come since."""
+        """Return the survey of a station, unless it was returned before and no needed word has come since."""
         if station is None:
             return []
         known = frozenset(station.values.keys() & {meanings.INCLINATION, meanings.AZIMUTH})
@@ -128,14 +128,15 @@ def _longest_s(tool: ToolConfiguration) -> float:
 
 def _same(station: _Station, heard: HeardSurvey) -> bool:
     """
-    Whether words are of the survey before.
+    Return whether received words belong to the survey of a station.
 
-    A tool takes a new survey in each rest that is long enough for one, and in a straight hole it may have the codes of
-    the survey before: so words of two such rests are never one survey, however equal. Within a rest, over another link
-    they are one; over the same link, where the tool sent again what may be a survey taken while the string moved, if
-    they are equal in all that both have, an angle among it. The same holds where a rest is too short or not known; one
-    that was not seen ended before the survey was sent.
-    Totals hardly change from station to station: alike, they alone do not tell one survey from the next.
+    - A tool takes a new survey in each rest that is long enough. In a straight hole it may have the same codes as the
+      survey before, so words from two such rests are never one survey, however equal they are.
+    - Words from one rest over different links are one survey.
+    - Words from one rest over the same link, or from rests that are too short or unknown, are one survey if they agree
+      in every quantity that both have and if one of these is an angle. Otherwise the tool may have sent a second
+      survey, taken while the string moved. A rest that was not seen ended before the survey was sent.
+    - Totals alone prove nothing, because they hardly change from station to station.
     """
     one, two = station.heard.at, heard.at
     same_rest = one.in_rest_of(two)
@@ -151,7 +152,7 @@ def _same(station: _Station, heard: HeardSurvey) -> bool:
 
 
 def _agree(one: LinkValue, two: LinkValue, quantity: str) -> bool:
-    """Whether two words can be of one value: the same code, or within the rounding of both where their steps differ."""
+    """Return whether two words may have the same value: equal codes, or equal within rounding if their steps differ."""
     if one.sigma == two.sigma:
         return one.raw == two.raw
     off = one.value - two.value
@@ -161,7 +162,7 @@ def _agree(one: LinkValue, two: LinkValue, quantity: str) -> bool:
 
 
 def _better(new: LinkValue, old: LinkValue, quantity: str) -> bool:
-    """Whether a word is to be used in place of another: the finer one, or where they differ the surer one."""
+    """Return whether a word should replace another: the finer one if they agree, else the one with more confidence."""
     if _agree(new, old, quantity):
         return new.sigma < old.sigma
     return new.confidence > old.confidence

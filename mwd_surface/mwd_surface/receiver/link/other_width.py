@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether a tool sends pulses of another width than its configuration says: the usual widths are tried.
+Test whether a tool sends pulses of another width than its configuration says, by trying the usual widths.
 
-A width counts once a word is believed by it, which takes sync and parities.
+A width is accepted once a word is believed with it, which needs a sync and parities.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from mwd_surface.receiver.pulse.pulse_receiver import PulseReceiver
 from mwd_surface.receiver.pulse.pulse_widths import WIDTHS_S
 from mwd_surface.receiver.words import BELIEVED
 
-# So much of a recording is tried from a flow-on, s: a survey of 133 s in pulses of 0.8 s takes 332 s in the widest.
+# Length of recording that is tried from flow-on, s: a survey of 133 s with 0.8 s pulses takes 332 s with the widest.
 _TRIED_S = 900.0
 
 
 def other_widths(tool: ToolConfiguration) -> list[float]:
-    """Usual pulse widths but the tool's own, s, the nearest first."""
+    """Return the usual pulse widths other than the tool's own, s, nearest first."""
     others = [one for one in WIDTHS_S if not math.isclose(one, tool.pulse_width_s)]
     return sorted(others, key=lambda one: abs(math.log(one / tool.pulse_width_s)))
 
@@ -33,14 +33,14 @@ def other_widths(tool: ToolConfiguration) -> list[float]:
 def believed_with(
     tool: ToolConfiguration, width_s: float, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
 ) -> bool:
-    """Whether a word is believed with another pulse width; arrays of shape (n,): s, Pa; strokes of each pump, s."""
+    """Return whether a word is believed with this pulse width; arrays, shape (n,): s and Pa; strokes per pump, s."""
     receiver = PulseReceiver(dataclasses.replace(tool, pulse_width_s=width_s))
     for pump, times in strokes.items():
         receiver.strokes(pump, times)
     try:
         got = receiver.push(time_s, pressure_pa)
     except ValueError:
-        # The samples are too far apart for such pulses.
+        # The samples are too far apart for pulses of this width.
         return False
     got.add(receiver.finish())
     return any(word.status == BELIEVED for word in got.words)
@@ -49,7 +49,7 @@ def believed_with(
 def sent_width(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array]
 ) -> float | None:
-    """Pulse width by which words of a recording are believed, s, arguments as `believed_with`; None: none is."""
+    """Return the pulse width with which words are believed, s, or None; arguments as in `believed_with`."""
     on_s = _longest_flow(time_s, pressure_pa)
     first = (time_s >= on_s) & (time_s < on_s + _TRIED_S)
     tried = time_s[first], pressure_pa[first], strokes
@@ -57,17 +57,17 @@ def sent_width(
 
 
 def _longest_flow(time_s: Array, pressure_pa: Array) -> float:
-    """When the flow came on for the longest, s; the first time where no flow-on is seen."""
+    """Return when the longest flow began, s; the first time if no flow-on is seen."""
     flow = FlowSpans()
     flow.push(time_s, pressure_pa)
     ends = [*(span.start_s for span in flow.spans[1:]), float(time_s[-1])]
-    # The last span may last to the end: no flow follows it.
+    # The last span without flow may last to the end, with no flow after it.
     flows = [(end - span.end_s, span.end_s) for span, end in zip(flow.spans, ends, strict=False)]
     return max((one for one in flows if math.isfinite(one[1])), default=(0.0, float(time_s[0])))[1]
 
 
 def sentence(tool: ToolConfiguration, width_s: float) -> str:
-    """What is said of a pulse width that was found."""
+    """Return the message for a pulse width that was found."""
     return (
         f"the tool sends pulses of {width_s:g} s, not of {tool.pulse_width_s:g} s as set here: change pulse_width_s of"
         " the tool configuration"
@@ -76,7 +76,7 @@ def sentence(tool: ToolConfiguration, width_s: float) -> str:
 
 class OtherWidth:
     """
-    Search for another pulse width in the pressure since flow-on: one width a second, however the samples are cut.
+    Search for another pulse width in the pressure since flow-on, one width per second of samples.
 
     Parameters
     ----------
@@ -98,16 +98,17 @@ class OtherWidth:
 
     def push(self, time_s: Array, pressure_pa: Array, since_s: float, first_s: float) -> None:
         """
-        Take samples of one second, or of a part of it; the first ones of a second search in what came before it.
+        Add samples of one second or of a part of it. The first call in a second searches the samples before it.
 
         Parameters
         ----------
         time_s, pressure_pa : ndarray, shape (n,)
             Rising times, s, and Pa.
         since_s : float
-            When the flow came on, as known before these samples; -inf: it is not, and the sync may have gone by.
+            Time of flow-on as known before these samples, s; -inf if unknown, and the sync may have been missed.
         first_s : float
-            How long after that the first search begins, s; a second one, for wider pulses, after twice the time.
+            Delay of the first search after flow-on, s; a second search, for wider pulses, follows after twice this
+            time.
         """
         second = float(np.floor(time_s[0]))
         if second != self._second:
@@ -117,7 +118,7 @@ class OtherWidth:
             self._kept.append((time_s, pressure_pa))
 
     def end(self) -> None:
-        """Search no more until the flow comes on anew: words are heard."""
+        """Stop searching until the next flow-on, because words are being received."""
         self._due, self._untried, self._kept, self.found_s = [], [], [], None
 
     def _search(self, since_s: float, first_s: float) -> None:

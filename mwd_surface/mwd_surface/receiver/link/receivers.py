@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiver of each code; all of them are used in the same way."""
+"""Choice of the receiver for a telemetry code; all receivers have the same interface."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from mwd_surface.receiver.words import Reception
 
 
 class Receiver(Protocol):
-    """What takes samples (pressure, Pa; voltage, V; bytes) and gives words; any cut of them gives the same."""
+    """Interface of a receiver: samples (pressure, Pa; voltage, V; bytes) in, words out, independent of the cut."""
 
     last_sync_s: float
-    """Start of the last sync, marker or frame that was found, s; -inf before the first."""
+    """Begin of the last sync, marker or frame found, s; -inf before the first."""
 
     def push(self, time_s: Array, value: Array, /) -> Reception:
-        """Take samples, shape (n,) each; gives what they complete."""
+        """Add samples, shape (n,) each, and return what they complete."""
         ...
 
     def finish(self) -> Reception:
-        """Words of what is left at the end."""
+        """Return the words of the samples that are left at the end."""
         ...
 
     def why_nothing(self) -> str:
-        """Reason in one sentence why there is no word."""
+        """Return the reason, in one sentence, why no word was received."""
         ...
 
 
 def receiver_of(tool: ToolConfiguration, flow: FlowSpans | None = None) -> Receiver:
     """
-    Receiver of a tool; flow: as `PulseReceiver`, for the others do without.
+    Return the receiver for a tool; flow: as in `PulseReceiver`, other receivers do not use it.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether the tool is silent because of the flow: one decision, from the pressure, the rig's flow and the words.
+Decision whether the tool is silent because of the flow, from the pressure, the rig's flow and the received words.
 
-The pressure says whether the pumps are on, the rig's flow on which side of the tool's threshold it is. Where they
-contradict each other the pressure decides, and words that arrive refute both.
+The pressure shows whether the pumps are on; the rig's flow shows on which side of the tool's threshold it is. Where the
+two contradict each other, the pressure decides. A received word overrules both.
 """
 
 from __future__ import annotations
@@ -16,37 +16,39 @@ from mwd_sensors.telemetry.switch import FLOW_HOLD_S, Switch
 from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.flow_spans import OFF, FlowSpans
 
-# A flow older than this says nothing of now, s; rigs report it every second or few.
+# A reported flow older than this is not used, s; rigs report it every second or every few seconds.
 _FRESH_S = 5.0
-# Least share of the tool's threshold at which the pressure can show running pumps: it then is at least the share OFF
-# of the pressure while the tool sends, and friction grows with the flow to this power (turbulent, Blasius).
+# Least share of the tool's threshold at which the pressure can still show running pumps: the pressure is then at least
+# the share OFF of the pressure while the tool sends, and friction grows with this power of flow (turbulent, Blasius).
 _LEAST_SHARE = OFF ** (1.0 / 1.75)
 _OFF = "the pumps are off, or their flow is below the tool's threshold: the tool is silent"
 
 
 class ToolFlow:
     """
-    The flow as the tool takes it.
+    Flow relative to the threshold of the tool.
 
     Parameters
     ----------
     tool : ToolConfiguration
-        As in the tool.
+        Tool configuration, the same as in the tool.
     spans : FlowSpans
-        Spans without flow; those of a link through the earth are entered here, from the rig's flow.
+        Spans without flow; for a link through the earth this class adds them from the rig's flow.
     """
 
     def __init__(self, tool: ToolConfiguration, spans: FlowSpans) -> None:
         self._tool, self.spans = tool, spans
         self._switch: Switch | None = None
-        # When the rig last reported a flow, and since when it is on this side of the threshold, s; -inf: not known.
+        # Time of the rig's last flow, and since when the flow has been on this side of the threshold, s; -inf if
+        # unknown.
         self._at_s = self._since_s = -math.inf
-        # Newest flow on the side of the threshold that counts, m^3/s, and whether one on the other side came since.
+        # Newest flow on the side of the threshold that counts, m^3/s, and whether a flow on the other side has come
+        # since.
         self._rate, self._changing = 0.0, False
         self._word_s = -math.inf
 
     def take(self, at_s: float, rate: float | None) -> None:
-        """Take the flow that the rig reports at a time, s: m^3/s; None: it reports none."""
+        """Add the flow that the rig reports at a time, s, in m^3/s; None if it reports none."""
         if rate is None or not math.isfinite(rate):
             self._at_s = -math.inf
             return
@@ -63,15 +65,15 @@ class ToolFlow:
             self.spans.switch(self._since_s, above)
 
     def take_word(self, start_s: float) -> None:
-        """Take that a usable word began on air at a time, s."""
+        """Record that a usable word began at a time, s."""
         self._word_s = max(self._word_s, start_s)
 
     def on_since(self, now_s: float) -> float:
-        """Since when the tool may have its flow, s, as of now; -inf: its begin was not seen."""
+        """Return since when the tool may have its flow, s, as of now; -inf if the beginning was not seen."""
         return max(self.spans.on_since(now_s), self._since_s if self._above(now_s) else -math.inf)
 
     def silence(self, now_s: float) -> str:
-        """Why the tool sends nothing now, in a sentence; empty: it may send, as a tool on a wire always does."""
+        """Return why the tool sends nothing now; empty if it may send, as a tool on a wire always may."""
         if self._tool.medium == "serial":
             return ""
         above, pumping = self._above(now_s), self._pumping(now_s)
@@ -87,7 +89,7 @@ class ToolFlow:
         )
 
     def contradiction(self, now_s: float) -> str:
-        """How pressure and rig's flow contradict each other now, in a sentence; empty: they do not."""
+        """Return how pressure and the rig's flow contradict each other now; empty if they agree."""
         above, pumping = self._above(now_s), self._pumping(now_s)
         reported = f"the rig reports a flow of {self._rate / LPM:.0f} l/min"
         if above is False and pumping and self._rate < _LEAST_SHARE * self._tool.flow_threshold:
@@ -97,9 +99,9 @@ class ToolFlow:
         return ""
 
     def _above(self, now_s: float) -> bool | None:
-        """Whether the rig's flow is above the threshold; None: it is not known, or no more."""
+        """Return whether the rig's flow is above the threshold; None if there is no recent flow."""
         return self._switch.on if self._switch is not None and now_s - self._at_s < _FRESH_S else None
 
     def _pumping(self, now_s: float) -> bool | None:
-        """Whether the pumps are on by the pressure; None: it is not known."""
+        """Return whether the pumps are on by the pressure; None if unknown."""
         return self.spans.flowing(now_s) if self._tool.medium == "mud" else None

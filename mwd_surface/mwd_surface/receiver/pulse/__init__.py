@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words from pressure pulses: sync, clock, response of the channel, packets."""
+"""Words from pressure pulses: sync, clock, channel response and packets."""

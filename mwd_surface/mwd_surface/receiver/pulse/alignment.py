@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Whether the words behind a sync are some TU off.
+Test whether the words after a sync are shifted by some TU.
 
-Noise in a sync widens the response that it teaches. The words behind it may then be taken for others, all of them one
-TU off, with which the response and the clock that learn from these words agree; behind a clock that is far off, words
-are the farther off the later they are. So sync and words are decoded together once more, from the places decided and
-from those one TU earlier and later, and again from the likeliest of these as long as that is better.
+Noise in a sync widens the response estimated from it. The words after it may then be decoded one TU off, and the
+response and clock estimated from these words agree with the error; if the clock is far off, later words are shifted
+further. Sync and words are therefore decoded together again, from the decided places and from places one TU earlier and
+later; this repeats from the best of these while the evidence improves.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from mwd_sensors.core.arrays import Array, Indices
 from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.tool_clock import ToolClock
 
-# Log likelihood ratio from which on other places are taken for the right ones: noise has it once in 20 000 cases.
+# Log likelihood ratio above which shifted places replace the decided ones; noise reaches it once in 20 000 cases.
 _BETTER = 10.0
 
 
 class Aligned(NamedTuple):
     """
-    Sync and words decoded together.
+    Result of decoding sync and words together.
 
     Attributes
     ----------
     clock : ToolClock
     channel : Channel
     probability : ndarray, shape (k, values)
-        Of the packets' values.
+        Probability of each value of each packet.
     evidence : float
-        Log likelihood ratio of the pulses to none.
+        Log likelihood ratio of the pulses against no pulses.
     """
 
     clock: ToolClock
@@ -49,28 +49,28 @@ Decoder = Callable[[ToolClock, Array, segment.Channel], segment.Decision]
 
 def align(decode: Decoder, rows: Indices, start: Aligned) -> Aligned:
     """
-    Move the words where that is likelier.
+    Shift the words where that is more likely.
 
     Parameters
     ----------
     decode : callable
-        Decodes sync and words with a clock and a channel to begin with, and the probabilities of the packets' values;
-        the response learns from all of them. Its timing is that of the transmission.
+        Decodes sync and words, starting from a clock, a channel and the probabilities of the packet values. The
+        response is estimated from all of them; the timing of the result is that of the whole transmission.
     rows : ndarray, shape (k, 6)
-        Packets of the sync and of what comes behind it.
+        Packets of the sync and of the words after it.
     start : Aligned
-        As decoded stretch by stretch.
+        Result of the stretch-by-stretch decoder.
 
     Returns
     -------
     Aligned
-        `start` where the words stay. A packet moves by no more TU than its window has places.
+        `start` if the words do not move. A packet moves by at most as many TU as its window has places.
     """
     stays = best = _from(decode, rows, start, 0)
-    # After as many moves as a window has places, nothing of the words decided is left in it.
+    # After as many shifts as a window has places, none of the original words is left in it.
     for _ in range(int(rows[:, trellis.COUNT].max())):
         other = max((_from(decode, rows, best, by) for by in (-1, 1)), key=lambda one: one.evidence)
-        # Evidence that is no number decides nothing.
+        # An evidence of NaN or infinity decides nothing.
         if not _BETTER <= other.evidence - best.evidence < math.inf:
             break
         best = other
@@ -78,7 +78,7 @@ def align(decode: Decoder, rows: Indices, start: Aligned) -> Aligned:
 
 
 def _from(decode: Decoder, rows: Indices, start: Aligned, by: int) -> Aligned:
-    """Sync and words as decoded from places later by some TU: first with the clock before, then with their own."""
+    """Decode sync and words from places shifted by some TU: first with the start clock, then with their own."""
     decision = decode(start.clock, moved(rows, start.probability, by), start.channel)
     clock, _ = start.clock.followed(decision.timing, None)
     decision = decode(clock, decision.probability, decision.channel)
@@ -86,7 +86,7 @@ def _from(decode: Decoder, rows: Indices, start: Aligned, by: int) -> Aligned:
 
 
 def moved(rows: Indices, probability: Array, by: int) -> Array:
-    """Probability of packets' values with each pulse later by so many TU; what leaves its window may be anywhere."""
+    """Shift the packet value probabilities by some TU; probability that leaves its window is spread evenly over it."""
     count = rows[:, trellis.COUNT, None]
     at = np.arange(probability.shape[1])[None, :]
     value = np.where(rows[:, trellis.RISING, None] == 1, at - by, at + by)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The response of the channel to one pulse, estimated from pulses whose places are known or believed.
+Response of the channel to one pulse, estimated from pulses with known or believed places.
 
-The valve makes a rectangle of 2 TU; what the line and the gauge make of an impulse is a Gaussian process that is rough
-where the impulse arrives, smoother the later, and dies away. So the response is a Gaussian process, too, with the
-corners of the rectangle in it. Its largest components are the unknowns, so a few pulses suffice, and the estimate is
-the posterior mean (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006, section 2.1).
+The valve makes a rectangle of 2 TU. The impulse response of line and gauge is modelled as a Gaussian process: rough at
+the arrival of the impulse, smoother later, and decaying. The pulse response is then a Gaussian process too, with the
+corners of the rectangle in it. Only its largest components are estimated, so a few pulses suffice; the estimate is the
+posterior mean (C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, 2006, section 2.1).
 """
 
 from __future__ import annotations
@@ -18,31 +18,32 @@ from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.compiled import compiled
 
 SAMPLES_PER_TU = 4
-BEFORE = 12  # samples of the response before the nominal edge: a slow rise, and an error of the time of the sync
-# Length of the response: echoes of the string come within 2 depth / speed, and the line relaxes over seconds.
+BEFORE = 12  # samples of the response before the nominal edge, for a slow rise and a timing error of the sync
+# Length of the response: echoes of the string arrive within 2 depth / speed, and the line relaxes over seconds.
 _RESPONSE_S = 15.0
 _LEAST_TU, _MOST_TU = 24, 120
 _PULSE = 2 * SAMPLES_PER_TU
-# An impulse may arrive before its nominal time: 1 sigma of the time of a sync, samples, and of the arrival through some
-# km of mud, s.
+# Spread of the arrival before the nominal time, 1 sigma: timing error of a sync, samples, and travel through km of mud,
+# s.
 _EARLY_SAMPLES, _EARLY_S = 1.5, 0.2
-# Behind its arrival friction and echoes near the gauge last some tenths of a second; the line relaxes over seconds.
+# Decay after the arrival: friction and echoes near the gauge last tenths of a second, the line relaxes over seconds.
 _NEAR_S, _SLOW, _SLOW_S = 0.3, 0.1, 8.0
-# Correlation length at the arrival, samples, and in how many of them it doubles: friction takes high frequencies first.
+# Correlation length at the arrival, samples, and the number of those lengths in which it doubles: friction damps high
+# frequencies first.
 _ROUGH, _SMOOTHER = 1.5, 3.0
-_FEW = 1e-3  # expected pulses that are not worth counting
-_LEAST = 3e-4  # components below this share of the largest are left out
+_FEW = 1e-3  # expected number of pulses below which a term is skipped
+_LEAST = 3e-4  # share of the largest variance below which components are dropped
 
 
 def response_length(tu_s: float) -> int:
-    """Samples of the response for a time unit of so many seconds."""
+    """Return the length of the response, samples, for a time unit in s."""
     return SAMPLES_PER_TU * min(max(round(_RESPONSE_S / tu_s), _LEAST_TU), _MOST_TU)
 
 
 @functools.cache
 def basis(length: int, tu_s: float) -> Array:
     """
-    Components of the response.
+    Return the components of the response.
 
     Parameters
     ----------
@@ -54,7 +55,7 @@ def basis(length: int, tu_s: float) -> Array:
     Returns
     -------
     ndarray, shape (components, length)
-        Each is scaled by its standard deviation, so that their coefficients have equal variance.
+        Components, each scaled by its standard deviation so that all coefficients have equal variance.
     """
     at = np.arange(length, dtype=float) - BEFORE
     step_s = tu_s / SAMPLES_PER_TU
@@ -64,13 +65,13 @@ def basis(length: int, tu_s: float) -> Array:
     size *= np.minimum((at + BEFORE + 1.0) / 4.0, 1.0) * np.minimum((length - BEFORE - at) / 12.0, 1.0)
     lag = early + _SMOOTHER * np.log1p(late / _SMOOTHER)
     impulse = size[:, None] * size * np.exp(-0.5 * ((lag[:, None] - lag) / _ROUGH) ** 2)
-    # Trapezoidal rule over the time that the valve is closed.
+    # Integrate over the time that the valve is closed (trapezoidal rule).
     since = at[:, None] - at
     pulse = np.where((since >= 0.0) & (since <= _PULSE), 1.0, 0.0) - 0.5 * ((since == 0.0) | (since == _PULSE))
     covariance = pulse @ impulse @ pulse.T
     values, vectors = np.linalg.eigh(covariance)
     kept = values > _LEAST * values[-1]
-    # The sign of an eigenvector is arbitrary; fixed here, so that figures do not depend on the linear algebra library.
+    # The sign of an eigenvector is arbitrary; fix it, so that results do not depend on the linear algebra library.
     vectors = vectors[:, kept][:, ::-1]
     vectors = vectors * np.sign(vectors[np.argmax(np.abs(vectors), axis=0), np.arange(vectors.shape[1])])
     return np.ascontiguousarray((vectors * np.sqrt(values[kept][::-1])).T)
@@ -79,20 +80,20 @@ def basis(length: int, tu_s: float) -> Array:
 @compiled
 def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array, matrix: Array, right: Array) -> None:
     """
-    Normal equations of the coefficients.
+    Fill the normal equations of the coefficients.
 
     Parameters
     ----------
     train : ndarray, shape (n,)
         Expected number of edges at each sample.
     shapes : ndarray, shape (c, m)
-        Whitened components; the first sample lies `BEFORE` the edge.
+        Whitened components, which begin `BEFORE` samples before the edge.
     whitened : ndarray, shape (n,)
         Whitened pressure.
     weight : ndarray, shape (n,)
-        Of each sample.
+        Weight of each sample.
     matrix, right : ndarray, shapes (c, c), (c,)
-        Filled.
+        Filled by this function.
     """
     n, (c, m) = len(train), shapes.shape
     columns, turned = np.zeros((n, c)), np.ascontiguousarray(shapes.T)
@@ -120,21 +121,21 @@ def normal_equations(train: Array, shapes: Array, whitened: Array, weight: Array
 
 def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, float, Array]:
     """
-    Posterior of the coefficients, and their scale made anew from it.
+    Return the posterior of the coefficients and their re-estimated scale.
 
     Parameters
     ----------
     matrix, right : ndarray, shapes (c, c), (c,)
         Normal equations of whitened data.
     scale : float
-        Standard deviation of the coefficients before the data, Pa.
+        Prior standard deviation of the coefficients, Pa.
 
     Returns
     -------
     ndarray, shape (c,)
         Coefficients, Pa.
     float
-        Their standard deviation by expectation-maximisation.
+        Standard deviation of the coefficients, re-estimated by expectation-maximisation.
     ndarray, shape (c, c)
         Posterior covariance of the coefficients, Pa^2.
     """
@@ -147,17 +148,17 @@ def coefficients(matrix: Array, right: Array, scale: float) -> tuple[Array, floa
 @compiled
 def place_pairs(pulses: Array, weight: Array, out: Array) -> None:
     """
-    How probable it is that a pulse is at one place or at another one, by their distance.
+    Sum the probabilities that one pulse is at either of two places, by the distance of the places.
 
     Parameters
     ----------
     pulses : ndarray, shape (j, 3)
-        Places, samples; how probable each is; first sample of the window, the same for all places of one pulse, which
-        follow each other.
+        Place, samples; its probability; first sample of the window, which is the same for all places of one pulse. The
+        places of a pulse follow each other.
     weight : ndarray, shape (n,)
-        Of each sample.
+        Weight of each sample.
     out : ndarray, shape (k,)
-        Sum of the products of both probabilities by their distance, TU, each pulse with the weight of its samples.
+        Sum of the products of the two probabilities by distance, TU, weighted by the samples of each pulse.
     """
     out[:] = 0.0
     for a in range(len(pulses)):
@@ -173,15 +174,15 @@ def place_pairs(pulses: Array, weight: Array, out: Array) -> None:
 
 def spread(pairs: Array, shapes: Array) -> Array:
     """
-    What the unknown places of pulses add to the normal equations of expected pulses: the covariance of the columns.
+    Return the covariance that uncertain pulse places add to the normal equations of expected pulses.
 
-    Without it a response that learns from places chosen in noise grows with that noise (A. P. Dempster et al., J. R.
+    Without it, a response estimated from places chosen in noise grows with that noise (A. P. Dempster et al., J. R.
     Stat. Soc. B 39 (1977) 1).
 
     Parameters
     ----------
     pairs : ndarray, shape (k,)
-        As `place_pairs`.
+        Sums from `place_pairs`.
     shapes : ndarray, shape (c, m)
         Whitened components.
 
@@ -191,7 +192,7 @@ def spread(pairs: Array, shapes: Array) -> Array:
     """
     out = np.zeros((len(shapes), len(shapes)))
     gram = shapes @ shapes.T
-    # Two pulses at one place, gap 0, add nothing.
+    # A gap of 0 adds nothing: both pulses are at one place.
     for gap in 1 + np.flatnonzero(pairs[1:] > _FEW):
         k = SAMPLES_PER_TU * int(gap)
         common = shapes[:, k:] @ shapes[:, :-k].T
@@ -201,15 +202,15 @@ def spread(pairs: Array, shapes: Array) -> Array:
 
 def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
     """
-    Variance that an uncertain response adds to the decision between two places one TU apart, noise being 1.
+    Return the variance that an uncertain response adds to the decision between two places one TU apart, in noise units.
 
-    The error of the response meets the pulse and, where pulses are weak, the noise; the other place is the earlier or
-    the later one.
+    The error of the response multiplies the pulse and, where pulses are weak, the noise. The other place is either the
+    earlier or the later one.
 
     Parameters
     ----------
     u, covariance : ndarray, shapes (c,), (c, c)
-        Posterior of the coefficients.
+        Posterior mean and covariance of the coefficients.
     shapes : ndarray, shape (c, m)
         Whitened components.
     """
@@ -228,9 +229,9 @@ def uncertainty(u: Array, covariance: Array, shapes: Array) -> float:
 
 def sensitivity(response: Array) -> float:
     """
-    Standard deviation, noise being 1, that a time error of one sample adds to the decision of `uncertainty`.
+    Return the standard deviation, noise being 1, that a timing error of one sample adds to a decision between places.
 
-    response, shape (m,): whitened.
+    response, shape (m,): whitened response.
     """
     later = np.pad(response, (SAMPLES_PER_TU, 0))
     apart = np.pad(response, (0, SAMPLES_PER_TU)) - later
@@ -240,7 +241,7 @@ def sensitivity(response: Array) -> float:
 
 @compiled
 def reconstruct(train: Array, response: Array, out: Array) -> None:
-    """Pressure of a train of pulses; response begins `BEFORE` the edge. out, shape (n,), is filled."""
+    """Fill out, shape (n,), with the pressure of a train of pulses; the response begins `BEFORE` the edge."""
     out[:] = 0.0
     for i in range(len(train)):
         if train[i] > 1e-4:
@@ -253,18 +254,18 @@ def reconstruct(train: Array, response: Array, out: Array) -> None:
 @compiled
 def matched(whitened: Array, weight: Array, response: Array, start: int, out: Array, energy: Array) -> None:
     """
-    Matched filter at each TU.
+    Fill the output of the matched filter at each TU.
 
     Parameters
     ----------
     whitened, weight : ndarray, shape (n,)
         Whitened pressure and the weight of each sample.
     response : ndarray, shape (m,)
-        Whitened response, beginning `BEFORE` the edge.
+        Whitened response, which begins `BEFORE` samples before the edge.
     start : int
         Sample of the first place.
     out, energy : ndarray, shape (k,)
-        Correlation, and energy of the response as weighted there.
+        Correlation, and energy of the response under the weights at that place.
     """
     for k in range(len(out)):
         total = power = 0.0
@@ -279,7 +280,7 @@ def matched(whitened: Array, weight: Array, response: Array, start: int, out: Ar
 
 
 def common_energy(response: Array, places: int) -> Array:
-    """What two pulses 0, 1, 2 ... TU apart have in common; response, shape (m,), whitened. Returns shape (places,)."""
+    """Return the common energy of two pulses 0, 1, 2 ... TU apart; response, shape (m,), whitened; shape (places,)."""
     full = np.correlate(response, response, mode="full")[len(response) - 1 :: SAMPLES_PER_TU]
     out = np.zeros(places)
     out[: min(places, len(full))] = full[:places]

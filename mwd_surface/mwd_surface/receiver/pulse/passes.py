@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One pass of a sequence: its words stretch by stretch, decoded when they come and again when the pass is complete."""
+"""One pass of a sequence: each stretch of words is decoded as it arrives, and again when the pass is complete."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from mwd_surface.receiver.pulse import segment, trellis
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.words import packet_rows
 
-# Short words are decoded together until they have so many bits; a word of a survey alone, so that it is soon shown.
+# Least bits of a stretch: short words are decoded together; a survey word is long enough alone, so it is shown soon.
 _STRETCH_BITS = 12
-# What is there, and which sequence it is, is decided by so many bits.
+# Bits used to decide whether a sequence is present, and which one.
 LOOK_BITS = 30
 _BEAM = 16
-# Likelihoods to the power 1 / temperature (C. Guo et al., On Calibration of Modern Neural Networks, 2017), in steady
-# noise and in a disturbance, which is no noise of larger variance but has a shape, and may look like a pulse. With the
-# truth known, words are likeliest at 1 without disturbance, in white noise and in wells, and in stalls at 2 to 3,
-# however much of the word they take.
+# Likelihoods are raised to 1 / temperature (C. Guo et al., On Calibration of Modern Neural Networks, 2017): the first
+# in steady noise, the second in a disturbance. A disturbance is not just larger noise: it has a shape that may look
+# like a pulse. Against known words, the best temperature is 1 in undisturbed white noise and in wells, and 2 to 3 in
+# stalls, whatever share of the word they cover.
 _TEMPERATURES = (1.0, 2.5)
-# Least probability of a parity that float arithmetic tells from 0.
+# Least probability of a parity that floating point distinguishes from 0.
 _LEAST = tuple(1e-15 ** (1.0 / temperature) for temperature in _TEMPERATURES)
 
 
 class Place(NamedTuple):
-    """Place of a pulse, how probable it is, and begin of the window of its packet; samples of the transmission."""
+    """Possible place of a pulse, its probability, and the begin of its packet's window; samples of the transmission."""
 
     at: float
     chance: float
@@ -43,21 +43,21 @@ class Place(NamedTuple):
 @dataclasses.dataclass
 class Part:
     """
-    A word of a pass as it is known so far.
+    A decoded word of a pass, as estimated so far.
 
     Attributes
     ----------
     item : SequenceItem
     rows : ndarray, shape (k, 6)
-        Its packets, as `trellis.forward_backward`.
+        Packets of the word, as in `trellis.forward_backward`.
     at, length : int
-        First sample of the transmission; TU on air.
+        First sample of the word in the transmission; duration, TU.
     probability : ndarray, shape (k, values)
-        Of the packets' values.
+        Probability of each value of each packet.
     soft : Soft
     ebn0_db : float
     pulses : bool
-        Whether there were pulses at all.
+        Whether any pulses were found in the word.
     """
 
     item: SequenceItem
@@ -70,7 +70,7 @@ class Part:
     pulses: bool = True
 
     def places(self) -> list[Place]:
-        """Places of its pulses."""
+        """Return the possible places of the pulses of the word."""
         found: list[Place] = []
         if not self.pulses:
             return found
@@ -96,10 +96,10 @@ class Pass:
     start : int
         First sample of the transmission.
     done, at : int
-        Words decoded, and sample at which the next begins.
+        Number of decoded words, and the sample at which the next word begins.
     parts : list of Part
     shown : int
-        Words given as provisional ones.
+        Number of words already reported as provisional.
     """
 
     kind: str
@@ -112,33 +112,33 @@ class Pass:
 
     @property
     def complete(self) -> bool:
-        """Whether all its words are decoded."""
+        """Whether all words of the pass are decoded."""
         return self.done == len(self.items)
 
     @property
     def heard(self) -> list[Part]:
-        """Its words so far that had pulses."""
+        """Words decoded so far in which pulses were found."""
         return [part for part in self.parts if part.pulses]
 
     def rows_from_sync(self, tool: ToolConfiguration) -> tuple[Indices, int]:
-        """As the function, once it is complete; words that had no pulses teach nothing, and are left out."""
+        """Return the packets of a complete pass as `rows_from_sync` does, without the words that had no pulses."""
         rows, length = rows_from_sync(tool, self.items)
         heard = np.repeat([part.pulses for part in self.parts], [len(part.rows) for part in self.parts])
         return rows[np.append(np.ones(len(rows) - len(heard), dtype=bool), heard)], length
 
     def following(self) -> tuple[SequenceItem, ...]:
-        """Words that are decoded next."""
+        """Return the words to decode next."""
         return stretch_of(self.items, self.done)
 
     def take_back(self, words: int) -> int:
-        """The last words had no pulses; returns where they begin, sample."""
+        """Mark the last words as having no pulses; return the sample at which they begin."""
         silent = self.parts[max(len(self.parts) - words, 0) :]
         for part in silent:
             part.pulses = False
         return silent[0].at if silent else self.at
 
     def add(self, items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], code: str) -> None:
-        """Take the next words."""
+        """Append the next decoded words."""
         self.parts += parts_of(items, decision, soft, self.at, code)
         self.done += len(items)
         self.at = self.parts[-1].at + SAMPLES_PER_TU * self.parts[-1].length
@@ -147,7 +147,7 @@ class Pass:
 def parts_of(
     items: tuple[SequenceItem, ...], decision: segment.Decision, soft: list[Soft], at: int, code: str
 ) -> list[Part]:
-    """Words of a decision about some of them; at: first sample of the transmission; code: of the tool."""
+    """Return the parts of decoded words; at: first sample in the transmission; code: the code of the tool."""
     parts = []
     first = 0
     for item, one in zip(items, soft, strict=True):
@@ -160,7 +160,7 @@ def parts_of(
 
 
 def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH_BITS) -> tuple[SequenceItem, ...]:
-    """Next words of a sequence that have `least` bits together; a short rest joins the last stretch."""
+    """Return the next words of a sequence with at least `least` bits together; a short remainder is included."""
     bits, end = 0, done
     while end < len(items) and bits < least:
         bits += items[end].length
@@ -171,23 +171,23 @@ def stretch_of(items: tuple[SequenceItem, ...], done: int, least: int = _STRETCH
 
 
 def sync_places(tool: ToolConfiguration, start: int) -> list[Place]:
-    """Pulses of a sync that starts at a sample."""
+    """Return the pulses of a sync that starts at a sample."""
     edges = (float(start + SAMPLES_PER_TU * edge) for edge in tool.sync.edges_tu)
     return [Place(edge, 1.0, edge) for edge in edges]
 
 
 def rows_from_sync(tool: ToolConfiguration, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
-    """Packets of a sync, of its header and of some words behind it, and their time on air, TU."""
+    """Return the packets of a sync, its header and the words after it, and their duration, TU."""
     sync, bits = tool.sync, tool.header_bits
     rows, length = packet_rows((SequenceItem("header", bits, False), *items) if bits else items, tool.code)
     rows[:, trellis.START] += sync.length_tu
-    # Packets of one value: their places are known.
+    # Sync pulses are packets with a single value, because their places are known.
     fixed = [(edge, 0, 1, 0, 1, rows[0, trellis.RISING]) for edge in sync.edges_tu]
     return np.concatenate([np.array(fixed), rows]), sync.length_tu + length
 
 
 def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
-    """Words with the probabilities of their codes."""
+    """Return the words with the probabilities of their codes."""
     if rows[0, trellis.RISING]:
         return _soft_ranks(decision, rows, items, parity)
     count, values = len(rows), trellis.values_of(rows)
@@ -218,7 +218,7 @@ def soft_words(decision: segment.Decision, rows: Indices, items: tuple[SequenceI
 
 
 def _soft_ranks(decision: segment.Decision, rows: Indices, items: tuple[SequenceItem, ...], parity: int) -> list[Soft]:
-    """As `soft_words`, of the combinatorial code: all codes of a word are weighed, with its parity or without."""
+    """Do the same as `soft_words` for the combinatorial code: weigh all codes of a word, with and without parity."""
     count, values = len(rows), trellis.values_of(rows)
     forward, backward = np.empty((count, 2 * values)), np.empty((count, 2 * values))
     ends = np.flatnonzero(rows[:, trellis.ENDS])
@@ -248,12 +248,12 @@ def _soft_ranks(decision: segment.Decision, rows: Indices, items: tuple[Sequence
 
 def _mixed(codes: list[int], chances: Array, holds: Array | None, disturbed: float) -> Soft:
     """
-    Word whose temperature is that of steady noise or, with the probability `disturbed`, that of a disturbance.
+    Mix the code probabilities of steady noise and of a disturbance, which has the probability `disturbed`.
 
-    chances, shape (temperatures, codes); holds, shape (temperatures,): as `Soft`.
+    chances, shape (temperatures, codes): probability of each code; holds, shape (temperatures,): as in `Soft`.
     """
     shares = np.array([1.0 - disturbed, disturbed])
-    # A parity that would rather fail speaks for a disturbance of its own word.
+    # A parity that probably fails is evidence for a disturbance of this word.
     given = shares if holds is None else shares * np.maximum(holds, _LEAST)
     found = given / given.sum() @ chances
     candidates = tuple(Candidate(code, float(p)) for code, p in zip(codes, found, strict=True))

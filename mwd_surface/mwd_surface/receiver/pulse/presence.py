@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a transmission is there: by the evidence for pulses of its last stretches."""
+"""Decision whether a transmission is present, from the evidence for pulses in its last stretches."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Log likelihood ratio that a sync and the words behind it have at least: noise has it with a probability below
-# exp(-18) at each of ten thousand places an hour. Pumps that start can look like a sync, but not like words behind it.
+# Least log likelihood ratio of a sync with the words after it. Noise reaches it with a probability below exp(-18) at
+# each of ten thousand places per hour. Starting pumps can look like a sync, but not like the words after it.
 _LEAST_EVIDENCE = 18.0
-# Packets by which it is judged whether there are pulses: those of some 30 bits. Behind a clear sync the first may be
-# disturbed, and a tool that faded sends on: it is given up once so many packets had none, or a new sync was found.
+# Number of packets that are judged together (some 30 bits); number to wait for after a clear sync, whose first packets
+# may be disturbed; number without pulses after which a faded tool, which may still be sending, is given up.
 _JUDGED_PACKETS, _DISTURBED_PACKETS, _FADED_PACKETS = 10, 25, 60
-# Share of the evidence that pulses would have below which stretches hold none, or those of a tool that began anew.
+# Share of the expected evidence below which stretches hold no pulses, or pulses of a tool that began anew.
 _FAINT = 0.3
 NO_WORDS = "no words behind the sync: it was noise, or the sequence is another one"
 FADED = "no pulses any more: flow off, too weak, or the tool began anew"
@@ -22,9 +22,9 @@ FADED = "no pulses any more: flow off, too weak, or the tool began anew"
 
 class Evidence(NamedTuple):
     """
-    Log likelihood ratio of the pulses of a stretch to none; its packets and words.
+    Log likelihood ratio of the pulses of a stretch against no pulses, with its numbers of packets and words.
 
-    expected: what the ratio is in the mean, if there are pulses as before, in the noise that is there now.
+    expected: mean of the ratio if pulses as before were present in the present noise.
     """
 
     evidence: float
@@ -35,12 +35,12 @@ class Evidence(NamedTuple):
 
 class Presence:
     """
-    What the stretches of one transmission say of it.
+    Judge of one transmission, from the evidence of its stretches.
 
     Parameters
     ----------
     score : float
-        Of its sync.
+        Score of the sync.
     """
 
     def __init__(self, score: float) -> None:
@@ -51,22 +51,22 @@ class Presence:
 
     @property
     def confirmed(self) -> bool:
-        """Whether there were words behind the sync."""
+        """Whether words were found after the sync."""
         return bool(self._usual)
 
     @property
     def usual(self) -> float:
-        """Usual evidence of a packet."""
+        """Median evidence per packet so far."""
         return float(np.median(self._usual)) if self._usual else 0.0
 
     @property
     def faint_words(self) -> int:
-        """Words before the last stretch that had no pulses, as it shows only now."""
+        """Words before the last stretch that are now seen to have had no pulses."""
         return sum(one.words for one in self._recent[:-1])
 
     def judge(self, stretch: Evidence, whole: bool, waiting: bool) -> str:
         """
-        Take a stretch; the reason why the transmission has ended, empty: it has not.
+        Add a stretch; return why the transmission has ended, or an empty string if it goes on.
 
         Parameters
         ----------
@@ -85,7 +85,8 @@ class Presence:
         if not self.confirmed:
             return self._first(whole)
         faded = not self.faint
-        # Noise that grows, as behind stalls, leaves less to expect; what noise alone may have is no pulse even so.
+        # Growing noise, as after stalls, lowers the expected evidence; but evidence that noise alone can reach is never
+        # a pulse.
         noise = _LEAST_EVIDENCE * packets / _JUDGED_PACKETS
         expected = max(_FAINT * sum(one.expected for one in last), noise)
         self.faint = evidence <= min(_FAINT * self.usual * packets, expected)
@@ -98,7 +99,7 @@ class Presence:
 
     def _first(self, whole: bool) -> str:
         evidence, packets = (sum(one[k] for one in self._recent) for k in (0, 2))
-        # A pass of one or two words has fewer packets than are judged together, and their share of the evidence.
+        # A pass of one or two words has fewer packets than are judged together; require the same share of the evidence.
         least = _LEAST_EVIDENCE * min(packets / _JUDGED_PACKETS, 1.0)
         if min(self._score, evidence) + evidence >= least:
             self._accept(evidence / packets)
@@ -112,7 +113,7 @@ class Presence:
             del self._recent[0]
 
     def _last(self) -> list[Evidence]:
-        """Last stretches with the packets that are judged together."""
+        """Return the last stretches with enough packets to be judged together."""
         packets = 0
         for k in range(len(self._recent) - 1, -1, -1):
             packets += self._recent[k].packets

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The receiver of a pulse tool: standpipe pressure in, words out, the same however the samples are cut."""
+"""Receiver of a pulse tool: standpipe pressure in, words out. The result does not depend on how samples are cut."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from mwd_surface.receiver.pulse.transmission import Transmission
 from mwd_surface.receiver.sampled_receiver import SampledReceiver
 from mwd_surface.receiver.words import Reception
 
-# The search for syncs proceeds by hops, each with data before it for the noise model and behind it for the pulses.
+# The search for syncs advances in hops; each also needs data before it for the noise model and after it for the pulses.
 _HOP_TU = 32
 _GUARD_TU = 8
-# The noise model learns from that much before a hop, at most from the time between flow-on and sync: its coefficients
-# need samples, but pumps that start would spoil it.
+# Data before a hop for the noise model: at most the time between flow-on and sync. Its coefficients need many samples,
+# but data of starting pumps would spoil them.
 _NOISE_TU, _NOISE_S = 50, 40.0
 _SETTLED_S = 5.0
 _KEPT_TU = 500
-# A sync by so much clearer than that of a transmission in doubt takes its place at once.
+# A sync replaces a doubtful transmission at once if its score is larger by this factor.
 _SURER = 1.5
-# Samples a TU that the pulse code needs: 2 for each edge of a pulse that is 2 TU wide, and some for the filter.
+# Samples per TU that the pulse code needs: 2 for each edge of a 2 TU pulse, and some margin for the filter.
 LEAST_PER_TU = 2.5
 
 # A sync and its position on the grid.
@@ -39,24 +39,24 @@ Waiting = tuple[synchronisation.SyncFound, float]
 
 class PulseReceiver(SampledReceiver):
     """
-    Receiver of one tool.
+    Receiver of one pulse tool.
 
     Parameters
     ----------
     tool : ToolConfiguration
     flow : FlowSpans, optional
-        Spans without flow that the caller finds in the same pressure, each block before it is pushed; without them
-        the receiver finds them itself.
+        Spans without flow in the same pressure, which the caller updates before each push; without them the receiver
+        finds the spans itself.
 
     Attributes
     ----------
     channel : Channel or None
-        Response to a pulse and noise, as the last pass of a sequence showed them.
+        Response to a pulse and noise model after the last pass of a sequence.
 
     Raises
     ------
     ValueError
-        The code of the tool is not one that this receiver reads.
+        This receiver does not read the code of the tool.
     """
 
     def __init__(self, tool: ToolConfiguration, flow: FlowSpans | None = None) -> None:
@@ -83,21 +83,21 @@ class PulseReceiver(SampledReceiver):
         self.channel: segment.Channel | None = None
 
     def successor(self, tool: ToolConfiguration, flow: FlowSpans) -> PulseReceiver:
-        """Return a receiver of the same tool, told to send otherwise: what parities taught of its words is kept."""
+        """Return a receiver for the same tool with another configuration; it keeps the doubt learned from parities."""
         after = PulseReceiver(tool, flow)
         after._doubt = self._doubt.following()
         return after
 
     def push(self, time_s: Array, value: Array) -> Reception:
-        """Take samples, as `SampledReceiver.push`."""
+        """Add samples, as `SampledReceiver.push`."""
         if self._finds_flow:
             self._flow.push(time_s, value)
         return super().push(time_s, value)
 
     def finish(self) -> Reception:
-        """Words of what is left at the end of the samples."""
+        """Decode the samples that are left at the end and return their words."""
         done = self._take(*self._resampler.finish())
-        # As if the gauge had failed: what is there is decoded as far as it goes, the last word without its echoes.
+        # Append unknown samples, as after a gauge failure, so that the last word is decoded too, without its echoes.
         self._last = self._grid.end
         missing = np.zeros(STEPS_PER_TU * (2 * _HOP_TU + self._beyond))
         if self._grid.end:
@@ -107,12 +107,12 @@ class PulseReceiver(SampledReceiver):
         return done
 
     def why_nothing(self) -> str:
-        """Reason in one sentence why there is no word, or none is believed."""
+        """Return the reason, in one sentence, why there is no word or none is believed."""
         if self._grid.end == 0:
             return "no words: there are no samples with rising times"
-        # Interpolation between equal samples rounds.
+        # Tolerance for the rounding of the interpolation between equal samples.
         if self._highest - self._lowest <= 1e-9 * abs(self._highest):
-            return f"no words: the gauge stands at {self._highest:.6g} Pa"
+            return f"no words: the gauge is stuck at {self._highest:.6g} Pa"
         if self._reason:
             return f"no words believed: {self._reason}"
         if not self._syncs:
@@ -121,7 +121,7 @@ class PulseReceiver(SampledReceiver):
                 " and sync of the tool configuration, and that the flow was on long enough"
             )
         return (
-            f"no words: {self._syncs} syncs, but no sequence of this configuration behind them; check sequences,"
+            f"no words: {self._syncs} syncs, but no sequence of this configuration after them; check sequences,"
             " header_bits and parity"
         )
 
@@ -139,11 +139,11 @@ class PulseReceiver(SampledReceiver):
             )
 
     def _advance(self, done: Reception) -> None:
-        """All steps for which the pressure is there, in the order of the time that each of them needs."""
+        """Run the search and decoding steps for which the pressure is there, in the order of the time they need."""
         while True:
             search_needs = STEPS_PER_TU * ((self._hop + 1) * _HOP_TU + self._beyond) + REACH
             active = self._active
-            # A pass waits until the search has been where it begins: the tool may have started anew.
+            # A pass waits until the search has passed its beginning, because the tool may have started anew there.
             ready = active is not None and active.begins() <= STEPS_PER_TU * self._hop * _HOP_TU
             if active is not None and ready and active.needs() <= self._grid.end and active.ends() <= self._last:
                 self._add(done, active.step(self._waiting is not None))
@@ -162,7 +162,7 @@ class PulseReceiver(SampledReceiver):
                 return
 
     def _add(self, done: Reception, more: Reception) -> None:
-        """Take what a step completed: a pass at most, settled by the surveys before."""
+        """Add the result of a step (at most one pass), after settling its words against earlier surveys."""
         if more.frames and self._active is not None:
             self.channel = self._active.channel
         more.words = self._surveys.settle(more.words)
@@ -170,20 +170,20 @@ class PulseReceiver(SampledReceiver):
         done.add(more)
 
     def _successor(self, lost: Transmission) -> Transmission | None:
-        """Transmission that began while the lost one seemed to go on."""
+        """Return the transmission of a waiting sync that began while the lost one seemed to go on, if there is one."""
         waiting, self._waiting = self._waiting, None
         if waiting is None or (lost.confirmed and waiting[1] < lost.heard):
             return None
         return self._begun(*waiting)
 
     def _begun(self, found: synchronisation.SyncFound, position: float) -> Transmission:
-        """Transmission that begins with a sync at a position of the grid."""
+        """Return the transmission that begins with a sync at a position of the grid."""
         self._doubt = self._doubt.following()
         return Transmission(self._tool, self._grid, found, position, self._frame, self._doubt)
 
     @property
     def _beyond(self) -> int:
-        """Pressure behind a hop that its syncs need, TU."""
+        """Pressure after a hop that its syncs need, TU."""
         return _GUARD_TU + self._tool.sync.edges_tu[-1] + 16
 
     def _oldest(self) -> int:
@@ -199,8 +199,8 @@ class PulseReceiver(SampledReceiver):
         low, high = (SAMPLES_PER_TU * (tu - first_tu) for tu in (begin_tu, end_tu))
         guard = SAMPLES_PER_TU * _GUARD_TU
         active = self._active
-        # Before there are words, the noise that a transmission knows may be that of pulses which were none, so that the
-        # noise is also learnt anew.
+        # Before a transmission has words, its noise model may have treated noise as pulses, so also search with a new
+        # noise model.
         known_noise = () if active is None else (active.channel.stepwise,)
         learnt = (None,) if active is None or not active.confirmed else ()
         spans = (low - guard, high + guard)
@@ -208,7 +208,7 @@ class PulseReceiver(SampledReceiver):
         found = max((one for one in searches if one is not None), key=lambda one: one.score, default=None)
         if found is None:
             return
-        # What lies farther behind the hop may be the flank of a sync beyond the range: it is left to the next one.
+        # A start farther after the hop may be the flank of a sync beyond the range; the next hop finds that sync.
         least, most = self._last_sync + STEPS_PER_TU * _GUARD_TU, STEPS_PER_TU * (end_tu + _GUARD_TU // 2)
         start = float(STEPS_PER_TU * first_tu)
         position = start + found.at * pace
@@ -227,7 +227,7 @@ class PulseReceiver(SampledReceiver):
             if waiting is not None and abs(waiting[1] - position) >= STEPS_PER_TU * _GUARD_TU:
                 self._wait(*waiting)
         elif active is not None and (active.sound or found.score <= _SURER * active.score):
-            # Data can look like a sync by chance: it counts once the transmission breaks off.
+            # Data can look like a sync by chance: keep it for the case that the transmission breaks off.
             self._wait(found, position)
         else:
             if active is not None:
@@ -236,11 +236,11 @@ class PulseReceiver(SampledReceiver):
             self._begin(found, position, other)
 
     def _begin(self, found: synchronisation.SyncFound, position: float, other: Waiting | None) -> None:
-        """Begin a transmission with a sync at a position of the grid; the next best one waits."""
+        """Begin a transmission with a sync at a position of the grid; keep the next best sync waiting."""
         self._active, self._waiting = self._begun(found, position), other
 
     def _wait(self, found: synchronisation.SyncFound, position: float) -> None:
-        """Keep the best sync that waits until the transmission breaks off."""
+        """Keep the best waiting sync until the transmission breaks off."""
         if self._waiting is None or found.score > self._waiting[0].score:
             self._waiting = (found, position)
 
@@ -248,7 +248,7 @@ class PulseReceiver(SampledReceiver):
 def decode(
     tool: ToolConfiguration, time_s: Array, pressure_pa: Array, strokes: Mapping[int, Array] | None = None
 ) -> Reception:
-    """Words of a whole recording, and strokes by pump; as `PulseReceiver.strokes`, `push` and `finish`."""
+    """Decode a whole recording with strokes per pump; arguments as in `PulseReceiver.push` and `strokes`."""
     receiver = PulseReceiver(tool)
     for pump, times in (strokes or {}).items():
         receiver.strokes(pump, times)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What pulse width a channel allows, from the pulses and the noise that were heard at another one.
+Pulse widths that a channel allows, predicted from the pulses and the noise received at one width.
 
-A pulse of another width has the spectrum of a rectangle of that width in the same channel. Where the pulses heard have
-no energy, the channel goes on as friction does: the logarithm of its gain falls with the root of the frequency
-(boundary layer; J. R. Womersley, J. Physiol. 127 (1955) 553, at high frequencies).
+A pulse of another width has the spectrum of a rectangle of that width in the same channel. At frequencies where the
+received pulses have no energy, the gain is extrapolated as for friction: its logarithm falls with the root of the
+frequency (boundary layer; J. R. Womersley, J. Physiol. 127 (1955) 553, at high frequencies).
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 from mwd_surface.receiver.pulse.segment import Channel
 
 WIDTHS_S = (2.0, 1.5, 1.2, 1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2)
-# Beyond this ratio of the widths the channel was not heard in the band that counts.
+# Largest ratio of widths for a prediction; beyond it the channel was not measured in the band that matters.
 _FARTHEST = 2.5
 _POINTS = 4096
-# Where the pulses heard have enough energy to fit the attenuation to, and up to where it is measured, in 1 / width.
+# Band, in 1 / width, where the pulses have enough energy to fit the attenuation, and the upper end of the measured
+# band.
 _FITTED, _MEASURED = (0.15, 0.8), 0.8
-_TOP = 1.4  # of the noise model, 1 / TU: the low-pass filter of the receiver begins above
+_TOP = 1.4  # upper end of the noise model, 1 / TU; the receiver's low-pass filter begins above it
 
 
 class WidthMargin(NamedTuple):
-    """Energy of a bit over noise density that a pulse width would have, dB."""
+    """Pulse width and the energy per bit over noise density predicted for it, dB."""
 
     width_s: float
     ebn0_db: float
@@ -35,20 +36,20 @@ class WidthMargin(NamedTuple):
 
 def margins(channel: Channel, width_s: float, ebn0_db: float) -> list[WidthMargin]:
     """
-    Eb/N0 of other pulse widths in the same channel.
+    Predict Eb/N0 of other pulse widths in the same channel.
 
     Parameters
     ----------
     channel : Channel
-        As estimated from pulses of `width_s`, s.
+        Channel estimated from pulses of `width_s`.
     width_s : float
     ebn0_db : float
-        Measured at that width.
+        Eb/N0 measured at that width, dB.
 
     Returns
     -------
     list of WidthMargin
-        Widest first; `width_s` itself is one of them.
+        Widest first, including `width_s` itself.
     """
     tu = 0.5 * width_s
     frequency: Array = np.fft.rfftfreq(_POINTS, tu / SAMPLES_PER_TU).astype(np.float64)
@@ -69,12 +70,12 @@ def margins(channel: Channel, width_s: float, ebn0_db: float) -> list[WidthMargi
 
 
 def _pulse(frequency: Array, width: float) -> Array:
-    """Size of the spectrum of a rectangle."""
+    """Return the magnitude of the spectrum of a rectangle."""
     return np.asarray(width * np.abs(np.sinc(frequency * width)))
 
 
 def _gain(frequency: Array, heard: Array, width: float) -> Array:
-    """Size of the channel's response: measured where the pulses heard have energy, as friction has it beyond."""
+    """Return the channel's gain: measured where the received pulses have energy, extrapolated as friction above."""
     measured = heard / np.maximum(_pulse(frequency, width), 1e-3 * width)
     low, high = (share / width for share in _FITTED)
     fitted = (frequency > low) & (frequency < high)

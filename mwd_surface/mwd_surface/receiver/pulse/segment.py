@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-One stretch of a transmission decoded: packets and noise found together, with the channel of the other pulses.
+Decoder of one stretch of a transmission: it finds packets and noise together, with the channel of the other pulses.
 
-A forward-backward pass over the packets and a new noise model follow each other. The channel is estimated from the
-sync and the packets already decoded, before the stretch and behind it, never from the pressure of the stretch itself,
-and its uncertainty is added to the noise.
+It alternates a forward-backward pass over the packets with a new noise model. The channel is estimated from the sync
+and the packets already decoded, before and after the stretch, never from the pressure of the stretch itself. The
+uncertainty of the channel is added to the noise.
 """
 
 from __future__ import annotations
@@ -34,31 +34,31 @@ from mwd_surface.receiver.whitening import filtered, precision, prediction_error
 
 ORDER = 40
 FLOOR = 1e-6
-_KEPT = 0.5  # share of the sample before in the difference whose noise is modelled where the level is steady
+_KEPT = 0.5  # share of the previous sample that is subtracted before noise modelling where the level is steady
 _ROUNDS, _ROUNDS_AGAIN = 4, 2
-_LAGS = 20  # distance of two places of one pulse, TU
-_TAIL = 24  # samples of a whitened response beyond the response itself
+_LAGS = 20  # largest distance between two possible places of one pulse, TU
+_TAIL = 24  # samples by which whitening lengthens the response
 
 
 @dataclasses.dataclass
 class Channel:
     """
-    What is known of the channel.
+    Estimate of the channel.
 
     Attributes
     ----------
     response : ndarray, shape (m,)
-        Of a pulse, Pa, from `BEFORE` its edge.
+        Response to a pulse, Pa, from `BEFORE` samples before its edge.
     scale : float
         Standard deviation of the coefficients of its components.
     whitener : ndarray
         Prediction error filter of the noise.
     stepwise : ndarray
-        The same without the level, for a search that does not know it.
+        The same for a noise model without the level, for a search that does not know the level.
     components : ndarray, shape (c, m)
-        Of the response (`channel_estimate.basis`).
+        Components of the response (`channel_estimate.basis`).
     memory : float
-        1 sigma of the average over lines of the pumps, samples.
+        1 sigma of the average over the pump lines, samples.
     """
 
     response: Array
@@ -72,29 +72,29 @@ class Channel:
 @dataclasses.dataclass(frozen=True)
 class Stretch:
     """
-    Data and packets of one stretch, on the clock of the tool: `SAMPLES_PER_TU` samples a TU.
+    Data and packets of one stretch on the clock of the tool: `SAMPLES_PER_TU` samples per TU.
 
     Attributes
     ----------
     pressure, known : ndarray, shape (n,)
-        Pa; 1 where a sample is known.
+        Pressure, Pa; 1 where a sample is known.
     pulses : ndarray, shape (j, 3)
-        Pulses before the packets and, once these are decoded, behind them, as `channel_estimate.place_pairs`.
+        Pulses before the packets and, in the second decoding, after them, as in `channel_estimate.place_pairs`.
     packets : ndarray, shape (k, 6)
-        As `trellis.forward_backward`; starts in TU after `start`.
+        Packets, as in `trellis.forward_backward`; starts in TU after `start`.
     start : int
         Sample of TU 0 of the packets.
     parity : int
         0 even, 1 odd.
     end : int
-        Sample up to which pressure is the packets' own, from which the response does not learn; 0: it learns from all.
+        Sample up to which the pressure belongs to the packets and is not used to estimate the response; 0: all is used.
     probability : ndarray, shape (k, values), optional
-        Of the packets' values, from decoding them before.
+        Probability of each packet value from an earlier decoding.
     angles : ndarray, shape (pumps, n), optional
-        Crank angles of pumps whose strokes are counted, rad.
+        Crank angles of pumps with stroke counters, rad.
     pace_error : float
-        1 sigma of the tool's clock, relative: how much later than the lattice a pulse may be, by its distance from
-        those that taught the response.
+        1 sigma of the relative error of the tool's clock: the timing error of a pulse is this times its distance from
+        the pulses that gave the response.
     """
 
     pressure: Array
@@ -112,27 +112,27 @@ class Stretch:
 @dataclasses.dataclass(frozen=True)
 class Decision:
     """
-    What the data say of a stretch.
+    Result of decoding a stretch.
 
     Attributes
     ----------
     unary, level, common : ndarray
-        Metrics, weights and common energies, as `trellis.forward_backward` takes them.
+        Metrics, weights and common energies, as in `trellis.forward_backward`.
     probability : ndarray, shape (k, values)
-        Of each packet's values, parity used.
+        Probability of each packet value, using the parity.
     channel : Channel
-        As estimated from the pulses before, with the noise model of this stretch.
+        Channel estimated from the other pulses, with the noise model of this stretch.
     ebn0_db : float
-        Energy of a bit over noise density.
+        Energy per bit over noise density.
     timing : (float, float, float)
-        Relative drift of the pulses against the clock of the samples, its variance, and the sample that it turns about,
-        from that of TU 0 of the packets.
+        Relative drift of the pulses against the sample clock, its variance, and the sample about which it is measured,
+        relative to TU 0 of the packets.
     evidence : float
-        Log likelihood ratio of the pulses, wherever they are, to none.
+        Log likelihood ratio of pulses, at any of their places, against no pulses.
     expected : float
-        Its mean, in this noise, if the pulses are as the others were.
+        Mean of the evidence in this noise if the pulses are like the earlier ones.
     disturbed : float
-        Probability that something other than steady noise disturbs the pressure of the packets.
+        Probability that a disturbance, not only steady noise, affects the pressure of the packets.
     """
 
     unary: Array
@@ -155,7 +155,7 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     ----------
     stretch : Stretch
     channel : Channel
-        Estimate to begin with.
+        Estimate to start from.
     """
     packets = stretch.packets
     n, count = len(stretch.pressure), len(packets)
@@ -203,14 +203,14 @@ def decode(stretch: Stretch, channel: Channel) -> Decision:
     own = slice(max(stretch.start - BEFORE, 0), stretch.end)
     disturbed = 1.0 - math.exp(-float(np.sum(stretch.known[own] - weight[own])))
     ebn0 = 10.0 * np.log10(max(float(g @ g) * count * math.log(2.0) / (2.0 * ways), 1e-6))
-    # A pulse at its place has the metric of half its energy, as far as samples and response are sure.
+    # A pulse at its true place has a metric of half its energy, reduced where samples or response are uncertain.
     expected = 0.5 * float(g @ g * level.sum()) - ways
     timing = (0.0, 1.0, 0.0) if again and stretch.end else _timing(stretch, probability, state, weight, pumps)
     return Decision(unary, level, common, probability, state, float(ebn0), timing, evidence - ways, expected, disturbed)
 
 
 def _train(stretch: Stretch, probability: Array) -> Array:
-    """Expected edges at each sample."""
+    """Return the expected number of edges at each sample."""
     train = np.zeros(len(stretch.pressure))
     _add_known(stretch, train)
     at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets)
@@ -219,14 +219,14 @@ def _train(stretch: Stretch, probability: Array) -> Array:
 
 
 def _add_known(stretch: Stretch, train: Array) -> None:
-    """Add the pulses that are not those of the packets."""
+    """Add the pulses that do not belong to the packets."""
     at = np.rint(stretch.pulses[:, 0]).astype(np.int64)
     inside = (at >= 0) & (at < len(train))
     np.add.at(train, at[inside], stretch.pulses[inside, 1])
 
 
 def _places(stretch: Stretch, probability: Array) -> Array:
-    """Places of all pulses from which the response learns, as `Stretch.pulses`."""
+    """Return the places of all pulses that are used to estimate the response, as `Stretch.pulses`."""
     if stretch.end:
         return stretch.pulses
     at = stretch.start + SAMPLES_PER_TU * trellis.places_of(stretch.packets).astype(float)
@@ -257,7 +257,7 @@ def _whitened_shapes(state: Channel, shapes: Array) -> None:
 
 
 def _pumps(stretch: Stretch, state: Channel, probability: Array) -> Array:
-    """Pump noise of a stretch whose pulses are known from decoding it before."""
+    """Return the pump noise of a stretch whose pulses are known from an earlier decoding."""
     explained = np.empty(len(stretch.pressure))
     reconstruct(_train(stretch, probability), state.response, explained)
     return _background(stretch.pressure - explained, stretch.known, state.memory, stretch.angles)
@@ -267,11 +267,11 @@ def _estimate(
     stretch: Stretch, state: Channel, shapes: Array, whitened: Array, pulses: tuple[Array, Array, Array]
 ) -> float:
     """
-    Response from the pulses round the packets.
+    Estimate the response from the pulses around the packets and store it in `state`.
 
-    Returns the variance that its error and that of the noise model add to a decision, noise being 1.
-
-    The pressure of the packets themselves is left out: a response that learns from its own decisions confirms them.
+    Return the variance that the errors of the response and of the noise model add to a decision, in units of the noise.
+    The pressure of the packets themselves is not used, because a response estimated from its own decisions confirms
+    them.
     """
     count = len(shapes)
     matrix, right = np.empty((count, count)), np.empty(count)
@@ -281,7 +281,7 @@ def _estimate(
     normal_equations(train, shapes, whitened, others, matrix, right)
     pairs = np.empty(_LAGS)
     place_pairs(places, others, pairs)
-    # Pulses of unknown places teach the response no more than their expectation does.
+    # The unknown places of pulses enlarge the covariance, so that such pulses do not sharpen the response.
     _, _, covariance = coefficients(matrix, right, state.scale)
     u, state.scale, _ = coefficients(matrix + spread(pairs, shapes), right, state.scale)
     state.response = u @ state.components
@@ -290,7 +290,7 @@ def _estimate(
 
 def _unknown_noise(whitener: Array, weight: Array) -> float:
     """
-    Variance that the error of the noise model adds to a decision, noise being 1.
+    Return the variance that the error of the noise model adds to a decision, in units of the noise.
 
     A spectrum from an autoregressive model of p coefficients and n samples has the relative variance v = 2 p / n (K. N.
     Berk, Ann. Stat. 2 (1974) 489). A metric weighted by its inverse has a mean larger by 1 + v and a variance larger by
@@ -302,9 +302,9 @@ def _unknown_noise(whitener: Array, weight: Array) -> float:
 
 def _lateness(stretch: Stretch, train: Array, each: float) -> Array:
     """
-    Variance that the error of the clock adds to the decision on each packet, noise being 1; shape (k,).
+    Return the variance that the clock error adds to the decision on each packet, in units of the noise; shape (k,).
 
-    train: weights of the pulses that are known; each: standard deviation by a time error of one sample.
+    train: weights of the known pulses; each: standard deviation per sample of timing error.
     """
     others = train.copy()
     others[max(stretch.start - BEFORE, 0) : stretch.end] = 0.0
@@ -314,14 +314,14 @@ def _lateness(stretch: Stretch, train: Array, each: float) -> Array:
 
 
 def _weights(stretch: Stretch, train: Array, g: Array, whitened: Array) -> Array:
-    """Weight of each sample: less where the noise is larger than elsewhere, 0 where the sample is unknown."""
+    """Return the weight of each sample: small where the noise is large, 0 where the sample is unknown."""
     explained = np.empty(len(train))
     reconstruct(train, g, explained)
     return precision(whitened - explained, stretch.known)
 
 
 def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) -> Array:
-    """Noise model of what pulses and pumps leave; returns level and pumps."""
+    """Fit the noise model to the pressure without pulses and pumps; return the level and pump noise."""
     explained = np.empty(len(train))
     reconstruct(train, state.response, explained)
     residual = stretch.pressure - explained
@@ -330,14 +330,14 @@ def _new_noise(stretch: Stretch, train: Array, state: Channel, weight: Array) ->
     root, stepwise, level = np.sqrt(weight), np.empty(ORDER + 2), np.empty(ORDER + 2)
     unexpected = prediction_error_filter(residual, root, ORDER, FLOOR, stepwise)
     if unexpected > 0.0:
-        # The better predictor of the two: a level that wanders or steps leaves nothing for the second to know.
+        # Use the better predictor of the two: if the level drifts or steps, the one with the level does not help.
         steady = prediction_error_filter(residual, root, ORDER, FLOOR, level, _KEPT) < unexpected
         state.stepwise, state.whitener = stepwise, level if steady else stepwise
     return background
 
 
 def _background(noise: Array, weight: Array, memory: float, angles: Array | None) -> Array:
-    """Level and pumps of pressure without its pulses."""
+    """Return the level and the pump noise of a pressure without its pulses."""
     level = float(weight @ noise) / max(float(weight.sum()), 1e-300)
     return level + pump_noise(noise, weight, memory, angles)
 
@@ -346,12 +346,12 @@ def _timing(
     stretch: Stretch, probability: Array, state: Channel, weight: Array, pumps: Array
 ) -> tuple[float, float, float]:
     """
-    Drift of the pulses against the clock that the data were sampled with.
+    Measure the drift of the pulses against the sample clock.
 
     Returns
     -------
     (float, float, float)
-        As `Decision.timing`.
+        Drift, its variance and its centre, as in `Decision.timing`.
     """
     train = _train(stretch, probability)
     g = _whitened(state.response, state.whitener)
@@ -365,7 +365,7 @@ def _timing(
         return 0.0, 1.0, 0.0
     at = np.arange(len(train), dtype=float)
     middle = float(train @ at) / count
-    # A response that comes later by tau changes by -tau times its slope; tau has a mean and a drift.
+    # Delaying a response by tau changes it by -tau times its slope; tau is a constant plus a drift.
     late, drifting = np.empty(len(train)), np.empty(len(train))
     reconstruct(train, -slope, late)
     _weighted_train(train, at - middle, -slope, drifting)
@@ -378,7 +378,7 @@ def _timing(
 
 
 def _weighted_train(train: Array, weight: Array, response: Array, out: Array) -> None:
-    """Train whose pulses have weights of either sign; out, shape (n,), is filled."""
+    """Fill out, shape (n,), with a train of pulses whose weights may be negative."""
     negative = np.empty(len(out))
     reconstruct(train * np.maximum(weight, 0.0), response, out)
     reconstruct(train * np.maximum(-weight, 0.0), response, negative)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-What surveys know of each other: words sent again are combined, and erased ones are chosen by what surveys agree on.
+Consistency between surveys: repeated words are combined, and erased words are decided by earlier surveys.
 
-A tool that sends a survey again sends the same codes, so the posteriors are multiplied, unless it has rested for long
-enough to take another one, which in a straight hole may differ by one word. Gravity, field and dip hardly
-change from station to station, inclination and azimuth by some degrees: an outer code that no parity has. A word
-chosen by it is marked, never silently believed.
+A tool that sends a survey again sends the same codes, so the probabilities of both receptions are multiplied, unless
+the tool has rested long enough to take a new survey, which in a straight hole may differ in a single word. Gravity,
+field and dip hardly change from station to station, inclination and azimuth change by some degrees; this acts like an
+additional error-correcting code. A word decided this way is marked and not reported as believed.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from mwd_sensors.telemetry.tool_configuration import ToolConfiguration
 from mwd_surface.receiver.belief import SURVEY_LEVEL
 from mwd_surface.receiver.words import BELIEVED, BY_CONSISTENCY, ERASED, ReceivedWord
 
-# 1 sigma of the change from one survey to the next, SI (degC, V): noise and place for the first three, a stand of
-# curved hole for the others.
+# 1 sigma of the change from one survey to the next, SI (degC, V): noise and position for the first three, one stand of
+# curved hole for the angles.
 _CHANGE = {
     "Grav": 0.002 * STANDARD_GRAVITY,
     "MagF": 0.5e-6,
@@ -31,22 +31,22 @@ _CHANGE = {
     "Temp": 5.0,
     "BatV": 1.0,
 }
-# Gravity before any survey: on earth .9976 to 1.0027 g (normal gravity, WGS 84).
+# Gravity before the first survey: 0.9976 to 1.0027 g on earth (normal gravity, WGS 84).
 _AT_FIRST = {"Grav": (STANDARD_GRAVITY, 0.004 * STANDARD_GRAVITY)}
-# Probability that a word does not follow the survey before: disturbed magnetics, a new well, a tool that failed.
+# Probability that a word is unrelated to the survey before: disturbed field, new well, or failed tool.
 _FREE = 0.05
-# Odds from which on two surveys are one sent twice, and how often words of different surveys have the same code: long
-# words, and short ones that change slowly.
+# Log odds above which two receptions count as one survey sent twice; and the share of equal codes in words of different
+# surveys, for long words and for short ones that change slowly.
 _LEAST_ODDS = math.log(20.0)
 _LONG_BITS = 10
 _ALIKE_LONG, _ALIKE_SHORT = 0.2, 0.7
-_SLIP = 1e-4  # likelihood of what no code that is listed explains
-_EULER = 0.5772  # sum of 1/d up to n less log(n)
+_SLIP = 1e-4  # likelihood of receptions that no listed code explains
+_EULER = 0.5772  # Euler's constant: the sum of 1/d up to n, minus log(n)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Codes:
-    """Probabilities of codes of a word: those listed, and the rest spread over all others."""
+    """Probabilities of the codes of a word: some are listed, the remainder is spread evenly over all others."""
 
     listed: dict[int, float]
     count: int
@@ -58,11 +58,11 @@ class _Codes:
         return left / max(self.count - len(self.listed), 1)
 
     def of(self, code: int) -> float:
-        """Probability of a code."""
+        """Return the probability of a code."""
         return self.listed.get(code, self.rest)
 
     def times(self, other: _Codes) -> tuple[_Codes, float]:
-        """Posterior of two independent receptions of the same code, and the probability that both have it."""
+        """Combine two independent receptions; return the posterior and the probability that both have the same code."""
         codes = {**self.listed, **other.listed}
         both = {code: self.of(code) * other.of(code) for code in codes}
         total = sum(both.values()) + self.rest * other.rest * max(self.count - len(both), 0)
@@ -70,10 +70,10 @@ class _Codes:
 
     def sent_again(self, other: _Codes, alike: float) -> float:
         """
-        Likelihood ratio of one code received twice to the codes of two surveys.
+        Return the likelihood ratio of one code received twice against codes of two different surveys.
 
-        Of two surveys a share `alike` has the same code; the others differ by a number of steps whose logarithm is
-        uniform, as of a change of which not even the size is known. A word of which nothing was heard says nothing.
+        A share `alike` of different surveys has equal codes. The others differ by a number of steps whose logarithm is
+        uniform, because not even the size of the change is known. A word with no information gives a ratio of 1.
         """
         same = self.count * self.times(other)[1]
         scale = self.count / (2.0 * (math.log(self.count / 2.0) + _EULER))
@@ -85,13 +85,13 @@ class _Codes:
 
 class SurveyMemory:
     """
-    Surveys so far, by which the words of the next one are settled.
+    Earlier surveys, against which the words of the next one are settled.
 
     Parameters
     ----------
     tool : ToolConfiguration
     rested : callable
-        Whether the pumps were off for long enough for a survey between two times, s.
+        Tells whether the pumps were off long enough for a survey between two times, s.
     """
 
     def __init__(self, tool: ToolConfiguration, rested: Callable[[float, float], bool]) -> None:
@@ -102,10 +102,10 @@ class SurveyMemory:
 
     def settle(self, words: list[ReceivedWord]) -> list[ReceivedWord]:
         """
-        Words of one pass, final; those of a toolface sequence come back as they are.
+        Return the final words of one pass; those of a toolface sequence are returned unchanged.
 
-        Words that the survey repeats, or that repeat the survey before, have the posterior of all their receptions.
-        A word still erased is chosen where the surveys before make one of its codes probable enough.
+        Repeated words, within the survey or from the survey before, get the combined posterior of all receptions. A
+        word that is still erased is decided where earlier surveys make one of its codes probable enough.
         """
         if not words or words[0].kind != "survey":
             return words
@@ -129,7 +129,7 @@ class SurveyMemory:
         return settled
 
     def _bits(self, words: list[ReceivedWord]) -> dict[int, int]:
-        """Bits of each word, by its index in the pass."""
+        """Return the number of bits of each word, by its index in the pass."""
         for items in self._tool.surveys:
             if all(word.index < len(items) and items[word.index].name == word.name for word in words):
                 return {word.index: items[word.index].bits for word in words}
@@ -139,7 +139,7 @@ class SurveyMemory:
         return name in self._last and self._last[name][1] == one.count
 
     def _sent_again(self, codes: dict[str, _Codes]) -> bool:
-        """Whether a survey is the one before, sent again: a new one would have other codes."""
+        """Return whether the last survey was sent again; a new survey would have other codes."""
         odds = 0.0
         for name, one in codes.items():
             if self._comparable(name, one):
@@ -148,7 +148,7 @@ class SurveyMemory:
         return odds > _LEAST_ODDS
 
     def _shown(self, word: ReceivedWord, codes: _Codes, bits: int) -> ReceivedWord:
-        """Word with the probabilities of all its receptions."""
+        """Return the word with the combined probabilities of all its receptions."""
         rows = sorted(codes.listed.items(), key=lambda row: (-row[1], row[0]))
         code, confidence = rows[0]
         table = self._tool.table[word.name]
@@ -163,7 +163,7 @@ class SurveyMemory:
         )
 
     def _chosen(self, word: ReceivedWord) -> ReceivedWord:
-        """Word as it is, or by consistency with the surveys before."""
+        """Return an erased word decided by consistency with earlier surveys, or else the word unchanged."""
         expected = self._expected(word.name)
         if word.status != ERASED or expected is None:
             return word
@@ -184,7 +184,7 @@ class SurveyMemory:
             return (1.0 - _FREE) * density * step + free
 
         weights = {code: p * prior(code) for code, p in codes.listed.items()}
-        # All codes that are not listed: each as probable as the rest says, their priors add up to one at most.
+        # The unlisted codes each have the probability `rest`, and their priors add up to at most one.
         total = sum(weights.values()) + codes.rest
         code = max(weights, key=lambda one: (weights[one], -one))
         if weights[code] < SURVEY_LEVEL * total or code == table.missing(bits):
@@ -200,7 +200,7 @@ class SurveyMemory:
         )
 
     def _expected(self, name: str) -> tuple[float, float] | None:
-        """Value that the surveys before make probable, and its sigma; the unit is that of the word."""
+        """Return the value expected from earlier surveys and its sigma, in the unit of the word; None if unknown."""
         if name not in _CHANGE:
             return None
         factor = meanings.factor(self._tool.table[name].unit)

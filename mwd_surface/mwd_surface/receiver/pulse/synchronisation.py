@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Syncs found in noise: how much more probable the pressure is with five pulses through a channel than without.
+Search for syncs in noise: the likelihood of the pressure with five pulses through a channel, against noise alone.
 
-The channel's response is a Gaussian process of unknown size, the size of the noise is unknown as well: the marginal
-likelihood of both over that of noise alone (R. E. Kass, A. E. Raftery, Bayes Factors, J. Am. Stat. Assoc. 90 (1995)
-773). Pulses of unlike size are no sync: each of them must be there.
+The channel response is a Gaussian process of unknown size, and the size of the noise is unknown as well; the score is
+the ratio of the marginal likelihoods (R. E. Kass, A. E. Raftery, Bayes Factors, J. Am. Stat. Assoc. 90 (1995) 773).
+Five pulses of unequal size are not accepted as a sync, because each of the five must be present.
 """
 
 from __future__ import annotations
@@ -29,51 +29,51 @@ from mwd_surface.receiver.whitening import filtered, steadiness, steady_filter
 
 ORDER = 24
 FLOOR = 1e-6
-# Samples of the response that a search uses: what comes later adds more noise than signal to so few pulses.
+# Samples of the response used in a search; later ones add more noise than signal with so few pulses.
 RESPONSE = 30
 _TAIL = 20
-# Noise has a ratio beyond exp(x) with a probability below exp(-x) at each independent place, of which an hour has some
-# ten thousand; 6 dB a bit give 20 in the mean, 9 in one case of fifty. What passes by chance costs a trial: the packets
-# behind it decide whether it is a transmission.
+# Noise exceeds a score x with a probability below exp(-x) at each independent place, of which an hour has some ten
+# thousand. At 6 dB per bit a sync scores 20 on average and 9 in one case of fifty. A false sync costs a trial: the
+# packets after it decide whether it is a transmission.
 _THRESHOLD = 8.0
-# Soon after flow-on there is too little pressure before the sync to learn the noise from: pulses in it hide themselves,
-# so that one with a score as low as this is taken out, and the noise learnt anew.
+# Soon after flow-on there is too little pressure before the sync to estimate the noise, and pulses in that data are
+# taken for noise. A candidate with at least the first score is subtracted and the noise is estimated again.
 _PROMISING, _ROUNDS = 2.0, 2
-# Energy of the five pulses over noise that is tried: 5 to 20 dB a bit.
+# Ratios of the energy of the five pulses to the noise that are tried: 5 to 20 dB per bit.
 _ENERGIES = (30.0, 100.0, 300.0, 1000.0)
-# Chi square with 4 degrees of freedom of the pulses' sizes about their mean; the estimated response adds to it.
+# Limit on the chi square (4 degrees of freedom) of the pulse sizes about their mean; the estimated response adds to it.
 _UNLIKE = 30.0
-# Log likelihood ratio up to which a pulse may rather be missing: noise has more once in a thousand syncs at 6 dB.
+# Limit on the log likelihood ratio for a missing pulse; at 6 dB noise exceeds it in one of a thousand syncs.
 _MISSING = 6.0
-# What a pulse says, over what the best known of the five does, from which on it is not disturbed nor in a data gap.
+# Least energy of a pulse relative to the best known of the five for it to count as undisturbed and outside data gaps.
 _KNOWN = 0.5
-_MIDDLE = SAMPLES_PER_TU  # of a pulse of 2 TU behind its edge
-_LEAST_NOISE = 200  # samples that a noise model needs
-# Pumps that start move the mean of some samples by more than so many times its usual deviation, and settle.
+_MIDDLE = SAMPLES_PER_TU  # middle of a 2 TU pulse after its edge
+_LEAST_NOISE = 200  # least samples for a noise model
+# Starting pumps shift block means by more than this many usual deviations.
 _BLOCK, _MOVED = 16, 5.0
 
 
 @dataclasses.dataclass(frozen=True)
 class SyncFound:
     """
-    A sync.
+    A sync that was found.
 
     Attributes
     ----------
     at : int
-        Sample at which it starts in the data searched.
+        Sample at which the sync starts in the data searched.
     score : float
-        Log of its likelihood ratio.
+        Log likelihood ratio of the sync.
     response : ndarray
-        Of a pulse, Pa.
+        Response to a pulse, Pa.
     scale : float
         Standard deviation of the coefficients of its components.
     whitener : ndarray
         Prediction error filter of the noise.
     settled : int
-        Samples before it that are past the start of the pumps.
+        Samples before the sync that come after the start of the pumps.
     other : SyncFound or None
-        Next best one. A sync is like itself 15 TU later, three pulses of five: the words behind tell the true one.
+        Next best sync. A sync resembles itself shifted by 15 TU (three of five pulses); the words after it decide.
     """
 
     at: int
@@ -85,7 +85,7 @@ class SyncFound:
     other: SyncFound | None = None
 
     def later(self, samples: int) -> SyncFound:
-        """Same, in data that begin so many samples earlier."""
+        """Return the same sync for data that begin the given number of samples earlier."""
         other = None if self.other is None else self.other.later(samples)
         return dataclasses.replace(self, at=self.at + samples, other=other)
 
@@ -94,23 +94,23 @@ def search(
     pressure: Array, known: Array, tool: ToolConfiguration, begin: int, end: int, whitener: Array | None = None
 ) -> SyncFound | None:
     """
-    Best sync that starts at a sample of a range.
+    Find the best sync that starts within a range of samples.
 
     Parameters
     ----------
     pressure, known : ndarray, shape (n,)
-        Pa, `SAMPLES_PER_TU` samples a TU; 1 where a sample is known.
+        Pa, `SAMPLES_PER_TU` samples per TU; 1 where a sample is known.
     tool : ToolConfiguration
-        Its sync and its time unit.
+        Gives the sync and the time unit.
     begin, end : int
-        Range of its first sample. What comes before it teaches the noise.
+        Range of the first sample of the sync; the data before it give the noise model.
     whitener : ndarray, optional
-        Prediction error filter of the noise, where it is known better.
+        Prediction error filter of the noise, where a better one is known.
 
     Returns
     -------
     SyncFound or None
-        None where nothing looks like one.
+        None if nothing resembles a sync.
     """
     early = whitener is None and begin < _LEAST_NOISE
     moved = min(_settled(pressure), max(begin - BEFORE, 0)) if early else _settled(pressure[:begin])
@@ -131,7 +131,7 @@ def search(
 def _refined(
     pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], found: SyncFound, least: float
 ) -> SyncFound | None:
-    """Sync found anew with noise learnt from the same pressure without the pulses found."""
+    """Find the sync again with a noise model from the same pressure without the pulses found."""
     train, pulses = np.zeros(len(pressure)), np.empty(len(pressure))
     train[found.at + SAMPLES_PER_TU * np.array(tool.sync.edges_tu)] = 1.0
     reconstruct(train, found.response, pulses)
@@ -140,7 +140,7 @@ def _refined(
 
 
 def _settled(pressure: Array) -> int:
-    """Sample from which the pressure no longer moves as it does when pumps start, so that noise can be learnt."""
+    """Return the sample after which the pressure no longer moves as when pumps start, so that noise can be modelled."""
     count = len(pressure) // _BLOCK
     if len(pressure) <= _LEAST_NOISE:
         return 0
@@ -154,7 +154,7 @@ def _settled(pressure: Array) -> int:
 def _found(
     pressure: Array, known: Array, tool: ToolConfiguration, span: tuple[int, int], whitener: Array, least: float
 ) -> SyncFound | None:
-    """Best sync in pressure whose noise is known; span: range of its first sample; least: score."""
+    """Find the best sync with a known noise model; span: range of its first sample; least: score required."""
     begin, end = span
     whitened = np.empty(len(pressure))
     filtered(pressure, whitener, whitened)
@@ -174,7 +174,7 @@ def _found(
         at = int(np.argmax(score))
         if score[at] < least:
             break
-        # The response is free, so the time is not: lay the largest pressure where a pulse has its middle.
+        # The response is free, so its time shift is ambiguous: align its largest pressure with the middle of a pulse.
         found = _fitted(whitened, weight, shapes, edges, first + at)
         early = int(np.argmax(np.abs(found[0] @ components))) - BEFORE - _MIDDLE
         moved = min(max(at + early, 0), count - 1)
@@ -191,7 +191,7 @@ def _found(
 
 
 def _columns(shapes: Array, edges: Array) -> Array:
-    """Whitened pressure of all pulses of a sync for each component, from `BEFORE` its start; shape (c, samples)."""
+    """Return the whitened pressure of a whole sync per component, from `BEFORE` its start; shape (c, samples)."""
     columns = np.zeros((len(shapes), int(edges[-1]) + shapes.shape[1]))
     for edge in edges:
         columns[:, edge : edge + shapes.shape[1]] += shapes
@@ -199,7 +199,7 @@ def _columns(shapes: Array, edges: Array) -> Array:
 
 
 def _scores(whitened: Array, weight: Array, columns: Array, first: int, count: int) -> Array:
-    """Log likelihood ratio of a sync at each of `count` samples from `first` on."""
+    """Return the log likelihood ratio of a sync at each of `count` samples from `first` on."""
     length = columns.shape[1]
     span = slice(first - BEFORE, first + count + length - 1 - BEFORE)
     whitened, weight = whitened[span], weight[span]
@@ -209,7 +209,7 @@ def _scores(whitened: Array, weight: Array, columns: Array, first: int, count: i
         folded[:, a] = np.correlate(weight * whitened, one, mode="valid")
         for b in range(a + 1):
             gram[:, a, b] = gram[:, b, a] = np.correlate(weight, one * columns[b], mode="valid")
-    # A weight says how large the noise of a sample is beside that of the others; so each that is known counts as one.
+    # A weight states the noise of a sample relative to the others, so each known sample counts as one.
     total, samples = (np.convolve(x, np.ones(length), mode="valid") for x in (weight * whitened**2, weight > 0.0))
     score = np.empty(count)
     _ratios(gram, folded, np.maximum(total, 1e-9), samples, np.array(_ENERGIES) / np.sum(columns**2), score)
@@ -219,17 +219,17 @@ def _scores(whitened: Array, weight: Array, columns: Array, first: int, count: i
 @compiled
 def _ratios(gram: Array, folded: Array, total: Array, samples: Array, variances: Array, score: Array) -> None:
     """
-    Fill the largest log likelihood ratio of some variances of the components, noise being 1.
+    Fill the largest log likelihood ratio over several prior variances of the components, noise being 1.
 
-    gram, folded, shapes (n, c, c), (n, c): normal equations at each place; total, samples, shape (n,): all the energy
-    there, and of how many samples; score, shape (n,).
+    gram, folded, shapes (n, c, c), (n, c): normal equations at each place; total, samples, shape (n,): total energy at
+    each place and the number of its samples; score, shape (n,): filled.
     """
     c = gram.shape[1]
     root, along = np.zeros((c, c)), np.zeros(c)
     for i in range(len(score)):
         score[i] = -np.inf
         for variance in variances:
-            # Cholesky factor of the normal equations with their prior, and the energy that they explain.
+            # Cholesky factor of the normal equations with their prior, and the energy they explain.
             share, size = 0.0, c * np.log(variance)
             for a in range(c):
                 for b in range(a + 1):
@@ -247,7 +247,7 @@ def _ratios(gram: Array, folded: Array, total: Array, samples: Array, variances:
 
 
 def _fitted(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int) -> tuple[Array, float]:
-    """Coefficients of the response that fit a sync best, and their scale."""
+    """Return the response coefficients that fit a sync best, and their scale."""
     begin, end = at - BEFORE, at + int(edges[-1]) + shapes.shape[1]
     train = np.zeros(end - begin)
     train[BEFORE + edges] = 1.0
@@ -261,7 +261,7 @@ def _fitted(whitened: Array, weight: Array, shapes: Array, edges: Array, at: int
 
 
 def _alike(whitened: Array, weight: Array, response: Array, edges: Array, at: int) -> bool:
-    """Whether the pulses of a sync that are known are there, two at least, with sizes that noise explains."""
+    """Return whether all known pulses of a sync, at least two, are present with sizes that agree within the noise."""
     count = len(edges)
     columns = np.zeros((int(edges[-1]) + len(response), count))
     for k, edge in enumerate(edges):
@@ -275,8 +275,8 @@ def _alike(whitened: Array, weight: Array, response: Array, edges: Array, at: in
     known = np.diag(gram) > _KNOWN * np.diag(gram).max()
     if np.count_nonzero(known) < 2:
         return False
-    # Log likelihood ratio of no pulse to one, the others as fitted, which hardly overlap it.
+    # Log likelihood ratio of a missing pulse, with the other pulses as fitted, which hardly overlap it.
     missing = -np.diag(gram) * (0.5 + apart)
-    # What a stall adds to a pulse is no white noise: of how large a disturbed one is, nothing is known.
+    # A stall adds an unknown amount to a pulse, unlike white noise, so disturbed pulses are not compared.
     apart = np.where(known, apart, 0.0)
     return bool(missing.max() < _MISSING * noise and apart @ gram @ apart < _UNLIKE * noise)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The clock of the tool against that of the pressure: where each sample of a transmission lies on the grid."""
+"""Clock of the tool relative to that of the pressure: position of each sample of a transmission on the grid."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 from mwd_surface.receiver.grid import STEPS_PER_TU
 from mwd_surface.receiver.pulse.channel_estimate import SAMPLES_PER_TU
 
-# 1 sigma of a tool's clock in order, and of one of twenty that is not; of its change from stretch to stretch with the
-# temperature.
+# 1 sigma of the relative clock error of a good tool and of a poor one, and the shares of both; 1 sigma of its change
+# from stretch to stretch with temperature.
 _CLOCKS, _SHARES = (5e-4, 5e-3), (0.95, 0.05)
 _CLOCK_WALK = 3e-5
 
@@ -19,7 +19,7 @@ _CLOCK_WALK = 3e-5
 @dataclasses.dataclass(frozen=True)
 class ToolClock:
     """
-    Where samples of a transmission lie.
+    Positions of the samples of a transmission on the grid.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class ToolClock:
     pace : float
         Steps from one sample to the next.
     variance : float
-        Of the relative error of the pace.
+        Variance of the relative error of the pace.
     """
 
     start: float
@@ -36,31 +36,31 @@ class ToolClock:
     variance: float = _CLOCKS[0] ** 2
 
     def at(self, sample: float) -> float:
-        """Position of a sample on the grid, steps."""
+        """Return the position of a sample on the grid, steps."""
         return self.start + sample * self.pace
 
     @property
     def error(self) -> float:
-        """Relative error of the tool's clock: 1e-3 sends 0.1 % slower."""
+        """Relative error of the tool's clock; at 1e-3 the tool sends 0.1 % slower."""
         return self.pace * SAMPLES_PER_TU / STEPS_PER_TU - 1.0
 
     def turned(self, middle: float, change: float) -> ToolClock:
-        """Clock with a pace changed by a share, the sample `middle` staying where it is."""
+        """Return the clock with its pace changed by a share, keeping the position of the sample `middle`."""
         return dataclasses.replace(
             self, start=self.start - middle * self.pace * change, pace=self.pace * (1.0 + change)
         )
 
     def followed(self, timing: tuple[float, float, float], overlap: float | None) -> tuple[ToolClock, float]:
         """
-        Clock after a measurement, and the relative change of its pace.
+        Return the clock after a measurement, and the relative change of its pace.
 
         Parameters
         ----------
         timing : (float, float, float)
-            Relative drift of the pulses, its variance, and the sample about which it turns.
+            Relative drift of the pulses, its variance, and the sample about which it is measured.
         overlap : float or None
-            Windows overlap: length of this one over what of it is new. Only that share counts as a measurement. None:
-            the window holds all that was heard, so it replaces the measurements before.
+            Windows overlap: length of this window divided by its new part; only the new part counts as a measurement.
+            None: the window holds all data so far, so it replaces earlier measurements.
         """
         drift, variance, middle = timing
         if overlap is None:
@@ -74,7 +74,7 @@ class ToolClock:
 
 
 def _from_all(measured: float, variance: float) -> tuple[float, float]:
-    """Error of a clock of which one measurement holds all that is known, and its variance: a mixture of two priors."""
+    """Return the error of a clock and its variance from a single measurement, with a mixture of two priors."""
     sigmas, shares = np.square(_CLOCKS), np.array(_SHARES)
     total = sigmas + variance
     logs = np.log(shares) - 0.5 * (np.log(total) + measured**2 / total)

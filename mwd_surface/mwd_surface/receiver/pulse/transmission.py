@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One transmission followed from its sync on: its sequences, its words stretch by stretch, the tool's clock."""
+"""One transmission followed from its sync: its sequences, its words stretch by stretch, and the tool's clock."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ from mwd_surface.receiver.pump_lines import STEADY_S
 from mwd_surface.receiver.words import ERASED, FrameReport, ReceivedWord, Reception, WordPlace, packet_rows, received
 
 _HISTORY_TU = 400
-# A response that comes after the last packet, as far as it still carries energy.
+# Time after the last packet in which its response still carries energy.
 _AFTER_TU = 14
-# Beyond this probability that parities mean nothing, the transmission is lost.
+# Probability that parities hold only by chance above which the transmission counts as lost.
 _LOST = 0.95
 _DOUBTFUL = 0.2
 _PARITIES_FAIL = "parities fail half the time: wrong sequence, wrong pulse width, two tools at once or no tool"
-# How much more evidence a TU a toolface behind a sync needs than a survey.
+# Factor by which a toolface after a sync needs more evidence per TU than a survey.
 _CLEARER = 1.2
 
 
@@ -45,14 +45,14 @@ class Transmission:
     ----------
     tool : ToolConfiguration
     grid : Grid
-        Pressure, which grows.
+        Pressure, to which later samples are appended.
     found : SyncFound
     position : float
-        Where the sync starts, steps of the grid.
+        Position where the sync starts, steps of the grid.
     frame : int
-        Number of its first pass.
+        Number of the first pass.
     doubt : Doubt
-        What the transmissions before teach of confidence.
+        Doubt about the configuration after the transmissions before.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Transmission:
         response[: len(found.response)] = found.response
         whitener = np.zeros(segment.ORDER + 2)
         whitener[: len(found.whitener)] = found.whitener
-        # The search has fewer components than the estimate: the same variance in all, spread over more.
+        # The search uses fewer components than the estimate: spread the same total variance over more.
         memory = STEADY_S / tool.tu_s * SAMPLES_PER_TU
         self._channel = segment.Channel(
             response, found.scale, whitener, whitener, basis(len(response), tool.tu_s), memory
@@ -85,20 +85,20 @@ class Transmission:
         self._parity = int(tool.parity == "odd")
 
     def expects_sync(self, position: float) -> bool:
-        """Whether a sync found at a position of the grid starts where the next pass would."""
+        """Return whether a sync at a position of the grid starts where the next pass would."""
         at = (position - self._clock.start) / self._clock.pace
         return self._pass is not None and abs(at - self._pass_end(self._pass)) <= SAMPLES_PER_TU
 
     def replaced_by(self, position: float, score: float) -> bool:
-        """Whether a sync found at a position of the grid, within the sync of this transmission, is the true one."""
+        """Return whether a sync found within the sync of this transmission is more likely the true one."""
         return self._pass is None and position < self._clock.at(self._boundary) and score > self.score
 
     def offer_sync(self) -> None:
-        """Take a sync into account where the next pass begins; the data decide which of the two it is."""
+        """Let the next pass begin with a sync if the data support it."""
         self._offered = True
 
     def needs(self) -> float:
-        """Position of the grid up to which pressure has to be there for the next step."""
+        """Return the position of the grid up to which the next step needs pressure."""
         if self._pass is None or (self._pass.complete and self._offered):
             start = self._boundary if self._pass is None else self._pass_end(self._pass)
             length = self._tool.header_tu + max(self._first_length(kind) for kind in ("survey", "toolface"))
@@ -109,11 +109,11 @@ class Transmission:
         return self._clock.at(start + SAMPLES_PER_TU * (length + _AFTER_TU)) + REACH
 
     def ends(self) -> float:
-        """Position of the grid where the last pulse of the next step ends at the latest."""
+        """Return the latest position of the grid at which the last pulse of the next step ends."""
         return self.needs() - SAMPLES_PER_TU * (_AFTER_TU + GAP_TU) * self._clock.pace - REACH
 
     def begins(self) -> float:
-        """Position of the grid up to which a sync that the next step needs may begin."""
+        """Return the position of the grid up to which the sync search must have come before the next step."""
         if self._pass is None:
             return self._clock.at(self._boundary)
         if self._presence.faint:
@@ -121,15 +121,15 @@ class Transmission:
         return self._clock.at(self._pass_end(self._pass) + SAMPLES_PER_TU) if self._pass.complete else -math.inf
 
     def keeps(self) -> float:
-        """Position of the grid from which pressure is still needed: a pass is decoded again when it is complete."""
+        """Return the first position of the grid still needed, because a complete pass is decoded again."""
         start = self._boundary if self._pass is None else self._pass.start
         return self._clock.at(start - SAMPLES_PER_TU * _HISTORY_TU)
 
     def step(self, waiting: bool = False) -> Reception:
         """
-        Decode the next stretch: provisional words, and all those of the pass once it is complete.
+        Decode the next stretch; return provisional words, and all words of the pass once it is complete.
 
-        waiting: whether another sync was found.
+        waiting: whether another sync was found meanwhile.
         """
         if self._pass is None or self._pass.complete:
             self._begin_pass()
@@ -151,7 +151,8 @@ class Transmission:
         soft = soft_words(decision, rows, items, self._parity)
         now.add(items, decision, soft, self._tool.code)
         if presence.faint:
-            # Neither clock nor channel learn from what has no pulses; its words are shown when the pulses come back.
+            # Clock and channel must not be updated from data without pulses; the words are shown if the pulses come
+            # back.
             self._clock = clock
             now.take_back(len(items))
             return Reception() if not now.complete else self.close()
@@ -161,7 +162,7 @@ class Transmission:
         if self._at_once.failing > _LOST:
             self.lost = _PARITIES_FAIL
         provisional = self._held + self._words(now, now.done - len(items), self._at_once, 0)
-        # Words behind what may be no sync are shown once it is clear that there are words.
+        # Words after a doubtful sync are held back until it is confirmed.
         self._held = [] if presence.confirmed else provisional
         provisional = provisional if presence.confirmed else []
         now.shown = now.done if presence.confirmed else 0
@@ -171,7 +172,7 @@ class Transmission:
         return Reception(done.words, done.frames, provisional)
 
     def close(self) -> Reception:
-        """Words of the pass so far, decoded again with all pulses of the pass and judged by all its parities."""
+        """Return the words of the pass so far, decoded again with all its pulses and judged by all its parities."""
         now = self._pass
         if now is None or not now.parts or not self.confirmed:
             return Reception()
@@ -187,7 +188,7 @@ class Transmission:
         self._decode_again(now, heard)
         self.doubt.learn([part.soft for part in heard])
         words = self._words(now, 0, self.doubt, 1)
-        # What was shown and is no word is taken back.
+        # Retract a word that was shown and then found to have no pulses.
         words = [
             word if part.pulses else dataclasses.replace(word, status=ERASED)
             for word, part in zip(words, now.parts, strict=True)
@@ -209,7 +210,7 @@ class Transmission:
         return words
 
     def _decode_again(self, now: Pass, parts: list[Part]) -> None:
-        """Decode words of a pass once more, with the pulses before each and behind it."""
+        """Decode words of a pass once more, now with the pulses before and after each."""
         for part in parts:
             stop = min(part.at + SAMPLES_PER_TU * (part.length + _HISTORY_TU), now.at)
             stretch = self._stretch(part.rows, part.at, stop, part)
@@ -219,7 +220,7 @@ class Transmission:
             part.soft = soft_words(decision, part.rows, (part.item,), self._parity)[0]
 
     def _align(self, now: Pass) -> None:
-        """Move the pulses of the first pass, where sync and words together say so."""
+        """Shift the pulses of the first pass if sync and words decoded together support it."""
         rows, length = now.rows_from_sync(self._tool)
         words = np.concatenate([part.probability for part in now.heard])
         first = len(rows) - len(words)
@@ -238,39 +239,39 @@ class Transmission:
             first += len(part.rows)
 
     def _forget(self, now: Pass) -> None:
-        """Keep of a pass the pulses that later ones need."""
+        """Keep only the pulses of a pass that later passes need."""
         self._places = self._pulses(None)
         now.parts = []
         oldest = now.at - SAMPLES_PER_TU * _HISTORY_TU - len(self._channel.response)
         self._places = [one for one in self._places if one.at >= oldest]
 
     def _pulses(self, but: Part | None) -> list[passes.Place]:
-        """All pulses known, but those of a part."""
+        """Return all known pulses except those of one part."""
         parts = self._pass.parts if self._pass is not None else []
         return self._places + [one for part in parts if part is not but for one in part.places()]
 
     @property
     def sound(self) -> bool:
-        """Whether parities hold, so that nothing but its own end should break the transmission off."""
+        """Whether parities hold, so that only its own end should end the transmission."""
         return self._at_once.failing < _DOUBTFUL and self.confirmed and not self._presence.faint
 
     @property
     def confirmed(self) -> bool:
-        """Whether there were words behind the sync."""
+        """Whether words were found after the sync."""
         return self._presence.confirmed
 
     @property
     def heard(self) -> float:
-        """Position of the grid up to which pulses were heard."""
+        """Position of the grid up to which pulses were found."""
         return self._clock.at(self._heard_at)
 
     @property
     def channel(self) -> segment.Channel:
-        """Response to a pulse, and noise with the pulses taken out."""
+        """Response to a pulse, and noise model without the pulses."""
         return self._channel
 
     def _rows(self, items: tuple[SequenceItem, ...]) -> tuple[Indices, int]:
-        """Packets of some words, and their time on air, TU."""
+        """Return the packets of some words, and their duration, TU."""
         return packet_rows(items, self._tool.code)
 
     def _seconds(self, sample: float) -> float:
@@ -288,7 +289,7 @@ class Transmission:
         return self._tool.surveys if kind == "survey" else self._tool.toolfaces
 
     def _begin_pass(self) -> None:
-        """Choose the sequence that comes: behind a sync by the evidence of the data, else toolface again."""
+        """Choose the next sequence: after a sync by the evidence of the data, otherwise the toolface sequence again."""
         if self._pass is not None:
             following = self._following(self._pass)
             offered, self._offered = self._offered, False
@@ -301,12 +302,12 @@ class Transmission:
         if self._tool.header_bits:
             number = self._header(start)
             start += SAMPLES_PER_TU * self._tool.header_tu
-        # Without a header nothing but flow-on makes a tool begin anew, and then it sends a survey.
+        # Without a header a tool begins anew only after flow-on, and then it sends a survey.
         kind = "survey"
         if self._tool.header_bits:
             looks = (stretch_of(self._sequence(one, number), 0, passes.LOOK_BITS) for one in ("survey", "toolface"))
             survey, toolface = (self._density(*self._rows(items), start) for items in looks)
-            # Packets of another sequence may fit the pulses of a survey nearly as well as its own.
+            # Packets of another sequence may fit the pulses of a survey nearly as well as those of the survey.
             kind = "toolface" if toolface > max(_CLEARER * survey, 0.0) else "survey"
         self._pass = Pass(kind, self._sequence(kind, number), start, at=start)
 
@@ -315,11 +316,11 @@ class Transmission:
         return sequences[min(number, len(sequences) - 1)]
 
     def _density(self, rows: Indices, length: int, start: int) -> float:
-        """Evidence a TU that some packets begin at a sample."""
+        """Return the evidence per TU that some packets begin at a sample."""
         return self._decode_once(rows, length, start).evidence / length
 
     def _following(self, last: Pass) -> Pass:
-        """Pass that follows another one without a sync: the toolface sequence of the same number."""
+        """Return the pass that follows another one without a sync: the toolface sequence of the same number."""
         number = self._sequences(last.kind).index(last.items)
         toolfaces = self._tool.toolfaces
         items = last.items if last.kind == "toolface" else toolfaces[min(number, len(toolfaces) - 1)]
@@ -328,10 +329,10 @@ class Transmission:
 
     def _goes_on(self, one: Pass) -> bool:
         """
-        Whether a pass, and its like behind it, are in the data rather than a sync there and a sequence behind that.
+        Return whether the data continue with this pass repeated, rather than with a sync and a new sequence.
 
-        Both are weighed on the same pressure: a disturbance that looks like a sync takes its share from either, and the
-        pulses behind it tell them apart.
+        Both hypotheses are weighed on the same pressure. A disturbance that looks like a sync lowers both, and the
+        pulses after it decide.
         """
         kinds = ("survey", "toolface") if self._tool.header_bits else ("survey",)
         looks = [stretch_of(items, 0, passes.LOOK_BITS) for kind in kinds for items in self._sequences(kind)]
@@ -361,14 +362,14 @@ class Transmission:
         overlap = None if heard <= _HISTORY_TU else window / length
         drift, variance, middle = decision.timing
         self._clock, change = self._clock.followed((drift, variance, start + middle), overlap)
-        # Half a sample at the ends of the window blurs the channel: once more on the better clock.
+        # An error of half a sample at the ends of the window blurs the channel: decode again with the better clock.
         return self._decode_once(rows, length, start) if abs(change) * SAMPLES_PER_TU * window > 0.5 else decision
 
     def _decode_once(self, rows: Indices, length: int, start: int) -> segment.Decision:
         return segment.decode(self._stretch(rows, start, start + SAMPLES_PER_TU * length, None), self._channel)
 
     def _stretch(self, rows: Indices, start: int, stop: int, before: Part | None) -> segment.Stretch:
-        """Pressure round some packets, up to and with the response of the last pulse before `stop`."""
+        """Return the pressure around some packets, up to the end of the response of the last pulse before `stop`."""
         begin = max(start - SAMPLES_PER_TU * _HISTORY_TU, self._settled)
         begin = max(begin, math.ceil((self._grid.first - self._clock.start) / self._clock.pace))
         count = stop + SAMPLES_PER_TU * _AFTER_TU - begin

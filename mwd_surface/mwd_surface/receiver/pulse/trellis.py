@@ -2,8 +2,9 @@
 """
 Soft decisions on packets: a forward-backward pass over the packets of some words, parity included.
 
-The metric is Ungerboeck's: what the matched filter saw at a place, less half the energy of a pulse, less what pulses
-have in common. The pulse before is a state of the trellis, exactly; pulses farther away enter by their mean.
+The metric is Ungerboeck's: the output of the matched filter at a place, minus half the energy of a pulse, minus the
+energy that pulses have in common. The previous pulse is a state of the trellis and enters exactly; pulses farther away
+enter by their mean.
 Sources: G. Ungerboeck, IEEE Trans. Commun. 22 (1974) 624; L. Bahl et al., IEEE Trans. Inf. Theory 20 (1974) 284.
 """
 
@@ -16,7 +17,7 @@ import numpy as np
 from mwd_sensors.core.arrays import Array, Indices
 from mwd_sensors.core.compiled import compiled
 
-# Values of a packet: of 3 bits, and places of one of the pulses of a combinatorial word.
+# Number of values of a packet: 3 bits, or the places of one pulse of a combinatorial word.
 _VALUES, _VALUES_RISING = 8, 20
 START, BITS, ENDS, PARITY, COUNT, RISING = range(6)  # columns of a row of packets
 _NEVER = -1e30
@@ -30,25 +31,25 @@ def _log_add(a: float, b: float) -> float:
 
 
 def values_of(packets: Indices) -> int:
-    """Width of arrays with a column for each value of a packet."""
+    """Return the width of arrays with a column for each value of a packet."""
     return _VALUES_RISING if packets[0, RISING] else _VALUES
 
 
 def uniform(packets: Indices) -> Array:
-    """Each value of a packet as probable as the others; shape (n, values)."""
+    """Return equal probabilities for all values of each packet; shape (n, values)."""
     at = np.arange(values_of(packets))[None, :]
     return np.where(at < packets[:, COUNT, None], 1.0 / packets[:, COUNT, None], 0.0)
 
 
 def places_of(packets: Indices) -> Indices:
-    """Place of each packet's values, TU; shape (n, values). Behind the last value the last place is repeated."""
+    """Return the place of each packet value, TU; shape (n, values). Beyond the last value its place is repeated."""
     at = np.minimum(np.arange(values_of(packets))[None, :], packets[:, COUNT, None] - 1)
     turned = np.where(packets[:, RISING, None] == 1, at, packets[:, COUNT, None] - 1 - at)
     return np.asarray(packets[:, START, None] + turned)
 
 
 def log_ways(packets: Indices) -> float:
-    """Logarithm of the number of ways to place all pulses."""
+    """Return the logarithm of the number of ways to place all pulses."""
     if not packets[0, RISING]:
         return float(packets[:, BITS].sum()) * math.log(2.0)
     total, pulses = 0.0, 0
@@ -67,13 +68,13 @@ def _odd(value: int) -> int:
 
 @compiled
 def _pair(common: Array, gap: int, level: float) -> float:
-    """What two pulses so many TU apart have in common."""
+    """Return the common energy of two pulses `gap` TU apart."""
     return float(level * common[gap]) if gap < len(common) else 0.0
 
 
 @compiled
 def place(packets: Indices, k: int, value: int) -> int:
-    """Place of the pulse of packet k with a value, TU."""
+    """Return the place of the pulse of packet k for a value, TU."""
     if packets[k, 5] == 1:
         return int(packets[k, 0] + value)
     return int(packets[k, 0] + packets[k, 4] - 1 - value)
@@ -81,7 +82,7 @@ def place(packets: Indices, k: int, value: int) -> int:
 
 @compiled
 def step_metric(packets: Indices, unary: Array, common: Array, level: Array, k: int, before: int, value: int) -> float:
-    """Metric of a packet's value when the packet before has the value `before`; never, where it may not follow."""
+    """Return the metric of a value given the previous packet's value; `_NEVER` if it may not follow that value."""
     metric = float(unary[k, value])
     if k > 0:
         if packets[k, 5] == 1 and packets[k - 1, 2] == 0 and value < before:
@@ -97,24 +98,24 @@ def forward_backward(
     packets: Indices, unary: Array, common: Array, level: Array, parity: int, forward: Array, backward: Array
 ) -> None:
     """
-    Log sums of all ways to a state and from it.
+    Fill the log sums of all paths that lead to each state and from each state.
 
     Parameters
     ----------
     packets : ndarray, shape (n, 6)
-        Start of the window in TU, bits, whether a word ends with the packet, whether that word has a parity bit that
-        its values tell, number of values, whether values are places that must not fall within a word (combinatorial
-        code) or count from the end of the window (pulse position).
+        Columns: start of the window in TU; bits; whether a word ends with the packet; whether that word has a parity
+        bit; number of values; whether the values of successive packets of a word must rise (combinatorial code) or
+        count from the end of the window (pulse position).
     unary : ndarray, shape (n, values)
-        Metric of each value alone.
+        Metric of each value by itself.
     common : ndarray, shape (m,)
-        What two pulses have in common, by their distance in TU.
+        Common energy of two pulses, by their distance in TU.
     level : ndarray, shape (n,)
-        Weight of the data round the packet, 0 to 1.
+        Weight of the data around the packet, 0 to 1.
     parity : int
         0: words have an even number of ones, 1: odd, -1: parity is not used.
     forward, backward : ndarray, shape (n, 2 values)
-        Log sums, state = 2 value + parity of the word up to and with this packet.
+        Log sums; state = 2 value + parity of the word up to this packet.
     """
     n = len(packets)
     forward[:] = _NEVER
@@ -157,12 +158,12 @@ def _reach(packets: Indices, parity: int, forward: Array, k: int, value: int, od
 @compiled
 def marginals(packets: Indices, forward: Array, backward: Array, out: Array, even: Array) -> float:
     """
-    Probabilities of each packet's values, and of an even number of ones up to each packet in its word.
+    Fill the probabilities of each packet value, and of an even number of ones up to each packet in its word.
 
     Parameters
     ----------
     packets, forward, backward
-        As `forward_backward`.
+        As in `forward_backward`.
     out : ndarray, shape (n, values)
         Probabilities.
     even : ndarray, shape (n,)
@@ -171,7 +172,7 @@ def marginals(packets: Indices, forward: Array, backward: Array, out: Array, eve
     Returns
     -------
     float
-        Log sum of all ways: the evidence of the data.
+        Log sum of all paths: the evidence of the data.
     """
     evidence = _NEVER
     for state in range(forward.shape[1]):
@@ -196,18 +197,18 @@ def mean_interference(
     packets: Indices, known: Array, chance: Array, common: Array, level: Array, probability: Array, out: Array
 ) -> None:
     """
-    What pulses that are not neighbours have in common with each place of a packet, in the mean.
+    Fill the mean common energy of each place of a packet with the pulses that are not its neighbours.
 
     Parameters
     ----------
     packets, common, level
-        As `forward_backward`.
+        As in `forward_backward`.
     known, chance : ndarray, shape (j,)
-        Edges of pulses before and behind these packets, TU, and how probable each is.
+        Edges of pulses before and after these packets, TU, and the probability of each.
     probability : ndarray, shape (n, values)
-        Of the packets' values.
+        Probability of each packet value.
     out : ndarray, shape (n, values)
-        To be taken from the metric of each value.
+        Amount to subtract from the metric of each value.
     """
     n = len(packets)
     out[:] = 0.0
@@ -240,24 +241,24 @@ def best_words(
     out: Array,
 ) -> int:
     """
-    Most probable values of one word, parity bit included.
+    Find the most probable values of one word, parity bit included.
 
     Parameters
     ----------
     packets, unary, common, level, forward, backward
-        As `forward_backward`, after it.
+        As in `forward_backward`, after that function has filled them.
     first : int
         First packet of the word.
     out : ndarray, shape (beam, 2)
-        Values and log probabilities (up to the evidence), best first.
+        Values and log probabilities (not normalised by the evidence), best first.
 
     Returns
     -------
     int
-        How many there are.
+        Number of values found.
     """
     beam = len(out)
-    # Value of the last packet, parity and code so far, log sum of the ways to here.
+    # Columns: value of the last packet, parity and code so far, log sum of the paths so far.
     rows, count, k = np.zeros((beam, 4)), 1, first
     while True:
         size = packets[k, 1]
@@ -291,7 +292,7 @@ def best_words(
 
 @compiled
 def _entry(packets: Indices, unary: Array, common: Array, level: Array, forward: Array, k: int, value: int) -> float:
-    """Log sum of all ways to a value of the first packet of a word."""
+    """Return the log sum of all paths to a value of the first packet of a word."""
     if k == 0:
         return float(unary[k, value])
     reach = _NEVER
@@ -314,16 +315,16 @@ def all_words(
     out: Array,
 ) -> None:
     """
-    Log probability (up to the evidence) of each code of one word of the combinatorial code.
+    Fill the log probability (not normalised by the evidence) of each code of one word of the combinatorial code.
 
     Parameters
     ----------
     packets, unary, common, level, forward, backward
-        As `forward_backward`, after it; the word has the last of these packets.
+        As in `forward_backward`, after that function has filled them; the word ends with the last of these packets.
     values : ndarray, shape (codes, pulses)
-        Value of each pulse of each code.
+        Value of each pulse for each code.
     out : ndarray, shape (codes,)
-        Filled.
+        Filled by this function.
     """
     codes, pulses = values.shape
     end = len(packets) - 1

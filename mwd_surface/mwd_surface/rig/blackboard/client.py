@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Client of a D-WIS blackboard: it sends the manifest, writes the values, and reads the depths of the rig.
+Client of a D-WIS blackboard: sends the manifest, writes the values, and reads the depths of the rig.
 
-The blackboard is an OPC UA server of others. Its methods Inject and ResolveQuery take and give JSON (DWIS-Blackboard-
-Base and the Python sample of DWIS-Blackboard-Samples, D-WIS on GitHub). Where it forgets us, as after its restart, the
-manifest is sent again.
+The blackboard is a third-party OPC UA server. Its methods Inject and ResolveQuery take and return JSON
+(DWIS-Blackboard-Base and the Python sample of DWIS-Blackboard-Samples, D-WIS on GitHub). If the blackboard loses our
+variables, as after a restart, the manifest is sent again.
 """
 
 from __future__ import annotations
@@ -43,22 +43,22 @@ from mwd_surface.rig.opcua.data_value import data_value
 from mwd_surface.rig.values import RigValues
 from mwd_surface.signals.table import TO_RIG
 
-# Rig data that are read, by the noun that the vocabulary has for each.
+# Rig data that are read, with the noun of the vocabulary for each.
 NOUNS = {"bit_depth": "BitDepth", "hole_depth": "HoleDepth"}
 _READ_S = 1.0  # s between readings of the rig's depths
-_FIND_S = 10.0  # s between queries for what was not found
+_FIND_S = 10.0  # s between queries for depths that were not found
 _SHOWN = 300
-_BAD = 0x80000000  # status codes from here on are bad
+_BAD = 0x80000000  # status codes of this value and above are bad
 _LAST_NAMESPACE = 0xFFFF  # an index is 16 bits on the wire
 
 
 class BlackboardError(RuntimeError):
-    """The blackboard answered, but not with what its interface promises."""
+    """The blackboard's answer does not match its interface."""
 
 
 @dataclasses.dataclass(frozen=True)
 class BlackboardSettings:
-    """The blackboard, and what is exchanged with it."""
+    """Settings of the blackboard and of the data exchanged with it."""
 
     enabled: bool = setting(False, "publish the signals to a D-WIS blackboard", fixed=True)
     url: str = setting("opc.tcp://127.0.0.1:48030/", "address of the blackboard, opc.tcp://", fixed=True)
@@ -67,7 +67,7 @@ class BlackboardSettings:
     timeout: float = setting(10.0, "longest wait for an answer", unit="s", low=0.5, high=300.0, fixed=True)
     period: float = setting(
         1.0,
-        "least time between two writes; values that did not change are not written. Lower costs traffic",
+        "least time between two writes of changed values. A shorter time causes more traffic",
         unit="s",
         low=0.1,
         high=60.0,
@@ -79,15 +79,15 @@ class BlackboardSettings:
 
 class Blackboard(LoopInterface):
     """
-    The client of one well.
+    Client of a D-WIS blackboard for one well.
 
     Parameters
     ----------
     settings : BlackboardSettings
     on_rig_state : callable, optional
-        Gets rig data, `wire.RIG_STATE`, in the thread of the interface.
+        Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
     clock, wall : callable
-        Steady seconds; time, ns since the epoch.
+        Steady time, s, and time, ns since the epoch.
     """
 
     def __init__(
@@ -111,20 +111,20 @@ class Blackboard(LoopInterface):
 
     def start(self) -> None:
         """
-        Begin to publish.
+        Start publishing.
 
         Raises
         ------
         InterfaceError
-            asyncua is missing, or the address is none.
+            asyncua is missing, or the address is not valid.
         """
         self._asyncua = optional("asyncua", "asyncua", "the blackboard")
         if not _is_address(self.settings.url):
-            raise InterfaceError(f"url: {self.settings.url!r} is no address: write opc.tcp://host:port/")
+            raise InterfaceError(f"url: {self.settings.url!r} is not an address: write opc.tcp://host:port/")
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Connect, send the manifest and the values, and begin again, until `stop`."""
+        """Connect, send the manifest and the values, and reconnect after failures, until `stop` is set."""
         ready(self.settings.url)
         failures = 0
         while not stop.is_set():
@@ -133,11 +133,11 @@ class Blackboard(LoopInterface):
                 async with client:
                     await self._publish(client, stop)
                 failures = 0
-            except Exception as error:  # noqa: BLE001  (asyncua raises anything for bytes that are no OPC UA)
-                # A connection that held makes the next wait short again.
+            except Exception as error:  # noqa: BLE001  (asyncua raises any exception for bytes that are not OPC UA)
+                # A connection that was established resets the count of failures, so the next wait is short.
                 failures = 0 if self._connected else failures
                 failures, self._failures = failures + 1, self._failures + 1
-                self._reason = (str(error) or "no answer that OPC UA has")[:_SHOWN]
+                self._reason = (str(error) or "the peer did not answer as OPC UA")[:_SHOWN]
             finally:
                 self._connected = False
             if not stop.is_set():
@@ -166,7 +166,7 @@ class Blackboard(LoopInterface):
                     await stop.wait()
 
     async def _inject(self, client: Any) -> dict[str, Any]:
-        """Send the manifest; the nodes that the blackboard made, by the name of the variable."""
+        """Send the manifest; return the nodes that the blackboard created, by variable name."""
         result = await _asked(client, self.settings.inject, json.dumps(manifest()))
         if not result.get("Success"):
             raise BlackboardError("the blackboard refused the manifest: read its log")
@@ -181,14 +181,15 @@ class Blackboard(LoopInterface):
     async def _write(
         self, client: Any, variables: dict[str, Any], values: RigValues, sent: dict[str, VariableValue]
     ) -> None:
-        """Write what changed since the last time."""
+        """Write the values that changed since the last write."""
         ua, table = self._asyncua.ua, readings(values)
         changed = [name for name, reading in table.items() if sent.get(name) != reading]
         if self._bare:
-            # Without a status a number that is not to be used would look like one that is.
+            # This blackboard takes no status codes, so a value that must not be used cannot be marked and is not
+            # written.
             changed = [name for name in changed if table[name].status < _BAD]
         if not changed:
-            # Nothing to write is no proof that the blackboard is there: a lost session must show.
+            # With nothing to write, read a value instead, so that a lost session is noticed.
             await client.nodes.server_state.read_value()
             return
         results = await client.write_values(
@@ -208,7 +209,7 @@ class Blackboard(LoopInterface):
         ua = self._asyncua.ua
         if self._bare:
             return ua.DataValue(ua.Variant(reading.value, ua.VariantType.Double))
-        # The server's time is the blackboard's to write.
+        # The blackboard sets the server timestamp.
         return dataclasses.replace(data_value(ua, reading, "Double"), ServerTimestamp=None)
 
     async def _take(self, reader: _Depths, now: float) -> None:
@@ -221,7 +222,7 @@ class Blackboard(LoopInterface):
             self._on_rig_state(sample)
 
     def status(self) -> InterfaceStatus:
-        """How it goes."""
+        """Return the state of the interface."""
         if not self.running:
             return InterfaceStatus(self.name, STOPPED, reason=self.failure)
         peers = (PeerStatus(self.settings.url, self._since, sent=self._written, received=self._read),)
@@ -239,7 +240,7 @@ class Blackboard(LoopInterface):
 
 class _Depths:
     """
-    Depths of the rig on a blackboard, found by what they are.
+    Depths of the rig on a blackboard, found by their meaning.
 
     Parameters
     ----------
@@ -247,7 +248,7 @@ class _Depths:
     resolve : str
         Node id of the method that answers a query.
     ours : set of str
-        Node ids of our own variables, which are no source.
+        Node ids of our own variables, which are not used as a source.
     """
 
     def __init__(self, client: Any, resolve: str, ours: Iterable[str]) -> None:
@@ -258,7 +259,7 @@ class _Depths:
         self._unknown = optional("asyncua.ua", "asyncua", "the blackboard").StatusCodes.BadNodeIdUnknown
 
     async def read(self, now: float) -> dict[str, float]:
-        """Return depths, m, that are good and newer than those of the last call; now: steady time, s."""
+        """Return the depths, m, that are good and newer than at the last call; now: steady time, s."""
         if len(self._nodes) < len(NOUNS) and now >= self._find_at:
             self._find_at = now + _FIND_S
             for name, noun in NOUNS.items():
@@ -268,7 +269,7 @@ class _Depths:
         for name, node in list(self._nodes.items()):
             value = await node.read_data_value(raise_on_bad_status=False)
             if value.StatusCode.value == self._unknown:
-                # Whoever published it has gone: it is looked for again.
+                # The publisher has removed the node: search again.
                 del self._nodes[name]
                 continue
             stamp = value.SourceTimestamp or value.ServerTimestamp
@@ -283,32 +284,34 @@ class _Depths:
         nodes = [(spaces.index(space), at) for space, at in _found(answer) if space in spaces]
         others = [self._client.get_node(f"ns={index};s={at}") for index, at in nodes]
         others = [node for node in others if node.nodeid.to_string() not in self._ours]
-        # Two providers of one depth: nobody knows which is meant.
+        # With two providers of one depth it is unknown which one is meant, so neither is used.
         if len(others) == 1:
             self._nodes[name] = others[0]
 
 
 async def _asked(client: Any, method: str, text: str) -> dict[str, Any]:
-    """Call a method of the blackboard: one text in, in an array as it wants it, JSON out."""
+    """Call a method of the blackboard with one text, in an array as it expects; return the parsed JSON answer."""
     ua = optional("asyncua.ua", "asyncua", "the blackboard")
     node = client.get_node(method)
     parent = await node.get_parent()
     if parent is None:
-        raise BlackboardError(f"{method} belongs to no object: set its node id to that of the blackboard's method")
+        raise BlackboardError(
+            f"{method} does not belong to an object: set its node id to that of the blackboard's method"
+        )
     argument = ua.Variant([text], ua.VariantType.String)
     answer = await parent.call_method(node.nodeid, argument)
     first = answer[0] if isinstance(answer, list) else answer
     try:
         table = load_json(first, budgets.WITSML_STORE)
     except (TypeError, ValueError, AttributeError) as error:
-        raise BlackboardError(f"{method} gave no JSON") from error
+        raise BlackboardError(f"{method} did not answer with JSON") from error
     if not isinstance(table, dict):
-        raise BlackboardError(f"{method} gave no table")
+        raise BlackboardError(f"{method} did not answer with a table")
     return table
 
 
 def _is_address(url: str) -> bool:
-    """Whether it names a host and a port."""
+    """Return whether the URL names a host and a port of OPC UA."""
     try:
         parts = urllib.parse.urlsplit(url)
         return parts.scheme == "opc.tcp" and bool(parts.hostname) and bool(parts.port)
@@ -317,33 +320,33 @@ def _is_address(url: str) -> bool:
 
 
 def _number(value: object) -> float:
-    """Number of a variable of others; NaN, which no check lets through, where it is none."""
+    """Return a variable's value as a number; NaN, which every check rejects, if it is not a number."""
     return float(value) if isinstance(value, int | float) else math.nan
 
 
 def _made(result: dict[str, Any]) -> dict[str, tuple[int, str]]:
-    """Namespace index and id of each variable that the blackboard made, by its name in the manifest."""
+    """Return the namespace index and id of each variable the blackboard created, by its name in the manifest."""
     try:
         rows = [(row["ManifestItemID"], row["InjectedID"]) for row in result.get("ProvidedVariables") or ()]
         made = {str(name): (int(at["NameSpaceIndex"]), str(at["ID"])) for name, at in rows}
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise BlackboardError(f"the answer to the manifest is none of a blackboard ({error!r})") from error
+        raise BlackboardError(f"the answer to the manifest is not that of a blackboard ({error!r})") from error
     if any(not 0 <= space <= _LAST_NAMESPACE for space, _ in made.values()):
-        raise BlackboardError("the answer to the manifest names a namespace that no server has")
+        raise BlackboardError("the answer to the manifest has an invalid namespace index")
     return made
 
 
 def _found(answer: dict[str, Any]) -> list[tuple[str, str]]:
-    """Namespace and id of the first column of a query's rows."""
+    """Return the namespace and id in the first column of a query's rows."""
     try:
         items = [row["Items"][0] for row in answer.get("Results") or () if row["Items"]]
         return [(str(item["NameSpace"]), str(item["ID"])) for item in items]
     except (KeyError, TypeError, IndexError) as error:
-        raise BlackboardError(f"the answer to a query is none of a blackboard ({error!r})") from error
+        raise BlackboardError(f"the answer to a query is not that of a blackboard ({error!r})") from error
 
 
 def readings(values: RigValues) -> dict[str, VariableValue]:
-    """Every signal as the blackboard holds it, in SI: temperatures in kelvin."""
+    """Return the value of every signal for the blackboard, in SI with temperatures in kelvin."""
     table = {}
     for signal in TO_RIG:
         v = values.values[signal.name]

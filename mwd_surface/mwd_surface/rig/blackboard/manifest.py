@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The D-WIS manifest of our signals, made from the signal table.
+D-WIS manifest of our signals, made from the signal table.
 
-A blackboard is sent a manifest in JSON and creates the variables it names (variable provision); a consumer finds them
-by the sentences about them, never by a node id. Fields are those of ManifestFile in DWIS-Blackboard-Base (D-WIS on
-GitHub); nouns and verbs are of the DDHub vocabulary (DrillingDataSemantics, MeasurableQuantityTypes, Uncertainty,
-PhysicalLocation, DataProviders).
+A blackboard receives a manifest in JSON and creates the variables that it names (variable provision). A consumer finds
+the variables by the sentences about them, not by a node id. The fields are those of ManifestFile in
+DWIS-Blackboard-Base (D-WIS on GitHub); nouns and verbs come from the DDHub vocabulary (DrillingDataSemantics,
+MeasurableQuantityTypes, Uncertainty, PhysicalLocation, DataProviders).
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from mwd_surface.signals.table import TO_RIG
 from mwd_surface.signals.units import UNITS
 
 PREFIX = "http://ddhub.no/"
-NODES, VARIABLES = "Nodes", "ProvidedVariables"  # aliases within the manifest
+NODES, VARIABLES = "Nodes", "ProvidedVariables"  # aliases used within the manifest
 _PROVIDER = "MWDSurface"
 _UNCERTAINTY = "GaussianUncertainty"
 _SIGMA = "sigma_"
 _DEPTH = "DepthDrillingQuantity"
-# Nouns of the table that are no class of the signal but a node it refers to, with the verb that does.
+# Nouns of the table that are not a class of the signal but a node to which it refers, with the verb of the reference.
 _REFERRED = {"NorthEastTVDFrame": "HasReferenceFrame", "BitReferenceLocation": "IsPhysicallyLocatedAt"}
 
 
 def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> dict[str, Any]:
     """
-    Manifest of signals, ready for JSON.
+    Return the manifest of signals as a table for JSON.
 
     Parameters
     ----------
     signals : iterable of Signal
-        Each becomes a variable of the name it has on OPC UA, with a data point that says what it is.
+        Signals; each becomes a variable with its OPC UA name and a data point that describes it.
     provider : str
-        Application; the blackboard makes the namespace of the variables from it.
+        Name of the application; the blackboard derives the namespace of the variables from it.
     """
     table = tuple(signals)
     names = {signal.name for signal in table}
@@ -45,7 +45,7 @@ def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> di
     sentences: list[dict[str, Any]] = []
 
     def say(subject: str, verb: str, target: str, kind: str | None = None) -> None:
-        """Add a sentence whose object is a node of the manifest, of this kind where it is a new one."""
+        """Add a sentence whose object is a node of the manifest; kind: class of the node if it is a new one."""
         if kind is not None:
             nodes.setdefault(target, kind)
         sentences.append(_sentence(subject, verb, NODES, target))
@@ -86,15 +86,15 @@ def manifest(signals: Iterable[Signal] = TO_RIG, provider: str = MANIFEST) -> di
 
 
 def quantity_of(signal: Signal) -> str:
-    """Noun of the measurable quantity of a signal."""
+    """Return the noun of the measurable quantity of a signal."""
     if signal.unit == "m" and "depth" in signal.meaning and "difference" not in signal.meaning:
         return _DEPTH
-    # A blackboard holds SI, so that a temperature goes out in kelvin.
+    # A blackboard holds SI values, so temperatures have the quantity of the SI unit, in kelvin.
     return UNITS[signal.unit].quantity
 
 
 def query(noun: str) -> str:
-    """SPARQL query for the variable that holds what is of this class now, such as BitDepth."""
+    """Return the SPARQL query for the variable that holds the present value of a class, such as BitDepth."""
     return (
         "PREFIX rdf: <http://www.w3.org/1999/02/22-rdf-syntax-ns#>\n"
         f"PREFIX ddhub: <{PREFIX}>\n"

@@ -2,8 +2,8 @@
 """
 Holding registers through which a controller takes control: its request at 110, its set-points at 120.
 
-Each block is written whole by function 16. A lease belongs to the connection that asked for it. The command block is
-the heartbeat too, with sequence 0.
+Each block is written as a whole by function 16. A lease belongs to the connection that requested it. A command block
+with sequence 0 is a heartbeat.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _INTERFACE = "Modbus"
 
 class ControlRegisters:
     """
-    The blocks of one server.
+    Control registers of one server.
 
     Parameters
     ----------
     authority : ControlAuthority
     form : ModbusForm
     clock : callable
-        Steady seconds, that of the authority.
+        Steady time, s, the same clock as the authority's.
     """
 
     def __init__(self, authority: ControlAuthority, form: ModbusForm, clock: Callable[[], float]) -> None:
@@ -42,19 +42,19 @@ class ControlRegisters:
 
     def blocks(self, connection: int = 0) -> dict[int, tuple[int, ...]]:
         """
-        Return what a reader sees, by the address of its first register.
+        Return the registers that a reader sees, by the address of the first register of each block.
 
-        A connection sees its own last request and answer; one that never asked, as of a master that makes a new
-        connection for each request, the last of all.
+        A connection sees its own last request and answer. A connection without a request sees the last request of all,
+        because some masters open a new connection for each request.
         """
         return {REQUEST: self._asked.get(connection, self._last), COMMAND: self._command}
 
     def forget(self, connection: int) -> None:
-        """Drop what a connection that ended was answered."""
+        """Drop the stored request and answer of a connection that ended."""
         self._asked.pop(connection, None)
 
     def write(self, address: int, words: Sequence[int], connection: int = 0) -> bool:
-        """Take a block from a connection; answers whether it was one and was done."""
+        """Process a block written by a connection; return whether the block was valid and done."""
         if address == REQUEST and len(words) == REQUEST_COUNT:
             return self._ask(tuple(words), connection)
         if address == COMMAND and len(words) == COMMAND_COUNT:
@@ -62,7 +62,7 @@ class ControlRegisters:
         return False
 
     def _ask(self, words: tuple[int, ...], connection: int) -> bool:
-        """Action 1 asks for control, 2 gives it back; number of the controller, its priority, and s (0: longest)."""
+        """Process a request: action (1 request, 2 release), controller number, priority, duration in s (0: longest)."""
         action, number, priority, duration = words
         if action == _RELEASE:
             status = self._authority.status(self._clock())
@@ -84,7 +84,7 @@ class ControlRegisters:
         return done
 
     def _set(self, words: tuple[int, ...], connection: int) -> bool:
-        """Lease (u32), sequence, mode, then f32: speed r/min, turn deg, flow L/min, validity s; not of a heartbeat."""
+        """Process a command: lease (u32), sequence, mode; then f32 speed r/min, turn deg, flow L/min, validity s."""
         speed, turn, flow, valid_for = (float_of(words[k : k + 2], self._form) for k in (4, 6, 8, 10))
         point = SetPoint(
             words[3],

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The Modbus register map: 80 input registers that are swapped as one block, so that no reader sees half of a change.
+Modbus register map: 80 input registers that are replaced as one block, so that a reader never sees a partial update.
 
-No standard map exists for MWD. Addresses count from 0; tools that count from 1 add one. Units are those of people on a
+No standard map exists for MWD. Addresses count from 0; tools that count from 1 add one. The units are those used on a
 rig: deg, m, nT, standard gravities, r/min, degC.
 """
 
@@ -28,26 +28,26 @@ VERSION = 3
 COUNT = 80
 WRITABLE, WRITABLE_COUNT = 100, 2
 WORD_ORDERS = ("ABCD", "CDAB")
-# An age that was never reached: there is no toolface yet.
+# Age sent while there is no toolface yet.
 NEVER = 1e9  # s
 _LARGEST = 3.4e38
 _NAN: tuple[int, ...] = (0x7FC0, 0x0000)
-# Address of a float: the value it holds, factor to its unit, and where it turns over.
+# By address of a float register: name of the value, factor to its unit, and the value at which it wraps.
 FLOATS: dict[int, tuple[str, float, float]] = {
     signal.modbus: (signal.name, UNITS[signal.unit].modbus.factor, signal.wrap)
     for signal in TO_RIG
     if signal.modbus is not None
 }
 _AGE, _TIME, _CONTROL, _INPUTS = 8, 34, 38, 78
-# Register 78 by the name of the source of depth; 0: none, 9: another.
+# Values of register 78 by name of the depth source; 0: none, 9: another one.
 DEPTH_SOURCES = {"": 0, HAND: 1, "rig_floor": 2, OPCUA: 3, WITS: 4, MODBUS: 5, BLOCK: 6}
 _ANOTHER, _NO_CLOCK = 9, 255
-# The name by which the authority knows a controller that came by Modbus, before its number.
+# Prefix, before its number, of the name under which the authority knows a Modbus controller.
 CONTROLLER = "modbus "
 
 
 class StatusBit:
-    """Numbers of the bits of register 2."""
+    """Bit numbers of register 2."""
 
     ACTIVE = 0
     SONDE_LINK = 1
@@ -64,7 +64,7 @@ class StatusBit:
 
 
 class ControlBit:
-    """Numbers of the bits of register 39."""
+    """Bit numbers of register 39."""
 
     ENABLED = 0
     MWD_ALIVE = 1
@@ -76,7 +76,7 @@ class ControlBit:
 
 @dataclasses.dataclass(frozen=True)
 class ModbusForm:
-    """How numbers are laid into registers."""
+    """Encoding of numbers in registers."""
 
     word_order: str = setting("ABCD", "order of the words of long numbers", choices=WORD_ORDERS, fixed=True)
     nan_invalid: bool = setting(
@@ -85,7 +85,7 @@ class ModbusForm:
 
 
 def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
-    """Registers 0 to 79 of a moment, each 0 to 65535."""
+    """Return registers 0 to 79 for the given values, each 0 to 65535."""
     block = [0] * COUNT
     survey = values.survey
     block[0] = VERSION
@@ -108,13 +108,13 @@ def registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
 
 
 def _input_registers(inputs: InputTable) -> tuple[int, int]:
-    """Registers 78 and 79: the source of the depth, and whose clocks stamp the sonde's data and the rig's."""
+    """Return registers 78 and 79: the depth source, and the clocks that stamp the sonde's and the rig's data."""
     clocks = [_NO_CLOCK if row is None else int(row.clock) for row in (rig_input(inputs), inputs.named(SONDE))]
     return DEPTH_SOURCES.get(inputs.depth_source, _ANOTHER), clocks[0] << 8 | clocks[1]
 
 
 def _control_registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
-    """Registers 38 to 45: who has control, and what was taken of its set-points."""
+    """Return registers 38 to 45: the owner of control, and the acknowledged set-points."""
     control, advice = values.control, values.advice
     bits = {
         ControlBit.ENABLED: control.enabled,
@@ -138,18 +138,18 @@ def _control_registers(values: RigValues, form: ModbusForm) -> tuple[int, ...]:
 
 
 def long_words(number: int) -> tuple[int, int]:
-    """Both words of a number of 32 bits, the higher first."""
+    """Return both words of a 32-bit number, the higher word first."""
     return number >> 16 & 0xFFFF, number & 0xFFFF
 
 
 def long_of(words: Sequence[int], form: ModbusForm) -> int:
-    """The number of 32 bits in two registers."""
+    """Return the 32-bit number in two registers."""
     high, low = _ordered(tuple(words), form)
     return high << 16 | low
 
 
 def status_bits(values: RigValues) -> int:
-    """Register 2. A toolface of a turning string is no fresh one: it cannot be steered by."""
+    """Return register 2. The toolface of a rotating string never counts as fresh: it cannot be used to steer."""
     survey = values.survey
     usable = values.toolface.condition.usable
     bits = {
@@ -170,7 +170,7 @@ def status_bits(values: RigValues) -> int:
 
 
 def float_of(words: Sequence[int], form: ModbusForm) -> float:
-    """The number in two registers."""
+    """Return the float in two registers."""
     return float(struct.unpack(">f", struct.pack(">2H", *_ordered(tuple(words), form)))[0])
 
 

@@ -19,10 +19,10 @@ from mwd_surface.rig.modbus.settings import ModbusSerialSettings, ModbusSettings
 
 class ModbusSerial(ModbusServer):
     """
-    The same map over a serial line, where other units answer for themselves: requests to them are left alone.
+    Register map served over a serial line with several units: requests to other units are ignored.
 
     line : ModbusSerialSettings
-        The other arguments are those of `ModbusServer`.
+        Settings of the line; the other arguments are those of `ModbusServer`.
     """
 
     _called, _what = "modbus_serial", "Modbus RTU"
@@ -41,21 +41,21 @@ class ModbusSerial(ModbusServer):
 
     def start(self) -> None:
         """
-        Begin to serve.
+        Start serving.
 
         Raises
         ------
         InterfaceError
-            pymodbus or pyserial is missing, or the device is not to be had.
+            pymodbus or pyserial is missing, or the device cannot be opened.
         """
         self._serial = optional("serial", "pyserial", self._what)
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Answer until `stop`, or until the device is gone."""
+        """Answer requests until `stop` is set or the device is gone."""
         line, self._seen = self.line, False
         try:
-            # pymodbus does not say why it cannot open a device.
+            # Open the device once before pymodbus does, because pymodbus gives no reason when it fails.
             self._serial.Serial(line.device, line.baud, timeout=0, exclusive=True).close()
         except OSError as error:
             raise InterfaceError(f"{line.device}: {error.strerror or error}") from error
@@ -92,7 +92,7 @@ class ModbusSerial(ModbusServer):
         return handler
 
     def _look_after(self) -> None:
-        """A line may be silent for ever; one that is gone is opened again by whoever started this."""
+        """Raise if the device is gone, so that the interface is started again; a silent line is normal."""
         if self._seen and not self._connections:
             raise InterfaceError(f"{self.line.device} is gone")
         self._seen = bool(self._connections)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Modbus TCP and RTU: controllers and collectors read the register map; nothing can be written unless allowed.
+Modbus TCP server: controllers and collectors read the register map; nothing can be written unless it is allowed.
 
-The protocol itself is pymodbus. Registers 0 to 69 are answered to function 4 from one block that is swapped whole.
-What is not on the map is refused with the exception that the protocol has for it.
+pymodbus implements the protocol. Input registers (function 4) are answered from one block that is replaced as a whole.
+Any other request is refused with the exception code of the protocol.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from mwd_surface.rig.modbus.settings import ModbusSettings
 from mwd_surface.rig.values import nothing_yet
 
 _READ_INPUT, _READ_HOLDING, _WRITE_MULTIPLE = 4, 3, 16
-# The most bits or registers that one request may ask for (Modbus application protocol 1.1b3, section 6).
+# Largest number of bits or registers in one request (Modbus application protocol 1.1b3, section 6).
 _MOST_READ = {1: 2000, 2: 2000, 3: 125, 4: 125}
 _WRITES = (5, 6, 15, 16, 22, 23)
-_LOOK = 1.0  # s between looks for idle connections
-_PYMODBUS = 3, 13  # the first with the simulator devices that the server answers from
+_LOOK = 1.0  # s between checks for idle connections
+_PYMODBUS = 3, 13  # first version with the simulator devices that this server uses
 
 
 @dataclasses.dataclass
@@ -58,17 +58,17 @@ class _Connection:
 
 class ModbusServer(LoopInterface):
     """
-    The register map of one well.
+    Modbus TCP server of one well.
 
     Parameters
     ----------
     settings : ModbusSettings
     on_rig_state : callable, optional
-        Gets the bit depth that a client wrote, `wire.RIG_STATE`, where writing is allowed.
+        Receives the bit depth that a client wrote, as `wire.RIG_STATE`, if writing is allowed.
     authority : ControlAuthority, optional
-        Behind the registers of control.
+        Decides about requests that come through the control registers.
     clock, wall : callable
-        Steady seconds, and ns since the epoch.
+        Steady time, s, and time, ns since the epoch.
     """
 
     _called, _what = "modbus", "Modbus TCP"
@@ -94,24 +94,24 @@ class ModbusServer(LoopInterface):
         self._gone = 0
         self._numbers = itertools.count(1)
         self._written = (0, 0)
-        # Of the request that is being answered.
+        # Number of the connection whose request is being answered.
         self._asking = contextvars.ContextVar("connection", default=0)
         allowed = settings.allow_control and authority is not None
         self._control = ControlRegisters(authority, settings.form, clock) if allowed and authority else None
 
     @property
     def port(self) -> int:
-        """The port it listens on; 0 while it does not run."""
+        """Port on which the server listens; 0 while it is not running."""
         return int(self.address.rpartition(":")[2]) if self.address else 0
 
     def start(self) -> None:
         """
-        Begin to serve.
+        Start serving.
 
         Raises
         ------
         InterfaceError
-            pymodbus is missing, or the address or port is not to be had.
+            pymodbus is missing, or the address or port cannot be opened.
         """
         self._server = optional("pymodbus.server", "pymodbus", self._what, _PYMODBUS)
         self._simulator = optional("pymodbus.simulator", "pymodbus", self._what)
@@ -120,7 +120,7 @@ class ModbusServer(LoopInterface):
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Listen until `stop`."""
+        """Listen until `stop` is set."""
         host, port = checked_host(self.settings.host, self.settings.allow_network), self.settings.port
         probe_port(host, port)
         server = self._server.ModbusTcpServer(self._devices(), address=(host, port), identity=self._named())
@@ -140,7 +140,7 @@ class ModbusServer(LoopInterface):
                 connection.transport.abort()
 
     async def _follow(self, stop: asyncio.Event) -> None:
-        """Swap the block as values come; look after the connections."""
+        """Replace the block when values come, and check the connections."""
         while not stop.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_LOOK):
@@ -151,7 +151,7 @@ class ModbusServer(LoopInterface):
             self._look_after()
 
     def _look_after(self) -> None:
-        """Close connections that only hold a place."""
+        """Close connections that have been idle for too long."""
         now = self._clock()
         for connection in list(self._connections.values()):
             if now - connection.last_request > self.settings.idle_timeout:
@@ -168,7 +168,7 @@ class ModbusServer(LoopInterface):
                 for start, words in self._control.blocks().items()
             ]
         ours = self._simulator.SimDevice(id=self.settings.unit, simdata=blocks, action=self._answer)
-        # Every other unit: no register of it exists.
+        # All other units, which have no registers.
         others = self._simulator.SimDevice(
             id=0, simdata=[data(0, values=[0], datatype=kinds.REGISTERS)], action=self._deny
         )
@@ -188,7 +188,7 @@ class ModbusServer(LoopInterface):
     async def _answer(
         self, function: int, _start: int, address: int, count: int, current: list[int], wanted: list[Any] | None
     ) -> Any:
-        """One request to our unit; between this and the answer nothing else runs, so that a block is never torn."""
+        """Answer a request to our unit; nothing else runs before the reply is made, so blocks are read whole."""
         if function == _READ_INPUT and address + count <= COUNT:
             current[:COUNT] = self._block
             self.reads += 1
@@ -229,7 +229,7 @@ class ModbusServer(LoopInterface):
 
     def _write(self, function: int, address: int, wanted: list[Any] | None) -> Any:
         if function != _WRITE_MULTIPLE or address != WRITABLE or wanted is None or len(wanted) != WRITABLE_COUNT:
-            # Half a float would be another depth.
+            # Only both words together make a depth; half a float would be a wrong depth.
             self.denied += 1
             return self._codes.ILLEGAL_VALUE
         words = (int(wanted[0]), int(wanted[1]))
@@ -244,10 +244,10 @@ class ModbusServer(LoopInterface):
         return None
 
     def _watched(self, handler: Any) -> Any:
-        """A connection of pymodbus that is counted, limited in number and known by its last request."""
+        """Wrap a pymodbus connection so that it is numbered, limited, and known by the time of its last request."""
         made, lost, received = handler.connection_made, handler.connection_lost, handler.data_received
         handle = handler.handle_request
-        # Counted: the address of an object that is gone is used again.
+        # Use a counter, because the address of a deleted object can be used again.
         number = next(self._numbers)
 
         async def handle_request() -> None:
@@ -301,7 +301,7 @@ class ModbusServer(LoopInterface):
         return _refused_count(data)
 
     def status(self) -> InterfaceStatus:
-        """How it goes."""
+        """Return the state of the server."""
         now = self._clock()
         connections = list(self._connections.values())
         peers = tuple(
@@ -332,9 +332,9 @@ class ModbusServer(LoopInterface):
 
 def _refused_count(data: bytes) -> bytes | None:
     """
-    The answer to a request for no register or too many; None for any other.
+    Return the answer to a request for no register or too many registers; None for any other request.
 
-    The protocol wants exception 3 of the asked function; pymodbus 3.16 answers exception 1 of function 0.
+    The protocol requires exception 3 of the requested function, but pymodbus 3.16 answers exception 1 of function 0.
     """
     if len(data) != 12:
         return None

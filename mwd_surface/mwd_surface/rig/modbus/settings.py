@@ -12,21 +12,23 @@ from mwd_surface.rig.modbus.map import ModbusForm
 
 @dataclasses.dataclass(frozen=True)
 class ModbusSettings:
-    """Where registers are served, and what may be written."""
+    """Settings of the Modbus TCP server: address, format, and rights to write."""
 
     enabled: bool = setting(False, "serve Modbus TCP", fixed=True)
     host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
-    port: int = setting(5020, "TCP port; 0: any that is free; 502 needs privileges", low=0, high=65535, fixed=True)
+    port: int = setting(5020, "TCP port; 0 selects a free port; 502 needs privileges", low=0, high=65535, fixed=True)
     allow_network: bool = setting(
         False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
     )
     unit: int = setting(1, "unit identifier", low=1, high=247, fixed=True)
-    form: ModbusForm = setting(ModbusForm, "How numbers are laid into registers")
-    allow_writes: bool = setting(False, "take the bit depth, float, m, from holding registers 100 and 101", fixed=True)
+    form: ModbusForm = setting(ModbusForm, "Encoding of numbers in registers")
+    allow_writes: bool = setting(
+        False, "accept the bit depth (float, m) from holding registers 100 and 101", fixed=True
+    )
     allow_control: bool = setting(
         False,
-        "take requests for control and set-points from holding registers 110 to 131; control.enabled must be set, too. "
-        "Modbus has no password: only on a network of the rig's own",
+        "accept control requests and set-points from holding registers 110 to 131; control.enabled must also be set. "
+        "Modbus has no password, so use it only on the rig's own network",
         fixed=True,
     )
     rig: RigInputSettings = setting(RigInputSettings, "Acceptance of a depth that a client writes")
@@ -38,7 +40,7 @@ class ModbusSettings:
 
 @dataclasses.dataclass(frozen=True)
 class ModbusSerialSettings:
-    """The line of Modbus RTU; unit, form and writing are those of Modbus TCP."""
+    """Settings of the serial line of Modbus RTU; unit, encoding and rights are those of Modbus TCP."""
 
     enabled: bool = setting(False, "serve Modbus RTU over a serial line", fixed=True)
     device: str = setting("/dev/ttyS0", "serial device", fixed=True)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""OPC UA."""
+"""OPC UA server of a well."""

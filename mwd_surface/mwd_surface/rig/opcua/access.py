@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Who may do what on the OPC UA server: security policies, certificates and users.
+Access rules of the OPC UA server: security policies, certificates and users.
 
-On loopback anybody may read. From other machines, and for commands anywhere, a session must be signed and encrypted
-with a certificate that lies in the folder of trusted ones.
+On loopback everyone may read. From other machines, and for commands from anywhere, a session must be signed and
+encrypted with a certificate that lies in the folder of trusted certificates.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Access:
     ----------
     settings : OpcuaSettings
     folder : Path or None
-        Of the certificates.
+        Folder of the certificates.
     ua : module
         `asyncua.ua`.
     """
@@ -47,16 +47,16 @@ class Access:
 
     @property
     def anyone(self) -> bool:
-        """True where reading needs no certificate."""
+        """Whether reading needs no certificate."""
         return self.settings.anonymous and is_loopback(self.settings.host)
 
     @property
     def needs_certificates(self) -> bool:
-        """True where signed and encrypted sessions are offered."""
+        """Whether signed and encrypted sessions are offered."""
         return self.settings.allow_commands or self.settings.allow_control or not self.anyone
 
     async def secure(self, server: Any) -> None:
-        """Set the policies of the server, and its certificate."""
+        """Set the security policies and the certificate of the server."""
         policies = []
         if self.anyone:
             policies.append(self._ua.SecurityPolicyType.NoSecurity)
@@ -64,15 +64,16 @@ class Access:
             policies.append(self._ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt)
             if self._folder is not None:
                 await self._certify(server, self._folder)
-        # Until the channels get their own rules, just after the port opens, nothing is allowed.
+        # Allow nothing until the channels get their own rules, just after the port opens.
         server.set_security_policy(policies, permission_ruleset=self._rules(set()))
         server.set_identity_tokens([self._ua.AnonymousIdentityToken])
 
     def channels(self, server: Any) -> list[Any]:
         """
-        Return what a channel of each kind may ask for.
+        Return the kinds of channels with the requests that each allows.
 
-        The channel decides, not the user alone: without encryption a client can present a certificate of another.
+        Access depends on the channel, not on the user alone, because without encryption a client can present the
+        certificate of another client.
         """
         policies = optional("asyncua.crypto.security_policies", "asyncua", "OPC UA")
         rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
@@ -95,7 +96,7 @@ class Access:
 
     @property
     def identity(self) -> str:
-        """Session and certificate behind the request that is being answered, in its task or a copy of its context."""
+        """Session and certificate of the request being answered; valid in the request's task or a context copy."""
         return self._asking.get()
 
     async def _certify(self, server: Any, folder: Path) -> None:
@@ -118,9 +119,9 @@ class Access:
 
     def user(self, certificate: bytes | None) -> Any:
         """
-        Return the user of a session, by the certificate of its channel; None refuses it.
+        Return the user of a session from the certificate of its channel; None refuses the session.
 
-        Its name identifies session and certificate, because asyncua calls this once for each activation.
+        The name of the user identifies session and certificate, because asyncua calls this once for each activation.
         """
         rules = optional("asyncua.crypto.permission_rules", "asyncua", "OPC UA")
         if not certificate:
@@ -129,7 +130,7 @@ class Access:
             return None
         x509 = optional("cryptography.x509", "cryptography", "OPC UA")
         shown, now = x509.load_der_x509_certificate(certificate), dt.datetime.now(dt.UTC)
-        # Read for each session: a certificate that is removed from the folder counts no more.
+        # Read the folder for each session, so that removing a certificate revokes it.
         known = shown in _certificates(self._folder / "trusted", x509)
         valid = shown.not_valid_before_utc <= now <= shown.not_valid_after_utc
         identity = f"session {next(self._sessions)} of {hashlib.sha256(certificate).hexdigest()}"
@@ -138,18 +139,17 @@ class Access:
 
 class Services:
     """
-    Rules of asyncua: the services that a channel may ask for, whoever the user is.
+    Permission rules for asyncua: the services that a channel may request, whoever the user is.
 
-    Where methods may not be called, ConditionRefresh still may: it changes nothing, and shows a late client the alarms.
-
-    asking: gets the identity of the user, for what is called in the task of the request.
+    Where methods may not be called, ConditionRefresh still may, because it changes nothing and shows the alarms to a
+    late client. asking: receives the identity of the user for methods called in the task of the request.
     """
 
     def __init__(self, ua: Any, allowed: set[Any], asking: contextvars.ContextVar[str]) -> None:
         self._ua, self._allowed, self._asking = ua, allowed, asking
 
     def check_validity(self, user: Any, action_type_id: Any, body: Any) -> bool:
-        """Return whether the service may be asked for."""
+        """Return whether the service may be requested."""
         self._asking.set(getattr(user, "name", None) or "")
         if action_type_id in self._allowed:
             return True
@@ -165,7 +165,7 @@ class Services:
 
 
 class Users:
-    """User manager of asyncua: the user of a session follows from its certificate alone."""
+    """User manager for asyncua: the user of a session follows from the certificate alone."""
 
     def __init__(self, find: Callable[[bytes | None], Any]) -> None:
         self._find = find
@@ -173,7 +173,7 @@ class Users:
     def get_user(
         self, _server: Any, username: str | None = None, password: str | None = None, certificate: bytes | None = None
     ) -> Any:
-        """Return the user; None refuses. Names and passwords are not offered."""
+        """Return the user, or None to refuse. Names and passwords are not supported."""
         return None if username or password else self._find(certificate)
 
 

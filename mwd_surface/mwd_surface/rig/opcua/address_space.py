@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-The OPC UA variables of a well: names, units and status codes of each moment, without any server.
+OPC UA variables of a well: names, units, values and status codes, independent of any server.
 
-Names and namespace follow the drilling convention of D-WIS (one manifest of signals, found by name and unit, never by a
-node number). Values are SI and rad; every variable says its unit.
+Names and namespace follow the D-WIS drilling convention: one manifest of signals, found by name and unit, never by a
+node number. Values are in SI and rad; every variable states its unit.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mwd_surface.signals.units import UNITS
 MANIFEST = "MWDSurveyManifest"
 NAMESPACE = f"http://ddhub.no/{MANIFEST}/Variables/"
 UNITS_NAMESPACE = "http://www.opcfoundation.org/UA/units/un/cefact"
-# OPC 10000-4, annex A, by the state of a value.
+# Status codes of OPC 10000-4, annex A, for each condition of a value.
 STATUS_CODES: dict[Condition, int] = {
     Condition.GOOD: 0x00000000,
     Condition.OVERRIDE: 0x00960000,  # GoodLocalOverride
@@ -36,7 +36,7 @@ STATUS_CODES: dict[Condition, int] = {
 
 @dataclasses.dataclass(frozen=True)
 class Variable:
-    """One variable: kind "Double", "UInt32", "Boolean" or "String"; unit empty where it has none."""
+    """One variable; kind is "Double", "UInt32", "Boolean" or "String"; unit is empty if the variable has none."""
 
     name: str
     kind: str
@@ -46,7 +46,7 @@ class Variable:
 
 @dataclasses.dataclass(frozen=True)
 class VariableValue:
-    """What a variable holds now: value, status code, and the time of the measurement, ns, or 0."""
+    """Present content of a variable: value, status code, and time of the measurement, ns, or 0."""
 
     value: float | int | bool | str
     status: int
@@ -59,7 +59,7 @@ VARIABLES: tuple[Variable, ...] = tuple(
 
 
 def unit_id(unit: str) -> int:
-    """Number of a unit in EUInformation: the characters of its UNECE code (OPC 10000-8, section 5.6.3)."""
+    """Return the number of a unit in EUInformation, from its UNECE code (OPC 10000-8, section 5.6.3)."""
     number = 0
     for character in UNITS[unit].unece:
         number = number << 8 | ord(character)
@@ -67,7 +67,7 @@ def unit_id(unit: str) -> int:
 
 
 def variable_values(values: RigValues) -> dict[str, VariableValue]:
-    """What every variable holds at a moment."""
+    """Return the content of every variable."""
     table = {
         name: VariableValue(v.value, STATUS_CODES[v.condition], v.stamp_ns)
         for name, v in ((signal.opcua, values.values[signal.name]) for signal in TO_RIG)
@@ -80,7 +80,7 @@ def variable_values(values: RigValues) -> dict[str, VariableValue]:
     now = values.made_ns
     mode = "gravity" if values.mode == GRAVITY else "magnetic"
     table["ToolfaceMode"] = VariableValue(mode, face, toolface.stamp_ns)
-    # An age is a true statement however old the toolface is.
+    # The age is valid however old the toolface is.
     age_state = waiting if toolface.age is None else state
     table["ToolfaceAge"] = VariableValue(0.0 if toolface.age is None else toolface.age, age_state, now)
     table["Rotating"] = VariableValue(values.rotating, face, toolface.stamp_ns)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A value of a variable as OPC UA's DataValue."""
+"""Conversion of a variable's value to an OPC UA DataValue."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ EPOCH = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
 
 
 def moment(stamp_ns: int) -> dt.datetime:
-    """Time of a stamp, ns since the epoch, to the microsecond."""
+    """Return the time of a stamp, ns since the epoch, to the microsecond."""
     return EPOCH + dt.timedelta(microseconds=stamp_ns // 1000)
 
 
 def data_value(ua: Any, reading: VariableValue, kind: str) -> Any:
     """
-    Make a DataValue with the time of the measurement as source and that of now as server timestamp.
+    Make a DataValue with the time of the measurement as source timestamp and the present time as server timestamp.
 
     ua: `asyncua.ua`; kind: name of the variable's `VariantType`.
     """

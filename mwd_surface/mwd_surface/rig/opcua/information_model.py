@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The static part of the address space: the well and its type, variables with units, and what the namespace is."""
+"""Static part of the address space: the well, its type, its variables with units, and the namespace metadata."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mwd_surface.rig.opcua.data_value import EPOCH
 from mwd_surface.rig.values import nothing_yet
 from mwd_surface.signals.units import UNITS
 
-SAMPLING_MS = 100.0  # values are written at most that often
+SAMPLING_MS = 100.0  # shortest interval at which values are written
 
 
 async def add_well(ua: Any, server: Any, well: str) -> tuple[Any, dict[str, Any]]:
@@ -39,14 +39,14 @@ async def add_well(ua: Any, server: Any, well: str) -> tuple[Any, dict[str, Any]
     asyncua.Node
         The object.
     dict
-        From the name of a variable to its node id.
+        Node id of each variable by its name.
     """
     index = await server.register_namespace(NAMESPACE)
     await _describe_namespace(ua, server, index)
     kind = await server.nodes.base_object_type.add_object_type(
         ua.NodeId(f"{MANIFEST}Type", index), f"{index}:{MANIFEST}Type"
     )
-    # The type declares the variables; the well has its own, with values.
+    # The type declares the variables; the well has its own instances with values.
     await _declare(ua, kind, index)
     node = await server.nodes.objects.add_object(ua.NodeId(MANIFEST, index), f"{index}:{well}")
     objects, organizes = server.nodes.objects, ua.ObjectIds.Organizes
@@ -82,7 +82,7 @@ async def _variable(ua: Any, parent: Any, index: int, variable: Variable, identi
 
 
 async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, new: Any) -> None:
-    """Change the type of a node; a client that browses reads it from the parent's reference, which is recreated."""
+    """Change the type of a node, and recreate the parent's reference, from which a browsing client reads the type."""
     await node.delete_reference(old, ua.ObjectIds.HasTypeDefinition)
     await node.add_reference(new, ua.ObjectIds.HasTypeDefinition, True, False)
     await parent.delete_reference(node, reference)
@@ -90,7 +90,7 @@ async def _set_type(ua: Any, parent: Any, reference: Any, node: Any, old: Any, n
 
 
 async def _describe_namespace(ua: Any, server: Any, index: int) -> None:
-    """NamespaceMetadata of ours (OPC 10000-5, 6.3.13): version, and that its node ids are texts that stay."""
+    """Add NamespaceMetadata (OPC 10000-5, 6.3.13): the version, and that node ids are strings that do not change."""
     namespaces = server.get_node(ua.ObjectIds.Server_Namespaces)
     node = await namespaces.add_object(
         ua.NodeId(f"{MANIFEST}.Metadata", index), f"{index}:{NAMESPACE}", objecttype=ua.ObjectIds.NamespaceMetadataType

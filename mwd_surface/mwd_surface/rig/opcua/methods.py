@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Methods of the OPC UA object of a well: decisions about surveys, and control of top drive and pumps."""
+"""Methods of the OPC UA object of a well: decisions on surveys, and control of top drive and pumps."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _INTERFACE = "OPC UA"
 Argument = tuple[str, str, str]
 """Name, type and description of an argument."""
 
-_DONE: tuple[Argument, ...] = (("success", "Boolean", "it was done"), ("message", "String", "or why not"))
+_DONE: tuple[Argument, ...] = (("success", "Boolean", "whether it was done"), ("message", "String", "or why not"))
 _DECISION: tuple[Argument, ...] = (
     ("sequence", "UInt32", "number of the survey"),
     ("operator_name", "String", "who decides"),
@@ -26,7 +26,7 @@ _DECISION: tuple[Argument, ...] = (
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """A method: its arguments, its results, and what carries it out for an identity of `Access`, in any thread."""
+    """A method: arguments, results, and the function that runs it with an identity from `Access`, in any thread."""
 
     name: str
     inputs: tuple[Argument, ...]
@@ -35,7 +35,7 @@ class Method:
 
 
 def survey_methods(on_command: OnCommand) -> list[Method]:
-    """Return the methods that a node carries out; on_command: `on_command(name, arguments) -> (ok, message)`."""
+    """Return the survey methods, run by a node; on_command: `on_command(name, arguments) -> (ok, message)`."""
     table = {
         "take_survey": (("duration", "Double", "s to average over; 0: as configured"),),
         "accept_survey": _DECISION,
@@ -49,7 +49,7 @@ def survey_methods(on_command: OnCommand) -> list[Method]:
 
 
 def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> list[Method]:
-    """Return the methods of control; clock: steady seconds, that of the authority."""
+    """Return the control methods; clock: steady time, s, the same clock as the authority's."""
 
     def request(given: dict[str, Any], identity: str) -> Sequence[Any]:
         decision = authority.request(Request(Sender(_INTERFACE, identity), **given), clock())
@@ -67,14 +67,14 @@ def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> 
             "request_control",
             (
                 ("controller", "String", "name of the controller"),
-                ("role", "String", "what it does, in a word or two"),
-                ("priority", "Byte", "0 to 255; a higher one than the owner's takes over"),
+                ("role", "String", "purpose of the controller, in a word or two"),
+                ("priority", "Byte", "0 to 255; a higher priority than the owner's takes over"),
                 ("wait", "Boolean", "wait while another has control"),
-                ("duration", "Double", "s; 0: the longest allowed here"),
+                ("duration", "Double", "s; 0: the longest duration allowed"),
             ),
             request,
             (
-                ("message", "String", "why not, or what it waits for"),
+                ("message", "String", "why it was refused, or what it waits for"),
                 ("permission", "Byte", "0 denied, 1 pending, 2 granted"),
                 ("lease", "UInt32", "number of the lease, or of the pending request; 0: denied"),
             ),
@@ -83,12 +83,12 @@ def control_methods(authority: ControlAuthority, clock: Callable[[], float]) -> 
             "set_point",
             (
                 lease,
-                ("sequence", "UInt32", "grows with each set-point; 0 is a heartbeat alone"),
+                ("sequence", "UInt32", "increases with each set-point; 0: heartbeat only"),
                 ("mode", "Byte", "0 hold, 1 rotate, 2 orient, 3 pump, 4 release"),
                 ("rotary_speed", "Double", "rotate: rad/s"),
-                ("turn", "Double", "orient: rad from where the top drive stands"),
+                ("turn", "Double", "orient: rad from the present position of the top drive"),
                 ("flow_rate", "Double", "pump: m^3/s"),
-                ("valid_for", "Double", "s, above 0; then the string is held"),
+                ("valid_for", "Double", "s, above 0; the string is held after this time"),
             ),
             command,
         ),

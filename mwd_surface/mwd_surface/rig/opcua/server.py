@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-OPC UA: the values of a well as an object that is found by name, with status codes a controller can trust.
+OPC UA server: the values of a well as an object that clients find by name, with status codes.
 
-On loopback anybody may read. From other machines, and for commands anywhere, a session must be signed and encrypted
-with a certificate that lies in the folder of trusted ones. Nothing can be written; commands are methods.
+On loopback everyone may read. From other machines, and for commands from anywhere, a session must be signed and
+encrypted with a certificate that lies in the folder of trusted certificates. Variables cannot be written; commands are
+methods.
 """
 
 from __future__ import annotations
@@ -42,14 +43,14 @@ from mwd_surface.rig.opcua.settings import OpcuaSettings
 from mwd_surface.rig.opcua.survey_history import SurveyHistory
 from mwd_surface.rig.values import RigValues, nothing_yet
 
-_REFUSALS = "asyncua.server.binary_server_asyncio"  # logger of asyncua for refused connections
+_REFUSALS = "asyncua.server.binary_server_asyncio"  # asyncua's logger for refused connections
 _LOG = logging.getLogger("mwd_surface.opcua")
 _TICK = 1.0  # s
 
 
 class OpcuaServer(LoopInterface):
     """
-    The server of one well.
+    OPC UA server of one well.
 
     Parameters
     ----------
@@ -57,13 +58,13 @@ class OpcuaServer(LoopInterface):
     well : str
         Name of the object that the variables belong to.
     on_command : callable, optional
-        `on_command(name, arguments) -> (ok, message)` for decisions about surveys, in a thread of the pool.
+        `on_command(name, arguments) -> (ok, message)` for decisions on surveys, called in a thread of the pool.
     folder : Path, optional
-        Of the certificates where the settings name none.
+        Folder of the certificates, used if the settings name none.
     authority : ControlAuthority, optional
-        Behind the methods of control.
+        Decides about requests that come through the control methods.
     clock : callable
-        Steady seconds.
+        Steady time, s.
     """
 
     def __init__(
@@ -95,17 +96,17 @@ class OpcuaServer(LoopInterface):
 
     @property
     def port(self) -> int:
-        """The port it listens on; 0 while it does not run."""
+        """Port on which the server listens; 0 while it is not running."""
         return int(self.address.rpartition(":")[2].rstrip("/")) if self.address else 0
 
     def start(self) -> None:
         """
-        Begin to serve.
+        Start serving.
 
         Raises
         ------
         InterfaceError
-            asyncua is missing, the address or port is not to be had, or there is no folder for certificates.
+            asyncua is missing, the address or port cannot be opened, or there is no folder for certificates.
         """
         self._asyncua = optional("asyncua", "asyncua", "OPC UA")
         self._ua = self._asyncua.ua
@@ -113,11 +114,11 @@ class OpcuaServer(LoopInterface):
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Listen until `stop`."""
+        """Listen until `stop` is set."""
         host = checked_host(self.settings.host, self.settings.allow_network)
         if self._access.needs_certificates and self._folder is None:
             raise InterfaceError("certificates: name a folder for the certificates of OPC UA")
-        # Before the address space is loaded, which takes seconds.
+        # Check the port before loading the address space, which takes seconds.
         probe_port(host, self.settings.port)
         server = self._server = self._asyncua.Server(user_manager=Users(self._access.user))
         await server.init()
@@ -146,7 +147,7 @@ class OpcuaServer(LoopInterface):
             self._server = None
 
     def _count_refusal(self, record: logging.LogRecord) -> bool:
-        """Count a connection that asyncua refuses, instead of logging it; the filter of that logger."""
+        """Count a connection that asyncua refuses instead of logging it; used as a filter of asyncua's logger."""
         server = self._server
         full = server is not None and len(server.bserver.clients) >= self.settings.max_clients
         if not full or not str(record.msg).startswith("Refusing connection"):
@@ -165,7 +166,7 @@ class OpcuaServer(LoopInterface):
         server.limits.max_chunk_count = budgets.OPCUA.size // server.limits.max_recv_buffer + 1
 
     async def _build(self, server: Any) -> None:
-        """The object of the well with its variables and methods, its history and its conditions."""
+        """Create the object of the well with its variables, methods, history and conditions."""
         ua = self._ua
         well, self._ids = await add_well(ua, server, self.well)
         self._history = SurveyHistory(ua, server, self._ids)
@@ -190,14 +191,14 @@ class OpcuaServer(LoopInterface):
             await asyncio.gather(records, return_exceptions=True)
 
     async def _show_records(self, stop: asyncio.Event) -> None:
-        """Keep history and conditions; a long history or an error in them must not hold up the values."""
+        """Update history and conditions in a separate task, so that errors or a long history do not delay values."""
         while not stop.is_set():
             values = self.values
             if values is not None:
                 try:
                     await self._history.show(values.surveys)
                     await self._conditions.show(values.alarms)
-                except Exception as error:  # noqa: BLE001  (counted and shown; it is tried again)
+                except Exception as error:  # noqa: BLE001  (counted and shown; the next pass tries again)
                     if not self._record_errors:
                         _LOG.warning("OPC UA history or conditions: %s", error)
                     self._record_errors += 1
@@ -217,7 +218,7 @@ class OpcuaServer(LoopInterface):
 
     async def _write(self, server: Any, values: RigValues) -> None:
         table, now = variable_values(values), self._clock()
-        # Within a second every value is confirmed by a new server timestamp, also where nothing has changed.
+        # Confirm every value once per second with a new server timestamp, even if it has not changed.
         confirm = now - self._confirmed_at >= _TICK
         for variable in VARIABLES:
             reading = table[variable.name]
@@ -238,7 +239,7 @@ class OpcuaServer(LoopInterface):
         kinds = [getattr(ua.VariantType, kind) for _, kind, _ in method.outputs]
 
         async def call(_parent: Any, *given: Any) -> Any:
-            # A coroutine is called in the task of its request, where it is known who asks.
+            # asyncua calls a coroutine in the task of its request, where the identity of the caller is known.
             self._commands += 1
             if len(given) != len(names):
                 return ua.StatusCode(ua.StatusCodes.BadArgumentsMissing)
@@ -254,7 +255,7 @@ class OpcuaServer(LoopInterface):
         return call
 
     def status(self) -> InterfaceStatus:
-        """How it goes."""
+        """Return the state of the server."""
         peers = tuple(
             PeerStatus(f"{client.peer_name[0]}:{client.peer_name[1]}", since)
             for client, since in list(self._since.items())

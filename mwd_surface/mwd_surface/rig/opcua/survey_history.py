@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""History of the survey variables: what each accepted survey says, readable by HistoryRead (OPC 10000-11)."""
+"""History of the survey variables, from the accepted surveys, readable by HistoryRead (OPC 10000-11)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SURVEY_VARIABLES = {signal.opcua: signal.name for signal in OF_SURVEY}
 
 class SurveyHistory:
     """
-    Keeps the history of the server's survey variables equal to the accepted surveys.
+    History of the server's survey variables, kept equal to the accepted surveys.
 
     Parameters
     ----------
     ua : module
         `asyncua.ua`.
     server : asyncua.Server
-    nodes : mapping
+    Node id of each variable by its name.
         From the name of a variable to its node id.
     """
 
@@ -34,7 +34,7 @@ class SurveyHistory:
         self._shown: tuple[AcceptedSurvey, ...] = ()
 
     async def open(self) -> None:
-        """Announce the history on its variables."""
+        """Mark the survey variables as having a history."""
         ua = self._ua
         for name in SURVEY_VARIABLES:
             node = self._server.get_node(self._nodes[name])
@@ -44,7 +44,7 @@ class SurveyHistory:
         await self._fill(())
 
     async def show(self, surveys: tuple[AcceptedSurvey, ...]) -> None:
-        """Take the accepted surveys, oldest first; one that is no longer accepted leaves the history."""
+        """Set the accepted surveys, oldest first; a survey that is no longer accepted leaves the history."""
         if surveys != self._shown:
             await self._fill(surveys)
 
@@ -60,7 +60,7 @@ class SurveyHistory:
                 value = values[quantity]
                 reading = VariableValue(value.value, STATUS_CODES[value.condition], survey.stamp_ns)
                 await storage.save_node_value(self._nodes[name], data_value(self._ua, reading, "Double"))
-            # Saving into memory never waits: other clients have their turn between two surveys.
+            # Saving to memory never yields, so give other clients a turn between two surveys.
             await asyncio.sleep(0)
         self._server.iserver.history_manager.set_storage(storage)
         self._shown = surveys

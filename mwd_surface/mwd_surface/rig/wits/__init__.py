@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""WITS level 0."""
+"""WITS level 0 interfaces."""

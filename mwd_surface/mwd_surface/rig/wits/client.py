@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-WITS level 0 where we go to the peer: a recorder that listens on TCP, or one at the end of a serial line.
+WITS level 0 connections that we open: to a recorder that listens on TCP, or over a serial line.
 
-Both try again for ever, with waits that double from one second to half a minute and differ by chance, so that a hundred
-tools do not come back at the same moment.
+Both retry without end. The wait doubles from one second to half a minute and varies by chance, so that a hundred tools
+do not reconnect at the same moment.
 """
 
 from __future__ import annotations
@@ -30,23 +30,23 @@ from mwd_surface.rig.interface import (
 )
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings, Writer
 
-_STEADY = 10.0  # s a connection must have lasted to make the next wait short again
+_STEADY = 10.0  # s; a connection that lasted this long resets the wait
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0ClientSettings:
-    """Where the recorder listens."""
+    """Address of the recorder and waits between attempts."""
 
     enabled: bool = setting(False, "connect to a WITS recorder over TCP", fixed=True)
     host: str = setting("127.0.0.1", "address of the recorder", fixed=True)
-    port: int = setting(9872, "its TCP port", low=1, high=65535, fixed=True)
+    port: int = setting(9872, "TCP port of the recorder", low=1, high=65535, fixed=True)
     connect_timeout: float = setting(5.0, "longest wait for an answer", unit="s", low=0.1, high=60.0, fixed=True)
     backoff: Backoff = setting(Backoff, "Waits between attempts")
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0SerialSettings:
-    """The serial line to the recorder."""
+    """Settings of the serial line to the recorder."""
 
     enabled: bool = setting(False, "talk WITS over a serial line", fixed=True)
     device: str = setting("/dev/ttyS0", "serial device", fixed=True)
@@ -55,7 +55,7 @@ class Wits0SerialSettings:
 
 
 class _Caller(Wits0Link, abc.ABC):
-    """Goes to one peer, again and again."""
+    """Interface that connects to one peer, again after each loss."""
 
     def __init__(
         self,
@@ -75,10 +75,10 @@ class _Caller(Wits0Link, abc.ABC):
 
     @abc.abstractmethod
     def connection(self) -> contextlib.AbstractAsyncContextManager[tuple[asyncio.StreamReader, Writer]]:
-        """One connection; raises OSError where there is none to be had."""
+        """Open one connection; raise OSError if that fails."""
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Connect, talk, and begin again, until `stop`."""
+        """Connect, exchange data, and reconnect, until `stop` is set."""
         ready(self._where)
         tasks = [asyncio.ensure_future(work) for work in (self.send_due(stop), self._call(), stop.wait())]
         try:
@@ -106,7 +106,7 @@ class _Caller(Wits0Link, abc.ABC):
             await asyncio.sleep(self._backoff.wait(self.failures - 1, self._chance.random()))
 
     def status(self) -> InterfaceStatus:
-        """How it goes."""
+        """Return the state of the interface."""
         if not self.running:
             return self.status_as(STOPPED, self.failure)
         status = self.status_as(CONNECTED if self.peers else CONNECTING, self._reason)
@@ -115,7 +115,7 @@ class _Caller(Wits0Link, abc.ABC):
 
 
 class Wits0Client(_Caller):
-    """The calling side over TCP."""
+    """WITS client over TCP."""
 
     def __init__(
         self,
@@ -130,7 +130,7 @@ class Wits0Client(_Caller):
 
     @contextlib.asynccontextmanager
     async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, Writer]]:
-        """A TCP connection."""
+        """Open a TCP connection."""
         async with asyncio.timeout(self.settings.connect_timeout):
             reader, stream = await asyncio.open_connection(self.settings.host, self.settings.port, limit=16384)
         try:
@@ -140,7 +140,7 @@ class Wits0Client(_Caller):
 
 
 class Wits0Serial(_Caller):
-    """A serial line, 8 data bits, no parity, 1 stop bit; POSIX terminals and pseudo-terminals."""
+    """WITS over a serial line with 8 data bits, no parity, 1 stop bit; POSIX terminals and pseudo-terminals."""
 
     def __init__(
         self,
@@ -155,7 +155,7 @@ class Wits0Serial(_Caller):
 
     def start(self) -> None:
         """
-        Begin.
+        Start the interface.
 
         Raises
         ------
@@ -169,13 +169,13 @@ class Wits0Serial(_Caller):
 
     @contextlib.asynccontextmanager
     async def connection(self) -> AsyncIterator[tuple[asyncio.StreamReader, Writer]]:
-        """The opened device."""
+        """Open the device."""
         loop = asyncio.get_running_loop()
         device = await loop.run_in_executor(
             None, lambda: self._serial.Serial(self.settings.device, self.settings.baud, timeout=0, exclusive=True)
         )
         try:
-            # Streams close what they are given: each gets a descriptor of its own.
+            # Streams close their descriptor, so each gets its own copy.
             source, sink = os.fdopen(os.dup(device.fd), "rb", 0), os.fdopen(os.dup(device.fd), "wb", 0)
             reader = asyncio.StreamReader(limit=16384)
             incoming, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), source)
@@ -190,7 +190,7 @@ class Wits0Serial(_Caller):
 
 
 class _Outgoing(asyncio.Protocol):
-    """Flow control of the writing half."""
+    """Flow control for the writing side of the line."""
 
     def __init__(self) -> None:
         self.room = asyncio.Event()

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-WITS level 0 framing: lines of a four-digit code and a value between `&&` and `!!`.
+WITS level 0 framing: lines of a four-digit code and a value, between `&&` and `!!`.
 
-Written strictly, read tolerantly: any line end, blanks, several frames in a read or one frame in many, junk between
-them. Whatever comes, memory is bounded and reading goes on at the next `&&`. Never a NaN, out or in.
+Frames are written strictly and read tolerantly: any line end, blanks, several frames in one read, one frame in several
+reads, junk between frames. Memory is bounded for any input, and reading resumes at the next `&&`. NaN is neither sent
+nor accepted.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from mwd_sensors.core import budgets
 BEGIN, END, EOL = b"&&", b"!!", b"\r\n"
 MAX_FRAME_BYTES = budgets.WITS.size
 NULLS = (-9999.0, -8888.0, -999.25)
-# What a Pason-type recorder expects every half minute, and sends itself: a null vertical depth.
+# Packet that a Pason-type recorder sends and expects every half minute: a null vertical depth.
 KEEP_ALIVE = b"&&\r\n0111-9999\r\n!!\r\n"
 _LINE = re.compile(rb"[ \t]*(\d\d)(\d\d)(.*)", re.DOTALL)
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
@@ -27,7 +28,7 @@ _LONGEST_VALUE = 256
 
 @dataclasses.dataclass(frozen=True)
 class Item:
-    """One line: code RRII (record and item), the text, its number where it is one, and whether it says "no value"."""
+    """One line: code RRII (record and item), text, its number if it is one, and whether it means "no value"."""
 
     code: int
     text: str
@@ -42,12 +43,12 @@ class Item:
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """What stood between `&&` and `!!`, in order."""
+    """Items between `&&` and `!!`, in order."""
 
     items: tuple[Item, ...]
 
     def number(self, code: int) -> float | None:
-        """The last number given for a code; None where there is none or it is a null."""
+        """Return the last number for a code; None if there is none or it is a null."""
         for item in reversed(self.items):
             if item.code == code:
                 return None if item.null else item.number
@@ -56,7 +57,7 @@ class Frame:
 
 @dataclasses.dataclass
 class DecoderCounts:
-    """frames read; junk_bytes between frames; frames cut off or too long; lines that are no item; nulls."""
+    """Counts of frames, junk bytes between frames, frames cut off or too long, invalid lines, and null values."""
 
     frames: int = 0
     junk_bytes: int = 0
@@ -67,31 +68,31 @@ class DecoderCounts:
 
 def encode(items: Iterable[tuple[int, str]], source: str = "") -> bytes:
     """
-    One packet.
+    Encode one packet.
 
-    items: code RRII and value text. source: name of the sender, written as item 1984 before them; empty: none.
+    items: code RRII and value text of each item. source: name of the sender, written first as item 1984; empty: none.
 
     Raises
     ------
     ValueError
-        A code outside 0101 to 9999, or a text that would break the frame.
+        A code is outside 0101 to 9999, or a text would break the frame.
     """
     lines = [BEGIN]
     for code, value in ([(1984, source)] if source else []) + list(items):
         if not (1 <= code // 100 <= 99 and 1 <= code % 100 <= 99):
-            raise ValueError(f"code: {code:04d} is no item of a record")
+            raise ValueError(f"code: {code:04d} is not an item of a record")
         lines.append(f"{code:04d}{checked_text(value)}".encode("ascii"))
     return EOL.join([*lines, END, b""])
 
 
 def checked_text(text: str) -> str:
     """
-    The text itself.
+    Return the text if it may stand in a frame.
 
     Raises
     ------
     ValueError
-        It has a character outside printable ASCII, or `&&` or `!!`, which would break a frame.
+        The text has a character outside printable ASCII, or `&&` or `!!`, which would break a frame.
     """
     if not all(" " <= c <= "~" for c in text) or "&&" in text or "!!" in text:
         raise ValueError(f"text: {text!r} must be printable ASCII without && and !!")
@@ -99,14 +100,14 @@ def checked_text(text: str) -> str:
 
 
 def plain_text(text: str, longest: int = 16) -> str:
-    """A name as it may stand in a frame: printable ASCII, other characters as `?`, no frame marks, cut to length."""
+    """Return a name that may stand in a frame: printable ASCII, others as `?`, no frame marks, cut to length."""
     shown = "".join(c if " " <= c <= "~" else "?" for c in text)
     return shown.replace("&&", "&").replace("!!", "!").replace("&&", "&").replace("!!", "!").strip()[:longest]
 
 
 class Decoder:
     """
-    Bytes in pieces to frames; all that changes is what waits for its end, at most `max_frame_bytes`.
+    Decoder of frames from pieces of bytes; it keeps at most `max_frame_bytes` of a frame that has not ended.
 
     nulls: numbers that mean "no value".
     """
@@ -117,18 +118,18 @@ class Decoder:
         self._nulls = frozenset(nulls)
         self._buffer = bytearray()
         self._inside = False
-        # Up to here the buffer was searched for the next mark.
+        # Position up to which the buffer was searched for the next mark.
         self._searched = 0
 
     @property
     def waiting(self) -> int:
-        """Bytes kept for the frame that has not ended yet."""
+        """Number of bytes kept of the frame that has not ended yet."""
         return len(self._buffer)
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that are complete with these bytes."""
+        """Return the frames that these bytes complete."""
         frames: list[Frame] = []
-        # In pieces, so that the buffer stays bounded whatever is fed at once.
+        # Work in pieces, so that the buffer stays bounded for any input size.
         for at in range(0, len(data), 16384):
             self._buffer += data[at : at + 16384]
             self._take(frames)
@@ -149,7 +150,7 @@ class Decoder:
             begin = self._buffer.find(BEGIN, self._searched)
             end = self._buffer.find(END, self._searched, begin if begin >= 0 else len(self._buffer))
             if begin >= 0 and end < 0:
-                # The frame before never ended.
+                # A new frame begins although the last one did not end.
                 self.counts.broken_frames += 1
                 del self._buffer[: begin + 2]
                 self._searched = 0
@@ -169,7 +170,7 @@ class Decoder:
             self._inside, self._searched = False, 0
 
     def _give_up(self) -> None:
-        """Too long: forget what came, but for a mark that may begin at its end."""
+        """Drop a frame that is too long, except for a mark that may begin at its end."""
         self.counts.broken_frames += 1
         keep = 1 if self._buffer.endswith(b"&") else 0
         del self._buffer[: len(self._buffer) - keep]
@@ -209,5 +210,5 @@ class Decoder:
 
 
 def _junk(between: bytes | bytearray) -> int:
-    """Bytes between frames that are more than line ends and blanks."""
+    """Count the bytes between frames that are not line ends or blanks."""
     return len(between) - sum(between.count(c) for c in (b"\r", b"\n", b" ", b"\t"))

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Conversations in WITS level 0, full duplex, with any number of peers at a time, whatever carries them.
+WITS level 0 conversations: full duplex, with any number of peers at a time, over any transport.
 
-A peer that does not read gets the newest packets when it does and is cut off after a while; it never holds up another.
-What peers send is read by a bounded decoder; rig data among it goes through the plausibility of `rig_input`, from one
-peer at a time.
+A slow peer loses the oldest waiting packets, and is disconnected after a while; it never delays other peers. Data from
+peers is read by a bounded decoder. Rig data in it is checked by `rig_input`, and is taken from one peer at a time.
 """
 
 from __future__ import annotations
@@ -25,18 +24,21 @@ from mwd_surface.rig.wits.records import Wits0Format, rig_readings, shown
 from mwd_surface.rig.wits.sender import Wits0Schedule, Wits0Sender
 
 _TICK = 0.5  # s
-_SOURCE_SILENT = 10.0  # s after which another peer may be the source of rig data
+_SOURCE_SILENT = 10.0  # s of silence after which another peer may become the source of rig data
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0Settings:
-    """What every WITS interface does alike."""
+    """Settings common to all WITS interfaces."""
 
     form: Wits0Format = setting(Wits0Format, "How records are written")
     schedule: Wits0Schedule = setting(Wits0Schedule, "Sending intervals")
     rig: RigInputSettings = setting(RigInputSettings, "Acceptance of the rig's data")
     queue_bytes: int = setting(
-        16384, "most data waiting for a slow peer; beyond it the oldest packets are dropped", low=1024, fixed=True
+        16384,
+        "largest amount of data waiting for a slow peer, in bytes; beyond it the oldest packets are dropped",
+        low=1024,
+        fixed=True,
     )
     send_timeout: float = setting(
         15.0,
@@ -49,10 +51,10 @@ class Wits0Settings:
 
 
 class Writer(Protocol):
-    """What a conversation writes to."""
+    """Interface to which a conversation writes."""
 
     def write(self, data: bytes) -> None:
-        """Take bytes."""
+        """Write bytes."""
 
     async def drain(self) -> None:
         """Wait until there is room again."""
@@ -62,14 +64,14 @@ class Writer(Protocol):
 
 
 class StreamWriter:
-    """An asyncio stream as a `Writer`."""
+    """Writer to an asyncio stream."""
 
     def __init__(self, stream: asyncio.StreamWriter) -> None:
         self._stream = stream
         stream.transport.set_write_buffer_limits(high=2048)
 
     def write(self, data: bytes) -> None:
-        """Take bytes."""
+        """Write bytes."""
         self._stream.write(data)
 
     async def drain(self) -> None:
@@ -82,7 +84,7 @@ class StreamWriter:
 
 
 class Peer:
-    """One conversation: what waits to be sent, what was read, and counts."""
+    """One conversation: packets waiting to be sent, decoder of received data, and counts."""
 
     def __init__(self, address: str, queue_bytes: int, since: float) -> None:
         self.address, self.since = address, since
@@ -98,7 +100,7 @@ class Peer:
         self._times: deque[float] = deque(maxlen=32)
 
     def put(self, packet: bytes) -> None:
-        """Send it when there is room; the oldest waiting packets go where there is none."""
+        """Queue a packet; if there is no room, the oldest waiting packets are dropped."""
         self._queue.append(packet)
         self._waiting += len(packet)
         while self._waiting > self._limit and len(self._queue) > 1:
@@ -107,7 +109,7 @@ class Peer:
         self.news.set()
 
     def take(self) -> bytes | None:
-        """The next packet to send."""
+        """Remove and return the next packet to send; None if there is none."""
         if not self._queue:
             self.news.clear()
             return None
@@ -116,12 +118,12 @@ class Peer:
         return packet
 
     def was_sent(self, now: float) -> None:
-        """Count a packet."""
+        """Count a packet that was sent."""
         self.sent += 1
         self._times.append(now)
 
     def status(self, now: float) -> PeerStatus:
-        """Counts of now; the rate is that of the last packets, and falls while none go out."""
+        """Return the counts; the rate is that of the last packets, and falls while none are sent."""
         times = list(self._times)
         rate = len(times) / max(now - times[0], 1.0) if times else 0.0
         return PeerStatus(self.address, self.since, self.sent, self.received, self.dropped, rate, self.last)
@@ -129,17 +131,17 @@ class Peer:
 
 class Wits0Link(LoopInterface):
     """
-    The part of every WITS interface that talks; subclasses find the peers.
+    Communication part common to all WITS interfaces; subclasses find the peers.
 
     Parameters
     ----------
     name : str
-        Of the interface.
+        Name of the interface.
     settings : Wits0Settings
     on_rig_state : callable, optional
-        Gets rig data, `wire.RIG_STATE`, in the thread of the interface.
+        Receives rig data, `wire.RIG_STATE`, in the thread of the interface.
     clock, wall : callable
-        Steady seconds, and ns since the epoch.
+        Steady time, s, and time, ns since the epoch.
     """
 
     def __init__(
@@ -167,11 +169,11 @@ class Wits0Link(LoopInterface):
 
     @property
     def peers(self) -> int:
-        """Conversations now."""
+        """Number of conversations."""
         return len(self._peers)
 
     async def send_due(self, stop: asyncio.Event) -> None:
-        """Send what is due to everybody until `stop`."""
+        """Send due packets to all peers until `stop` is set."""
         while not stop.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_TICK):
@@ -186,7 +188,7 @@ class Wits0Link(LoopInterface):
                     peer.put(packet)
 
     async def converse(self, reader: asyncio.StreamReader, writer: Writer, address: str) -> None:
-        """Talk with one peer until either side ends."""
+        """Exchange data with one peer until either side ends."""
         peer = Peer(address, self.talk.queue_bytes, self.clock())
         self._peers.add(peer)
         self._greet(peer)
@@ -210,7 +212,7 @@ class Wits0Link(LoopInterface):
             peer.end.set()
 
     def _greet(self, peer: Peer) -> None:
-        """What a peer gets first, as soon as there is anything to send."""
+        """Queue the first packets for a new peer, as soon as there are values."""
         if self.values is None or peer.greeted:
             return
         peer.greeted = True
@@ -237,7 +239,8 @@ class Wits0Link(LoopInterface):
                 continue
             try:
                 writer.write(packet)
-                # Not wait_for: before Python 3.12 it can swallow the cancellation that ends this task.
+                # Use timeout instead of wait_for: before Python 3.12 wait_for can swallow the cancellation that ends
+                # this task.
                 async with asyncio.timeout(self.talk.send_timeout):
                     await writer.drain()
             except TimeoutError:
@@ -255,7 +258,7 @@ class Wits0Link(LoopInterface):
             return
         now = self.clock()
         if self._source is not None and self._source[0] is not peer and now - self._source[1] < _SOURCE_SILENT:
-            # Two rigs' depths taken in turn would be worse than none.
+            # Do not mix depths from two rigs.
             self._strangers += 1
             return
         self._source = (peer, now)
@@ -274,7 +277,7 @@ class Wits0Link(LoopInterface):
             self._decoded[name] += getattr(peer.decoder.counts, name)
 
     def status_as(self, state: str, reason: str = "") -> InterfaceStatus:
-        """The state of the interface, with everything counted."""
+        """Return the state of the interface with all counts."""
         now = self.clock()
         peers = tuple(sorted((p.status(now) for p in tuple(self._peers)), key=lambda p: p.since))
         counted = dict(self._decoded)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Records of WITS level 0: 7 (survey), 8 (formation) and 9 (mechanical) out, 1 (time based) in.
+WITS level 0 records: 7 (survey), 8 (formation) and 9 (mechanical) are sent, 1 (time based) is received.
 
-Codes, short names and units are those of the WITS specification as two independent transcriptions give them. No
-standard item exists for totals, dip, quality or temperature: the spare items of record 7 carry what a profile defines,
-and the peer must know which.
+Codes, short names and units follow the WITS specification as given by two independent transcriptions. There are no
+standard items for totals, dip, quality or temperature, so the spare items of record 7 carry them as a profile defines,
+and the peer must know the profile.
 """
 
 from __future__ import annotations
@@ -28,46 +28,46 @@ from mwd_surface.surveys.azimuth_source import AzimuthSource
 
 SYSTEMS = ("metric", "fps")
 SPARES = ("totals", "mwdstd-raw6", "none")
-# Of record 1: the signal that an item brings.
+# Signal that each item of record 1 brings.
 RECORD_1: dict[int, Signal] = {s.reads: s for s in SIGNALS if s.reads is not None}
 _ITEMS = tuple((s.wits, s) for s in TO_RIG if s.wits is not None)
-_HOLE = Wits(711, "DMEA", 2)  # also in the record of a survey
-# Values that we send, by code: item and signal.
+_HOLE = Wits(711, "DMEA", 2)  # also sent in the record of a survey
+# Item and signal of each value that we send, by code.
 SENT: dict[int, tuple[Wits, Signal]] = {item.code: (item, s) for item, s in _ITEMS} | {
     _HOLE.code: (_HOLE, BY_NAME["hole_depth"])
 }
-# Of the accepted survey, in its record; spare items follow what the session agreed on.
+# Items taken from the accepted survey; spare items follow the agreed profile.
 _OF_SURVEY = {item.code: s.name for item, s in _ITEMS if item.name and s.source == SURVEY}
-# Records of live signals: codes and names of values, by their numbers.
+# Codes and names of the live values, by record number.
 _LIVE_ITEMS = {
     record: sorted((item.code, s.name) for item, s in _ITEMS if item.code // 100 == record) for record in (8, 9)
 }
 _SAME_TIME_NS = 600 * NANOSECONDS
 _DRILLING, _CONNECTION, _CIRCULATING = 2, 3, 7
-# Sequence numbers count from the seconds since then, so that they grow over a restart without a file.
+# Sequence numbers count seconds from this time, so that they grow over a restart without being stored.
 _SEQUENCE_EPOCH = 1_577_836_800  # 2020-01-01
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0Format:
-    """How records are written; both sides must agree on all of it."""
+    """Format of records; both sides must agree on all of it."""
 
     units: str = setting("metric", "units of the session", choices=SYSTEMS, fixed=True)
     spares: str = setting(
         "totals",
-        "items 0722 to 0727: totals (g, nT, deg, quality 0 to 2, degC), six axes (mgn, nT), or none",
+        "content of items 0722 to 0727: totals (g, nT, deg, quality 0 to 2, degC), six axes (mgn, nT), or none",
         choices=SPARES,
         fixed=True,
     )
-    source: str = setting("", "name sent as item 1984 of every packet; empty: none", fixed=True)
-    well_id: str = setting("", "item WID; empty: the name of the well in ASCII", fixed=True)
+    source: str = setting("", "name sent as item 1984 of every packet; empty sends none", fixed=True)
+    well_id: str = setting("", "text of item WID; empty sends the name of the well in ASCII", fixed=True)
     section: int = setting(0, "item SKNO, sidetrack or hole section number", low=0, high=99, fixed=True)
-    null_text: str = setting("", "text sent in place of an invalid value; empty: the item is left out", fixed=True)
+    null_text: str = setting("", "text sent in place of an invalid value; if empty, the item is left out", fixed=True)
     mixed: bool = setting(False, "send all records in one packet instead of one packet each", fixed=True)
     toolface_while_rotating: bool = setting(False, "send toolfaces also while the string rotates", fixed=True)
 
     def __post_init__(self) -> None:
-        """Refuse names that would break a frame."""
+        """Raise ValueError for a name that would break a frame."""
         for name in ("source", "well_id", "null_text"):
             try:
                 checked_text(getattr(self, name))
@@ -79,16 +79,16 @@ Items = list[tuple[int, str]]
 
 
 class RecordWriter:
-    """Values to the items of records; all that changes is the last sequence number of each record."""
+    """Writer of records from values; it remembers the last sequence number of each record."""
 
     def __init__(self, form: Wits0Format) -> None:
         self.form = form
         self._sequence: dict[int, int] = {}
 
     def survey(self, values: RigValues, survey: AcceptedSurvey) -> Items:
-        """Record 7 of an accepted survey, at the time of its measurement."""
+        """Return record 7 of an accepted survey, with the time of its measurement."""
         known = survey_values(survey, survey.stamp_ns)
-        # A number of WITS has no quality: one that rests on an assumption is not sent.
+        # WITS numbers carry no quality, so a number that rests on an assumption is not sent.
         numbers: dict[int, float | None] = {
             code: None
             if known[name].condition == Condition.WAITING or BY_NAME[name].field in survey.assumed
@@ -96,7 +96,7 @@ class RecordWriter:
             for code, name in _OF_SURVEY.items()
         }
         hole = values.values["hole_depth"]
-        # The hole depth of now does not belong to an old survey.
+        # The present hole depth does not belong to an old survey.
         if hole.condition.usable and abs(hole.stamp_ns - survey.stamp_ns) < _SAME_TIME_NS:
             numbers[_HOLE.code] = hole.value
         items = self._head(7, values, survey.stamp_ns, None)
@@ -107,7 +107,7 @@ class RecordWriter:
         return items + self._spares(survey)
 
     def toolface(self, values: RigValues) -> Items:
-        """Record 7 with the toolface in force; empty where there is none to be used and nulls are left out."""
+        """Return record 7 with the toolface in force; empty if there is no usable toolface and nulls are left out."""
         value = values.toolface
         code = 717 if values.mode == GRAVITY else 716
         usable = value.condition.usable and (self.form.toolface_while_rotating or not values.rotating)
@@ -120,15 +120,15 @@ class RecordWriter:
         return self._head(7, values, value.stamp_ns, activity_code(values)) + item
 
     def formation(self, values: RigValues) -> Items:
-        """Record 8: hole and bit depth; empty where neither is known now."""
+        """Return record 8, hole and bit depth; empty if both are unknown."""
         return self._record(8, values)
 
     def mechanical(self, values: RigValues) -> Items:
-        """Record 9: rotary speed down-hole; empty where it is not known now."""
+        """Return record 9, downhole rotary speed; empty if it is unknown."""
         return self._record(9, values)
 
     def _record(self, record: int, values: RigValues) -> Items:
-        """A record of live signals: the items that the signal table gives it."""
+        """Return a record of live signals with its items from the signal table."""
         items: Items = []
         stamp = 0
         for code, name in _LIVE_ITEMS[record]:
@@ -161,14 +161,14 @@ class RecordWriter:
         return number
 
     def _number(self, code: int, value: float | None) -> Items:
-        """A value in SI as an item in the unit of the session; None: left out, or the null of the session."""
+        """Return the item of an SI value in the session's unit; for None nothing, or the session's null text."""
         item, signal = SENT[code]
         scale = _scale(signal, self.form.units)
-        # What rounds to 360 deg is 0.
+        # An angle that rounds to 360 deg is written as 0.
         return self._item(code, fixed(None if value is None else scale.of(value), item.decimals, signal.wrap))
 
     def _item(self, code: int, text: str) -> Items:
-        """Text as an item; empty: left out, or the null of the session."""
+        """Return the item of a text; for an empty text nothing, or the session's null text."""
         text = text or self.form.null_text
         return [(code, text)] if text else []
 
@@ -180,7 +180,7 @@ class RecordWriter:
                 items += self._number(code, value)
             rows = ((725, float(s.verdict), 0), (726, s.temperature, 2))
         elif self.form.spares == "mwdstd-raw6":
-            # Gravity as it points, in thousandths of the standard one; the tool feels the opposite.
+            # Gravity as it points, in thousandths of standard gravity; specific force has the opposite sign.
             g = [-v / STANDARD_GRAVITY * 1e3 for v in s.specific_force]
             b: list[float | None] = [None] * 3 if s.magnetic_field is None else [v * 1e9 for v in s.magnetic_field]
             rows = tuple((722 + k, v, 2) for k, v in enumerate(g)) + tuple((725 + k, v, 1) for k, v in enumerate(b))
@@ -190,7 +190,7 @@ class RecordWriter:
 
 
 def _survey_type(source: AzimuthSource) -> str:
-    """Text of item 0712: what the azimuth is made of."""
+    """Return the text of item 0712: the composition of the azimuth."""
     if source.by_gyro:
         return "MAG+GYRO" if source.magnetic else "GYRO"
     if source.multi_station:
@@ -200,9 +200,9 @@ def _survey_type(source: AzimuthSource) -> str:
 
 def activity_code(values: RigValues) -> int | None:
     """
-    What the rig does, as far as its data show: 2 drilling, 3 connection, 7 circulating; None otherwise.
+    Return the rig activity as far as its data show it: 2 drilling, 3 connection, 7 circulating; None otherwise.
 
-    Codes as DigiDrill's WITS quick reference prints the specification's table.
+    The codes are those of the specification's table as printed in DigiDrill's WITS quick reference.
     """
     if values.in_slips:
         return _CONNECTION
@@ -213,7 +213,7 @@ def activity_code(values: RigValues) -> int | None:
 
 
 def rig_readings(frame: Frame, units: str) -> dict[str, float]:
-    """Rig values of a frame of record 1, by the names of RigState, in SI; nulls and other records are left out."""
+    """Return the rig values of a frame of record 1 in SI, by RigState names, without nulls and other records."""
     readings = {}
     for code, signal in RECORD_1.items():
         number = frame.number(code)
@@ -223,10 +223,10 @@ def rig_readings(frame: Frame, units: str) -> dict[str, float]:
 
 
 def _scale(signal: Signal, units: str) -> Scale:
-    """Unit of a signal in a session's system of units."""
+    """Return the unit of a signal in a system of units."""
     return UNITS[signal.unit].metric if units == "metric" else UNITS[signal.unit].fps
 
 
 def shown(value: RigValue) -> str:
-    """One value for a status line."""
+    """Return the text of a value for a status line."""
     return fixed(value.value, 4) if value.condition.usable else value.condition.value

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-When which WITS packet goes out: surveys once as they are accepted, toolfaces as they come, the rest by period.
+Schedule of WITS packets: surveys once when accepted, toolfaces as they come, other records by period.
 
-Every peer of one interface gets the same bytes; one that comes later gets the last accepted survey and toolface first.
+All peers of an interface get the same bytes; a new peer first gets the last accepted survey and the toolface.
 """
 
 from __future__ import annotations
@@ -17,34 +17,41 @@ from mwd_surface.rig.wits.records import Items, RecordWriter, Wits0Format
 
 @dataclasses.dataclass(frozen=True)
 class Wits0Schedule:
-    """How often what is sent."""
+    """Sending intervals."""
 
     toolface_period: float = setting(
         4.0,
-        "shortest time between toolfaces; shorter loads a slow serial line",
+        "shortest time between toolfaces; a shorter time loads a slow serial line",
         unit="s",
         low=1.0,
         high=60.0,
         fixed=True,
     )
     record_period: float = setting(
-        5.0, "time between records 8 and 9; shorter loads a slow serial line", unit="s", low=1.0, high=600.0, fixed=True
+        5.0,
+        "time between records 8 and 9; a shorter time loads a slow serial line",
+        unit="s",
+        low=1.0,
+        high=600.0,
+        fixed=True,
     )
     keep_alive: float = setting(
         30.0,
-        "longest time without a packet; then a keep-alive packet is sent",
+        "time between keep-alive packets",
         unit="s",
         low=5.0,
         high=600.0,
         fixed=True,
     )
     stream_survey: bool = setting(
-        False, "send the last accepted survey with every record period; false: only when it was accepted", fixed=True
+        False,
+        "send the last accepted survey again with every record period; if false, send it only when it is accepted",
+        fixed=True,
     )
 
 
 class Wits0Sender:
-    """What is due; times in s of a steady clock. State: what was sent, and when."""
+    """Finder of the packets that are due, by a steady clock, s; it remembers what was sent and when."""
 
     def __init__(self, form: Wits0Format, schedule: Wits0Schedule) -> None:
         self.form, self.schedule = form, schedule
@@ -54,7 +61,7 @@ class Wits0Sender:
         self._toolface_stamp = 0
 
     def due(self, values: RigValues, now: float) -> list[bytes]:
-        """Packets for all peers, in order: surveys, toolface, records 8 and 9, keep-alive."""
+        """Return the packets that are due for all peers, in order: surveys, toolface, records 8 and 9, keep-alive."""
         groups = self._surveys(values)
         toolface = values.toolface
         new = toolface.stamp_ns != self._toolface_stamp or not toolface.condition.usable
@@ -75,14 +82,14 @@ class Wits0Sender:
         return packets
 
     def greeting(self, values: RigValues) -> list[bytes]:
-        """Packets for a peer that has just come: the last accepted survey and the toolface in force."""
+        """Return the packets for a new peer: the last accepted survey and the toolface in force."""
         survey = values.survey
         groups = [] if survey is None else [self._writer.survey(values, survey)]
         return self._packets([*groups, self._writer.toolface(values)])
 
     def _surveys(self, values: RigValues) -> list[Items]:
         if self._sent_keys is None:
-            # What was accepted before we came up is history; the last of it is the greeting.
+            # Surveys accepted before the start are not sent as new; the greeting contains the last of them.
             self._sent_keys = {s.key for s in values.surveys}
             return []
         fresh = [s for s in values.surveys if s.key not in self._sent_keys]
@@ -97,7 +104,7 @@ class Wits0Sender:
 
 
 def _merged(groups: list[Items]) -> list[Items]:
-    """Records together in one packet, as long as none comes twice."""
+    """Merge records into packets so that no packet holds the same record twice."""
     merged: list[Items] = []
     inside: set[int] = set()
     for items in groups:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""WITS level 0 over TCP where we listen: recorders and collectors connect, each gets every packet."""
+"""WITS level 0 server over TCP: recorders and collectors connect, and each gets every packet."""
 
 from __future__ import annotations
 
@@ -13,25 +13,27 @@ from mwd_sensors.core.settings import setting
 from mwd_surface.rig.interface import LISTENING, STOPPED, InterfaceStatus, OnRigState, checked_host, port_error
 from mwd_surface.rig.wits.link import StreamWriter, Wits0Link, Wits0Settings
 
-_KERNEL_BUFFER = 16384  # bytes; more would hide a peer that does not read behind old packets
+_KERNEL_BUFFER = 16384  # bytes; a larger buffer would delay the detection of a peer that does not read
 
 
 @dataclasses.dataclass(frozen=True)
 class Wits0ServerSettings:
-    """Where we listen."""
+    """Address and limits of the server."""
 
     enabled: bool = setting(False, "serve WITS level 0 over TCP", fixed=True)
     host: str = setting("127.0.0.1", "address of the network interface to listen on", fixed=True)
-    port: int = setting(8686, "TCP port; 0: any that is free", low=0, high=65535, fixed=True)
+    port: int = setting(8686, "TCP port; 0 selects a free port", low=0, high=65535, fixed=True)
     allow_network: bool = setting(
         False, "allow an address that other machines can reach; needed for any host other than loopback", fixed=True
     )
-    max_clients: int = setting(16, "most peers at a time", low=1, high=500, fixed=True)
-    max_per_peer: int = setting(8, "most connections at a time from one address", low=1, high=500, fixed=True)
+    max_clients: int = setting(16, "largest number of peers at a time", low=1, high=500, fixed=True)
+    max_per_peer: int = setting(
+        8, "largest number of connections at a time from one address", low=1, high=500, fixed=True
+    )
 
 
 class Wits0Server(Wits0Link):
-    """The listening side."""
+    """WITS level 0 server."""
 
     def __init__(
         self,
@@ -46,11 +48,11 @@ class Wits0Server(Wits0Link):
 
     @property
     def port(self) -> int:
-        """The port it listens on; 0 while it does not run."""
+        """Port on which the server listens; 0 while it is not running."""
         return int(self.address.rpartition(":")[2]) if self.address else 0
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Listen until `stop`."""
+        """Listen until `stop` is set."""
         host = checked_host(self.settings.host, self.settings.allow_network)
         try:
             server = await asyncio.start_server(self._client, host, self.settings.port, limit=16384, backlog=64)
@@ -90,5 +92,5 @@ class Wits0Server(Wits0Link):
                 self._conversations.discard(task)
 
     def status(self) -> InterfaceStatus:
-        """How it goes."""
+        """Return the state of the server."""
         return self.status_as(LISTENING if self.running else STOPPED, self.failure)

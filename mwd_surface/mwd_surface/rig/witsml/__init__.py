@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""WITSML store."""
+"""Client of a WITSML store."""

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Pushes the definitive survey to a WITSML 1.4.1.1 store: AddToStore the first time, UpdateInStore after that.
+Client that pushes the definitive survey to a WITSML 1.4.1.1 store: AddToStore first, then UpdateInStore.
 
-An update leaves stations that are no longer in the survey where they are, so those are deleted by DeleteFromStore. The
-store interface is SOAP 1.1 over HTTP(S); only the text of a trajectory goes out, only a number and a message come back.
-Answers are read with entities refused, limited in size, and nothing is fetched because of them.
+An update does not remove stations that are no longer in the survey, so those are deleted with DeleteFromStore. The
+store interface is SOAP 1.1 over HTTP(S): the text of a trajectory goes out, a number and a message come back. Answers
+are parsed without entities, limited in size, and never cause another request.
 """
 
 from __future__ import annotations
@@ -44,34 +44,39 @@ _SHOWN = 300
 
 
 class StoreRefusedError(RuntimeError):
-    """The store answered, but not with success; the message carries its number and words."""
+    """Raised if the store does not answer with success; the message has its number and text."""
 
 
 @dataclasses.dataclass(frozen=True)
 class WitsmlStoreSettings:
-    """The store, and how hard it is tried."""
+    """Address of the store, login, and waits between attempts."""
 
     enabled: bool = setting(False, "send the definitive survey to a WITSML store whenever it changes", fixed=True)
     url: str = setting("", "address of the store's SOAP interface, http:// or https://", fixed=True)
-    user: str = setting("", "user name; empty: none is sent", fixed=True)
+    user: str = setting("", "user name; if empty, no login is sent", fixed=True)
     password_file: str = setting("", "file whose first line is the password", fixed=True)
-    allow_plain: bool = setting(False, "send a password over http to another machine", fixed=True)
+    allow_plain: bool = setting(False, "allow sending the password over http to another machine", fixed=True)
     timeout: float = setting(20.0, "longest wait for an answer", unit="s", low=0.5, high=300.0, fixed=True)
     first_wait: float = setting(
-        2.0, "wait after a first failure, then doubled", unit="s", low=0.01, high=600.0, fixed=True
+        2.0,
+        "wait after the first failure; it doubles with each further failure",
+        unit="s",
+        low=0.01,
+        high=600.0,
+        fixed=True,
     )
     longest_wait: float = setting(120.0, "longest wait", unit="s", low=0.01, high=3600.0, fixed=True)
 
 
 class WitsmlStore(LoopInterface):
     """
-    The pushing side.
+    Client that pushes trajectories to a WITSML store.
 
     Parameters
     ----------
     settings : WitsmlStoreSettings
     clock : callable
-        Steady seconds.
+        Steady time, s.
     """
 
     def __init__(self, settings: WitsmlStoreSettings, clock: Callable[[], float] = time.monotonic) -> None:
@@ -80,7 +85,7 @@ class WitsmlStore(LoopInterface):
         self._clock = clock
         self._document = ""
         self._sent_document = ""
-        # Of each trajectory that the store has from us: the stations in it.
+        # Stations of each trajectory that we have written to the store.
         self._stations_of: dict[str, set[str]] = {}
         self._sent = self._failures = 0
         self._reason = self._last = ""
@@ -88,23 +93,25 @@ class WitsmlStore(LoopInterface):
         self._version = ""
 
     def push(self, document: str) -> None:
-        """The newest trajectory (`export_witsml.witsml`); never blocks, the last one wins."""
+        """Set the newest trajectory (`export_witsml.witsml`) for sending; never blocks, a newer one replaces it."""
         self._document = document
-        # Where it ended just now the document waits for the next start.
+        # If the loop has just ended, the document waits for the next start.
         self.rouse()
 
     def start(self) -> None:
         """
-        Begin to push.
+        Start pushing.
 
         Raises
         ------
         InterfaceError
-            The address is none, or the password would go out in clear text.
+            The address is not valid, or the password would be sent in clear text.
         """
         s, parts = self.settings, urlsplit(self.settings.url)
         if parts.scheme not in ("http", "https") or not parts.hostname:
-            raise InterfaceError(f"url: {s.url!r} is no address of a store; it begins with https:// or http://")
+            raise InterfaceError(
+                f"url: {s.url!r} is not the address of a store; it must begin with https:// or http://"
+            )
         exposed = s.user and parts.scheme == "http" and not is_loopback(parts.hostname)
         if exposed and not s.allow_plain:
             raise InterfaceError(f"url: {s.url} would carry the password in clear text; use https, or set allow_plain")
@@ -112,7 +119,7 @@ class WitsmlStore(LoopInterface):
         super().start()
 
     async def serve(self, ready: Callable[[str], None], stop: asyncio.Event) -> None:
-        """Push what is new until `stop`; after a failure wait and try again."""
+        """Push new documents until `stop` is set; wait and retry after a failure."""
         ready(self.settings.url)
         self._since, failed = self._clock(), 0
         while not stop.is_set():
@@ -136,7 +143,7 @@ class WitsmlStore(LoopInterface):
                 async with asyncio.timeout(wait):
                     await self.wake.wait()
             except TimeoutError:
-                # The wait after a failure is over.
+                # The wait after a failure is over: try again.
                 continue
 
     def _credentials(self) -> str:
@@ -157,7 +164,7 @@ class WitsmlStore(LoopInterface):
             self._version = answer.get("Result", "")
             if "1.4.1.1" not in self._version.split(","):
                 versions, self._version = self._version, ""
-                raise StoreRefusedError(f"the store speaks WITSML {versions or 'of no version'}, not 1.4.1.1")
+                raise StoreRefusedError(f"the store speaks WITSML {versions or 'of an unknown version'}, not 1.4.1.1")
         uid, stations = _uid(document), _stations(document)
         add, update = "WMLS_AddToStore", "WMLS_UpdateInStore"
         arguments = {"WMLtypeIn": "trajectory", "XMLin": document, "OptionsIn": "", "CapabilitiesIn": ""}
@@ -184,7 +191,7 @@ class WitsmlStore(LoopInterface):
         self._stations_of[uid] = stations
 
     def _order(self, order: str, arguments: dict[str, str]) -> tuple[int, str]:
-        """Result and words of the store."""
+        """Call the store; return its result number and message."""
         answer = self._ask(order, arguments)
         try:
             result = int(answer.get("Result", ""))
@@ -195,13 +202,13 @@ class WitsmlStore(LoopInterface):
 
     @functools.cached_property
     def _opener(self) -> urllib.request.OpenerDirector:
-        # The certificates of the system are read once: that takes longer than a call.
+        # Read the system's certificates only once, because that takes longer than a call.
         return urllib.request.build_opener(
             urllib.request.HTTPSHandler(context=ssl.create_default_context()), _NoRedirect()
         )
 
     def _ask(self, order: str, arguments: dict[str, str]) -> dict[str, str]:
-        """One SOAP call; the texts of the elements of its answer."""
+        """Make one SOAP call; return the texts of the elements of its answer."""
         inside = "".join(f"<{name}>{escape(text)}</{name}>" for name, text in arguments.items())
         body = (
             '<?xml version="1.0" encoding="UTF-8"?>'
@@ -228,7 +235,7 @@ class WitsmlStore(LoopInterface):
         return answer_texts(answer)
 
     def status(self) -> InterfaceStatus:
-        """How it goes."""
+        """Return the state of the interface."""
         if not self.running:
             return InterfaceStatus(self.name, STOPPED, reason=self.failure)
         peers = (PeerStatus(self.settings.url, self._since, sent=self._sent, last=self._last),)
@@ -246,20 +253,20 @@ class WitsmlStore(LoopInterface):
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    """A store that sends the survey and the password elsewhere is not followed."""
+    """Handler that refuses redirects, so that survey and password are not sent to another address."""
 
     def redirect_request(self, *_about: object) -> None:
-        """Nowhere."""
+        """Follow no redirect."""
 
 
 def answer_texts(answer: bytes) -> dict[str, str]:
     """
-    Text of each element of an answer by its local name, the last one counting.
+    Return the text of each element of an answer by its local name; for repeated names the last one.
 
     Raises
     ------
     ValueError
-        It is no XML, or it declares a document type, which no answer of a store needs.
+        The answer is not XML, or declares a document type, which no store answer needs.
     """
     texts: dict[str, str] = {}
     path: list[tuple[str, list[str]]] = []
@@ -284,7 +291,7 @@ def answer_texts(answer: bytes) -> dict[str, str]:
     try:
         parser.Parse(answer, True)
     except xml.parsers.expat.ExpatError as error:
-        raise ValueError(f"the answer is no XML: {error}") from error
+        raise ValueError(f"the answer is not XML: {error}") from error
     return texts
 
 
@@ -294,12 +301,12 @@ def _uid(document: str) -> str:
 
 
 def _stations(document: str) -> set[str]:
-    """Identifiers of the stations, as they stand in the document."""
+    """Return the station identifiers as written in the document."""
     return set(re.findall(r"<trajectoryStation\b[^>]*\suid=\"([^\"]*)\"", document))
 
 
 def _without(document: str, stations: set[str]) -> str:
-    """The query that names the stations to delete, with the head of the document."""
+    """Return the query that names the stations to delete, with the head of the document."""
     head = re.search(r"<trajectorys\b[^>]*>\s*<trajectory\b[^>]*>", document)
     names = "".join(f'<trajectoryStation uid="{uid}"/>' for uid in sorted(stations))
     return f"{head[0] if head else ''}{names}</trajectory></trajectorys>"

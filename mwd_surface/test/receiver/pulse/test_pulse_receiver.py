@@ -298,7 +298,7 @@ def test_a_gauge_that_stands_is_named():
     receiver = PulseReceiver(TOOL)
     receiver.push(np.arange(0.0, 200.0, 0.01), np.full(20000, 2.0e7))
     receiver.finish()
-    assert "the gauge stands at 2e+07 Pa" in receiver.why_nothing()
+    assert "the gauge is stuck at 2e+07 Pa" in receiver.why_nothing()
 
 
 def test_another_parity_than_the_tool_has_is_named():

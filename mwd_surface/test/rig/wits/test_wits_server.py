@@ -87,7 +87,7 @@ def test_a_taken_port_is_named_with_a_hint():
 
 
 def test_an_address_of_another_machine_is_named():
-    with pytest.raises(InterfaceError, match="no address of this machine"):
+    with pytest.raises(InterfaceError, match="not an address of this machine"):
         server(host="192.0.2.1", allow_network=True).start()
 
 

@@ -149,7 +149,7 @@ def test_after_failures_it_is_tried_again_until_it_goes_through(document):
     [
         ((500, ENVELOPE.format("<s:Fault><faultstring>disk full</faultstring></s:Fault>").encode()), "disk full"),
         ((401, b""), "HTTP 401"),
-        ((200, b"<a>" * 3), "no XML"),
+        ((200, b"<a>" * 3), "not XML"),
         ((200, b'<!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>'), "document type"),
         ((200, b"<a><Result>x</Result></a>"), "WITSML x, not 1.4.1.1"),
         ((302, b""), "HTTP 302"),
