@@ -199,7 +199,7 @@ class MagneticAzimuth:
     usable: bool  #: its field passes the check; else it is never used
     restart: bool  #: earlier rows are withdrawn: the azimuth begins anew
     status: np.uint32  #: bits of `Status`
-    #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; -1 where it is not known.
+    #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; NaN where it is not known.
     interference: Annotated[Array, 3]
     sigma_interference: Annotated[Array, 3]
 

@@ -11,8 +11,8 @@ class Innovation(NamedTuple):
     """One source; fields as in mwd_msgs/Innovation."""
 
     source: str
-    #: Last one over its 1 sigma, or their root mean square where there is no gate; -1: none yet.
-    innovation: float = -1.0
+    #: Last one over its 1 sigma, or their root mean square where there is no gate; NaN: none yet.
+    innovation: float = math.nan
     gate: float = 0.0  #: sigma beyond which a measurement is rejected; 0: there is none
     #: `used`, `rejected`, `disturbed`: measurements taken in, beyond the gate, and left out because the field was not
     #: the reference's.
@@ -23,7 +23,7 @@ class Innovation(NamedTuple):
     @property
     def test_ratio(self) -> float:
         """Square of innovation over gate, above 1 rejected; without a gate that of the innovation, 1 expected."""
-        return self.innovation if self.innovation < 0.0 else (self.innovation / (self.gate or 1.0)) ** 2
+        return (self.innovation / (self.gate or 1.0)) ** 2
 
 
 def of_power(source: str, power: float) -> Innovation:

@@ -26,7 +26,7 @@ from mwd_surface.surveys.message_conversion import stamp_of
 _STROKES = 30  # over which the rate of a pump is taken
 _SLOWEST_NS = 6_000_000_000  # a pump makes ten strokes a minute at least, or stands
 _FIELDS = (
-    *("link", "state", "reason", "has_signal", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
+    *("link", "state", "reason", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
     *("mode", "words_done", "words_expected", "toolface_age", "survey_age"),
     *("inclination_age", "azimuth_age"),
 )

@@ -8,6 +8,7 @@ A survey is the same where its uuid is: that of the same samples at the same tim
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.surveys.message_conversion import list_of, record_of
@@ -59,7 +60,7 @@ class RecordedList:
                 continue
             who = (number, record.operator_name, record.reason, record.judged_ns)
             given = record.measured_depth if depths else surveys.find(number).measured_depth
-            md = -1.0 if given == surveys.find(number).measured_depth else given
+            md = math.nan if given == surveys.find(number).measured_depth else given
             try:
                 if record.judgement == Judgement.REJECTED:
                     surveys = surveys.reject(*who)

@@ -99,8 +99,8 @@ class SurveyList:
     def add(
         self,
         survey: Survey,
-        measured_depth: float = -1.0,
-        depth_age: float = -1.0,
+        measured_depth: float = math.nan,
+        depth_age: float = math.nan,
         *,
         leg: str | None = None,
         tool: str | None = None,
@@ -115,7 +115,7 @@ class SurveyList:
             One already there (same uuid) changes nothing. A number already taken by another survey, as after a tool
             that lost its memory, or beyond `LAST_SEQUENCE` becomes the next free one; the comment says so.
         measured_depth, depth_age : float
-            Of the sensor at the survey, m, and how old that reading was, s; -1 unknown.
+            Of the sensor at the survey, m, and how old that reading was, s; NaN: unknown.
         leg, tool : str, optional
             Other than the current ones.
 
@@ -151,7 +151,7 @@ class SurveyList:
         reason: str,
         stamp_ns: int,
         *,
-        measured_depth: float = -1.0,
+        measured_depth: float = math.nan,
         replace: bool = False,
     ) -> SurveyList:
         """
@@ -166,7 +166,7 @@ class SurveyList:
         stamp_ns : int
             When, ns.
         measured_depth : float
-            Depth to give it, m; -1 keeps what it has.
+            Depth to give it, m; NaN keeps what it has.
         replace : bool
             True: also where another station has this depth (that one is then rejected by the same person, in favour
             of this) or a deeper one exists (this one is put between).
@@ -180,7 +180,7 @@ class SurveyList:
         old = self.find(sequence)
         _checked_operator(operator_name)
         record = old
-        if measured_depth != -1.0:
+        if not math.isnan(measured_depth):
             _checked_depth(measured_depth, 0.0)
             note = f"depth {measured_depth:.2f} m given by hand"
             comment = f"{old.comment}; {note}" if old.comment else note
@@ -403,10 +403,10 @@ def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, s
 
 
 def _checked_depth(measured_depth: float, depth_age: float) -> None:
-    if measured_depth != -1.0 and not 0.0 <= measured_depth <= DEEPEST:
-        raise ValueError(f"measured_depth: must be -1 (unknown) or within 0 and {DEEPEST:g} m, got {measured_depth:g}")
-    if depth_age != -1.0 and not (math.isfinite(depth_age) and depth_age >= 0.0):
-        raise ValueError(f"depth_age: must be -1 (unknown) or 0 s and more, got {depth_age}")
+    if measured_depth < 0.0 or measured_depth > DEEPEST:
+        raise ValueError(f"measured_depth: must be within 0 and {DEEPEST:g} m, got {measured_depth:g}")
+    if depth_age < 0.0 or depth_age == math.inf:
+        raise ValueError(f"depth_age: must be 0 s or more, got {depth_age}")
 
 
 def _checked_operator(name: str) -> None:

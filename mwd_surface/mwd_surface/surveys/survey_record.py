@@ -2,8 +2,8 @@
 """
 One survey and the line it becomes in the survey list; field for field the messages of the same names.
 
-Numbers are SI and rad; "unknown" is what the message says (mostly -1), never NaN. `settings.to_mapping` and
-`settings.from_mapping` turn both into plain tables and back.
+Numbers are SI and rad; one that is not known is NaN. `settings.to_mapping` and `settings.from_mapping` turn both into
+plain tables and back, NaN into null.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+from typing import Any
 
 from mwd_estimation.core.reason_text import HYPOTHESES
 from mwd_sensors.core import settings
+from mwd_sensors.core.settings import Number
 from mwd_surface.trajectory.north import North
 
-Three = tuple[float, float, float]
-Nine = tuple[float, float, float, float, float, float, float, float, float]
-ZERO_3: Three = (0.0, 0.0, 0.0)
-ZERO_9: Nine = (0.0,) * 9
+Three = tuple[Number, Number, Number]
+Nine = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number]
+UNKNOWN_3: Three = (math.nan,) * 3
+UNKNOWN_9: Nine = (math.nan,) * 9
 # Kinds of a survey, by the numbers of its message.
 STATIC, ROTARY = 0, 1
 
@@ -50,61 +52,79 @@ RECEIVED_OVER = "received over "
 """How the reason begins that names the links over which a survey came."""
 
 
-@dataclasses.dataclass(frozen=True)
-class AzimuthEstimate:
-    """Azimuth of a survey by one method: rad from `north`, 1 sigma in rad (-1 not available), share in the fusion."""
+class _Comparable:
+    """Equality of records field by field, where an unknown number equals an unknown number."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        names = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        return all(_same(getattr(self, name), getattr(other, name)) for name in names)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other or (one != one and other != other))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AzimuthEstimate(_Comparable):
+    """Azimuth of a survey by one method: rad from `north`, its 1 sigma in rad, and its share in the fusion."""
 
     method: str
     north: int = int(North.UNKNOWN)
-    azimuth: float = 0.0
-    sigma: float = -1.0
+    azimuth: Number = math.nan
+    sigma: Number = math.nan
     weight: float = 0.0
     reason: str = ""
 
 
-@dataclasses.dataclass(frozen=True)
-class Survey:
-    """A station as the estimator measured and judged it; units and unknowns as in Survey.msg, stamp in ns."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Survey(_Comparable):
+    """A station as the estimator measured and judged it; units as in Survey.msg, stamp in ns."""
 
     stamp_ns: int
     uuid: str
     sequence: int
     inclination: float
-    azimuth: float
+    azimuth: Number
     north: int
     frame_id: str = "sonde_link"
     kind: int = STATIC
     requested: bool = False
     duration: float = 0.0
     samples: int = 0
-    specific_force: Three = ZERO_3
-    specific_force_covariance: Nine = ZERO_9
-    magnetic_field: Three = ZERO_3
-    magnetic_field_covariance: Nine = (-1.0, *ZERO_9[1:])
-    angular_rate: Three = ZERO_3
-    temperature: float = -300.0
-    gravity_toolface: float = 0.0
-    magnetic_toolface: float = 0.0
-    covariance: Nine = ZERO_9
+    specific_force: Three = UNKNOWN_3
+    specific_force_covariance: Nine = UNKNOWN_9
+    magnetic_field: Three = UNKNOWN_3
+    magnetic_field_covariance: Nine = UNKNOWN_9
+    angular_rate: Three = UNKNOWN_3
+    temperature: Number = math.nan
+    gravity_toolface: Number = math.nan
+    magnetic_toolface: Number = math.nan
+    covariance: Nine = UNKNOWN_9
     azimuth_method: str = ""
     azimuths: tuple[AzimuthEstimate, ...] = ()
-    g_total: float = 0.0
-    b_total: float = -1.0
-    dip: float = 0.0
-    g_reference: float = -1.0
-    b_reference: float = -1.0
-    dip_reference: float = 0.0
-    declination: float | None = None
-    convergence: float | None = None
+    g_total: Number = math.nan
+    b_total: Number = math.nan
+    dip: Number = math.nan
+    g_reference: Number = math.nan
+    b_reference: Number = math.nan
+    dip_reference: Number = math.nan
+    declination: Number = math.nan
+    convergence: Number = math.nan
     reference_source: str = ""
-    axial_interference: float = 0.0
-    sigma_axial_interference: float = -1.0
-    g_deviation: float = 0.0
-    b_deviation: float = 0.0
-    dip_deviation: float = 0.0
-    g_limit: float = -1.0
-    b_limit: float = -1.0
-    dip_limit: float = -1.0
+    axial_interference: Number = math.nan
+    sigma_axial_interference: Number = math.nan
+    g_deviation: Number = math.nan
+    b_deviation: Number = math.nan
+    dip_deviation: Number = math.nan
+    g_limit: Number = math.nan
+    b_limit: Number = math.nan
+    dip_limit: Number = math.nan
     verdict: int = int(Verdict.ACCEPT)
     verdict_inclination: int = int(Verdict.ACCEPT)
     verdict_azimuth: int = int(Verdict.ACCEPT)
@@ -151,12 +171,12 @@ class Survey:
     @property
     def has_azimuth(self) -> bool:
         """False where the estimator withheld the azimuth."""
-        return self.covariance[4] >= 0.0 and self.north != North.UNKNOWN
+        return math.isfinite(self.azimuth) and self.north != North.UNKNOWN
 
     @property
     def has_readings(self) -> bool:
         """False for a station of an imported list, of which only the angles are known."""
-        return self.g_total > 0.0
+        return math.isfinite(self.g_total)
 
     @property
     def toolfaces(self) -> tuple[float | None, float | None]:
@@ -168,17 +188,17 @@ class Survey:
     @property
     def has_reference(self) -> bool:
         """True where a reference field was configured."""
-        return self.b_reference > 0.0
+        return math.isfinite(self.b_reference)
 
     @property
     def sigma_inclination(self) -> float:
-        """1 sigma, rad; -1 not available (a covariance of 0 is one that nobody knows, REP-145)."""
-        return math.sqrt(self.covariance[0]) if self.covariance[0] > 0.0 else -1.0
+        """1 sigma, rad."""
+        return math.sqrt(self.covariance[0])
 
     @property
     def sigma_azimuth(self) -> float:
-        """1 sigma, rad; -1 not available."""
-        return math.sqrt(self.covariance[4]) if self.covariance[4] > 0.0 else -1.0
+        """1 sigma, rad."""
+        return math.sqrt(self.covariance[4])
 
     def azimuth_from(self, north: North) -> float | None:
         """Azimuth from the asked north, rad in [0, 2 pi), or None where it is not known there; see `turned`."""
@@ -199,25 +219,28 @@ class Survey:
             return None
         to_true = {North.MAGNETIC: self.declination, North.TRUE: 0.0, North.GRID: self.convergence}
         before, after = to_true[given], to_true[north]
-        return None if before is None or after is None else (azimuth + before - after) % math.tau
+        turned = (azimuth + before - after) % math.tau
+        return turned if math.isfinite(turned) else None
 
 
-@dataclasses.dataclass(frozen=True)
-class Decision:
+@dataclasses.dataclass(frozen=True, eq=False)
+class Decision(_Comparable):
     """What a person decided about a survey: a `Judgement`, by whom, why, when, ns, and the depth then, m."""
 
     judgement: int
     operator_name: str
     reason: str
     stamp_ns: int
-    measured_depth: float
+    measured_depth: Number
 
 
 COORDINATES_ASSUMED = "coordinates assumed"  # flag of a record
+#: Fields of a record that follow from the path; NaN unless the record is in use.
+PLACE = ("north", "east", "vertical_depth", "vertical_section", "dogleg_severity", "build_rate", "turn_rate")
 
 
-@dataclasses.dataclass(frozen=True)
-class SurveyRecord:
+@dataclasses.dataclass(frozen=True, eq=False)
+class SurveyRecord(_Comparable):
     """
     One line of the survey list: survey, depth, what people decided, place on the path; as in SurveyRecord.msg.
 
@@ -225,12 +248,12 @@ class SurveyRecord:
     revised: the survey as the estimator judged it last with the later ones of its run, or none; the path keeps the
     first. decided_revision: number of the revision that was there when a person decided last; only the file has it.
 
-    From `north` on the numbers follow from the list and are recomputed with it (m, rad/m; 0 unless `in_use`).
+    From `north` on the numbers follow from the list and are recomputed with it (m, rad/m; NaN unless `in_use`).
     """
 
     survey: Survey
-    measured_depth: float = -1.0
-    depth_age: float = -1.0
+    measured_depth: Number = math.nan
+    depth_age: Number = math.nan
     judgement: int = int(Judgement.NOT_JUDGED)
     operator_name: str = ""
     reason: str = ""
@@ -242,13 +265,13 @@ class SurveyRecord:
     decisions: tuple[Decision, ...] = ()
     revised: tuple[Survey, ...] = ()
     decided_revision: int = 0
-    north: float = 0.0
-    east: float = 0.0
-    vertical_depth: float = 0.0
-    vertical_section: float = 0.0
-    dogleg_severity: float = 0.0
-    build_rate: float = 0.0
-    turn_rate: float = 0.0
+    north: Number = math.nan
+    east: Number = math.nan
+    vertical_depth: Number = math.nan
+    vertical_section: Number = math.nan
+    dogleg_severity: Number = math.nan
+    build_rate: Number = math.nan
+    turn_rate: Number = math.nan
     flags: tuple[str, ...] = ()
 
     @property
@@ -271,13 +294,13 @@ class SurveyRecord:
         verdict = Verdict(self.survey.verdict_azimuth)
         if verdict in (Verdict.ACCEPT, Verdict.NOT_DETERMINED):
             return ""
-        place = f" at {self.measured_depth:.1f} m" if self.measured_depth >= 0.0 else ""
+        place = f" at {self.measured_depth:.1f} m" if math.isfinite(self.measured_depth) else ""
         return f"survey {self.survey.sequence}{place}: azimuth {verdict.word}: {self.survey.action}"
 
 
 def checked_survey(survey: Survey) -> Survey:
     """
-    The survey itself, every value of its declared type and finite, its angles in range.
+    Return the survey itself, every value of its declared type, its angles in range or unknown.
 
     Raises
     ------
@@ -291,7 +314,7 @@ def checked_survey(survey: Survey) -> Survey:
         raise ValueError(f"survey.sequence: must be 1 or more, got {whole.sequence}")
     if not 0.0 <= whole.inclination <= math.pi:
         raise ValueError(f"survey.inclination: must be within 0 and pi rad, got {whole.inclination}")
-    if not 0.0 <= whole.azimuth <= math.tau:
+    if whole.azimuth < 0.0 or whole.azimuth > math.tau:
         raise ValueError(f"survey.azimuth: must be within 0 and 2 pi rad, got {whole.azimuth}")
     for name, kind in (("north", North), ("verdict", Verdict)):
         value = getattr(whole, name)
