@@ -204,7 +204,7 @@ def steered(rig):
         sheet.update((1_795_000_000 + k) * 10**9, depth, 0.0 if slide else 12.0, 2.2)
         rig.state.on_log_depth(depth)
         d = wire.DYNAMICS.empty(1)
-        d["stick_slip_index"], d["lateral_rms"], d["shocks"] = -1.0 if slide else 0.4, 9.0, k % 3
+        d["stick_slip_index"], d["lateral_rms"], d["shocks"] = np.nan if slide else 0.4, 9.0, k % 3
         rig.state.on_dynamics(d, now)
         rig.live(status=4 if k < 100 else 4 | 1024)
     rig.state.on_steering(sheet.stretches, yields(sheet.stretches, rig.list.definitive()), now)

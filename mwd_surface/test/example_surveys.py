@@ -36,12 +36,16 @@ SIGMA_I, SIGMA_A = math.radians(0.05), math.radians(0.4)
 MADE = START + 100_000 * S
 
 
+#: Fields of a survey without an azimuth.
+NO_AZIMUTH = {"azimuth": math.nan, "covariance": (1e-6, *(math.nan,) * 8)}
+
+
 def survey(k, inc_deg, azi_deg, **changes):
     magnetic = (azi_deg - 2.0) % 360.0
     methods = (
         AzimuthEstimate("raw", 1, math.radians(magnetic + 0.8), math.radians(1.0), 0.0, "axial interference"),
         AzimuthEstimate("corrected", 1, math.radians(magnetic), SIGMA_A),
-        AzimuthEstimate("gyro", 1, 0.0, -1.0, 0.0, "rotating"),
+        AzimuthEstimate("gyro", 1, math.nan, math.nan, 0.0, "rotating"),
     )
     values = {
         "stamp_ns": START + k * 1800 * S,

@@ -87,7 +87,7 @@ reported["fixed set"] = set_all("sonde", rate=5.0)
 found = call(DescribeParameters, "/w1/estimator/describe_parameters", names=["survey.duration_s"]).descriptors[0]
 reported["description"] = [found.description, found.floating_point_range[0].to_value]
 reported["state"] = call(GetState, "/w1/estimator/get_state").current_state.label
-judged = dict(sequence=1, reason="looks odd", measured_depth=-1.0)
+judged = dict(sequence=1, reason="looks odd", measured_depth=math.nan)
 reported["nameless"] = call(JudgeSurvey, "/w1/reject_survey", **judged).message
 reported["rejected"] = call(JudgeSurvey, "/w1/reject_survey", operator_name="Ann", **judged).success
 reported["accepted"] = call(JudgeSurvey, "/w1/accept_survey", operator_name="Bob", **judged).success

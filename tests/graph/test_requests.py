@@ -16,7 +16,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.fault_case(86)]
 TALK = (
     CALL
     + """
-import json, time
+import json, math, time
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from mwd_msgs import msg, srv
@@ -46,7 +46,7 @@ def together(kind, name, fields):
 name = dict(operator_name="A. Smith")
 REQUESTS = {
     "accept_survey": (srv.JudgeSurvey, dict(sequence=1, reason="fits", measured_depth=30.0, **name)),
-    "reject_survey": (srv.JudgeSurvey, dict(sequence=1, reason="steel", measured_depth=-1.0, **name)),
+    "reject_survey": (srv.JudgeSurvey, dict(sequence=1, reason="steel", measured_depth=math.nan, **name)),
     "set_depth": (srv.SetDepth, dict(bit_depth=50.0, **name)),
     "stop_recording": (Trigger, {}),
     "start_recording": (srv.StartRecording, dict(name="two")),

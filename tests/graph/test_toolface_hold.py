@@ -91,7 +91,7 @@ def test_when_the_toolface_stops_the_controller_does_and_so_does_the_top_drive()
         (None, 100.0, "no toolface yet"),
         (GOOD, 103.0, "3.0 s old"),
         (dataclasses.replace(GOOD, mode=1), 100.0, "other kind"),
-        (dataclasses.replace(GOOD, sigma=-1.0), 100.0, "not certain"),
+        (dataclasses.replace(GOOD, sigma=math.nan), 100.0, "not certain"),
         (dataclasses.replace(GOOD, sigma=0.5), 100.0, "not certain"),
     ],
 )

@@ -63,7 +63,7 @@ class LinkedRun:
         if SLIDES_S < done <= SLIDES_S + 2.0:
             command = Command(HOLD, valid_for=3.0)
         elif done > SLIDES_S:
-            reading = Reading(done, done, 0, angle, sigma, False) if sigma >= 0.0 else None
+            reading = Reading(done, done, 0, angle, sigma, False) if math.isfinite(sigma) else None
             command = self.controller.update(done, reading)
         if command is not None:
             self.sonde.command(Command(command.mode, turn=getattr(command, "turn", 0.0), valid_for=command.valid_for))
@@ -88,7 +88,7 @@ def test_the_toolface_is_held_over_the_link(held):
 
 
 def test_what_is_shown_between_words_is_where_the_tool_is(held):
-    shown = held[held[:, 3] >= 0.0]
+    shown = held[np.isfinite(held[:, 3])]
     assert len(shown) > 0.85 * len(held)
     error = np.radians(off(shown[:, 2], shown[:, 1]))
     # One word every eight seconds: neighbouring rows share their error, so the mean of the squares is what is judged.

@@ -57,7 +57,7 @@ def write(
     """
     Fill the messages of a stretch of n samples; return how many samples were rejected.
 
-    Unknown values are 0 with a sigma of -1; values that depend on a suspect sensor have a sigma of pi.
+    An unknown value is NaN, and so is its sigma; values that depend on a suspect sensor have a sigma of pi.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def _azimuth(plain: AttitudeRow, azimuth: AzimuthRow, status: int, last_sigma: f
     # If no azimuth is propagated (at the start, near vertical), use the plain magnetic one.
     if azimuth.sigma == math.inf and math.isfinite(plain.azimuth) and status & _DISTURBED == 0:
         return True, plain.azimuth, max(plain.sigma_azimuth, last_sigma)
-    return False, 0.0, -1.0
+    return False, math.nan, math.nan
 
 
 @compiled
@@ -145,15 +145,15 @@ def _write_attitude(
     if has_azimuth:
         status |= last.status & ~_DISTURBED
     if stretch.gyro_only and status & _AIDED == 0:
-        has_azimuth, has_north, angle = False, False, 0.0
+        has_azimuth, has_north, angle = False, False, math.nan
     unsure, unsure_level = sample.suspect != 0, sample.suspect & _LEVEL_SENSORS != 0
     if unsure:
         status |= _SUSPECT
     row["stamp_ns"] = sample.stamp_ns
-    row["inclination"] = plain.inclination if has_gravity else 0.0
+    row["inclination"] = plain.inclination if has_gravity else math.nan
     row["azimuth"] = angle
-    row["gravity_toolface"] = plain.gravity_toolface if has_high_side else 0.0
-    row["magnetic_toolface"] = toolface if has_north else 0.0
+    row["gravity_toolface"] = plain.gravity_toolface if has_high_side else math.nan
+    row["magnetic_toolface"] = toolface if has_north else math.nan
     row["sigma_inclination"] = _sigma(sample.sigma_inclination, has_gravity, unsure_level)
     row["sigma_azimuth"] = _sigma(sigma, has_azimuth, near_vertical or unsure)
     row["sigma_gravity_toolface"] = _sigma(sample.sigma_toolface, has_high_side, near_vertical or unsure_level)
@@ -165,8 +165,8 @@ def _write_attitude(
 
 @compiled
 def _sigma(sigma: float, known: bool, unsure: bool) -> float:
-    """Return the sigma for the message, rad: -1 if the value is unknown, pi if nothing is known about its error."""
-    return (math.pi if unsure else sigma) if known else -1.0
+    """Return the sigma for the message, rad: NaN if the value is unknown, pi if nothing is known about its error."""
+    return (math.pi if unsure else sigma) if known else math.nan
 
 
 @compiled
@@ -175,9 +175,9 @@ def _write_gravity(sample: Sample, status: int, row: Samples) -> None:
     down, vector = sample.down, row["gravity"]
     known = math.isfinite(down[0] + down[1] + down[2]) and sample.turned < math.inf
     for i in range(3):
-        vector[i] = down[i] if known else 0.0
+        vector[i] = down[i] if known else math.nan
     row["stamp_ns"] = sample.stamp_ns
     row["sigma"] = _sigma(sample.sigma_down, known, sample.suspect & _LEVEL_SENSORS != 0)
-    row["non_gravity"] = sample.non_gravity if math.isfinite(sample.non_gravity) else 0.0
-    row["rotary_speed"] = sample.rotary_speed if math.isfinite(sample.rotary_speed) else 0.0
+    row["non_gravity"] = sample.non_gravity
+    row["rotary_speed"] = sample.rotary_speed
     row["status"] = status

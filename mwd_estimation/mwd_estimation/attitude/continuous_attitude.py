@@ -100,7 +100,7 @@ class AttitudeStream:
         self._last = np.zeros(1, dtype=LAST_MAGNETIC)
         # Last magnetic azimuth, which gives the interference for bins before the next one.
         self._last_magnetic = np.zeros(1, dtype=MAGNETIC_AZIMUTH)
-        self._last_magnetic["sigma_interference"] = -1.0
+        self._last_magnetic["interference"] = self._last_magnetic["sigma_interference"] = np.nan
         time_alignment.restart_smoothing(self._alignment_state)
 
     @property
@@ -252,9 +252,10 @@ class AttitudeStream:
         if reference is not None and reference.total is not None:
             total = np.concatenate([before[:1], plain["total"]])[places]
             dip = np.concatenate([before[1:], plain["dip"]])[places]
-            seen = np.isfinite(total)
-            samples["total_residual"] = np.where(seen, total - reference.total, 0.0)
-            samples["dip_residual"] = np.where(seen, dip - (reference.dip or 0.0), 0.0)
+            samples["total_residual"] = total - reference.total
+            samples["dip_residual"] = dip - (math.nan if reference.dip is None else reference.dip)
+        else:
+            samples["total_residual"] = samples["dip_residual"] = math.nan
         return samples
 
 

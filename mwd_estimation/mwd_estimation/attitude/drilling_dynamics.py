@@ -97,7 +97,7 @@ def run(params: Params, state: Samples, samples: Samples, attitude: Samples) -> 
     Returns
     -------
     ndarray of dtype `wire.DYNAMICS`
-        One summary for each period that ended, stamped with its end. Stick-slip index and share of sticking are -1 if
+        One summary for each period that ended, stamped with its end. Stick-slip index and share of sticking are NaN if
         the string does not turn.
     """
     stamps = samples["stamp_ns"]
@@ -155,8 +155,8 @@ def _summarise(s: State, row: Samples) -> None:
     row["rotary_speed"] = mean
     row["rotary_speed_least"] = least
     row["rotary_speed_most"] = most
-    row["stick_slip_index"] = (most - least) / (2.0 * abs(mean)) if turns else -1.0
-    row["stick_share"] = _sticking(s, first, mean) if turns else -1.0
+    row["stick_slip_index"] = (most - least) / (2.0 * abs(mean)) if turns else math.nan
+    row["stick_share"] = _sticking(s, first, mean) if turns else math.nan
     row["axial_rms"] = math.sqrt(axial2 / count)
     row["lateral_rms"] = math.sqrt(lateral2 / count)
     row["axial_peak"] = math.sqrt(axial_peak2)

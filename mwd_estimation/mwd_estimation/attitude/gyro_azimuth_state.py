@@ -198,7 +198,7 @@ class MagneticAzimuth:
     usable: bool  #: whether its field passes the check; otherwise it is never used
     restart: bool  #: True if earlier rows are withdrawn, so that the azimuth restarts
     status: np.uint32  #: bits of `Status`
-    #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; -1 if it is not known.
+    #: `interference`, `sigma_interference`: the tool's own field and 1 sigma, T; NaN if it is not known.
     interference: Annotated[Array, 3]
     sigma_interference: Annotated[Array, 3]
 

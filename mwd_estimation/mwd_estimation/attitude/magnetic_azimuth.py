@@ -127,7 +127,7 @@ class MagneticAzimuths:
         rows["azimuth"], rows["sigma_constant"] = pairs["azimuth"], constant
         rows["sigma_slow"], rows["sigma_noise"] = _SLOW_SHARE * rest, math.sqrt(1.0 - _SLOW_SHARE**2) * rest
         rows["status"] = _UNCORRECTED | (_DISTURBED if in_force.external_interference else 0)
-        rows["sigma_interference"] = -1.0
+        rows["interference"] = rows["sigma_interference"] = np.nan
 
     def _read_corrected(self, state: Samples, pairs: Samples, in_force: MagneticModelInForce, rows: Samples) -> None:
         """Fill the rows with azimuths corrected for the interference that the samples so far have shown."""
@@ -153,8 +153,8 @@ class MagneticAzimuths:
         rows["sigma_slow"], rows["sigma_held"] = found["sigma_own"], np.sqrt(held + external**2)
         rows["sigma_noise"], rows["sigma_constant"] = white, in_force.model.sigma_north
         rows["restart"] = found["restarted"]
-        rows["interference"] = np.where(observed, found["bias"], 0.0)
-        rows["sigma_interference"] = np.where(observed, found["sigma"], -1.0)
+        rows["interference"] = np.where(observed, found["bias"], np.nan)
+        rows["sigma_interference"] = np.where(observed, found["sigma"], np.nan)
 
     def _since_disturbed(self, ratio: NDArray[np.float64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the time since the last sample that the filter rejected, ns."""

@@ -11,8 +11,8 @@ class Innovation(NamedTuple):
     """Innovations of one source; the fields are those of mwd_msgs/Innovation."""
 
     source: str
-    #: Last innovation divided by its 1 sigma, or their root mean square if there is no gate; -1: none yet.
-    innovation: float = -1.0
+    #: Last innovation divided by its 1 sigma, or their root mean square if there is no gate; NaN: none yet.
+    innovation: float = math.nan
     gate: float = 0.0  #: sigma beyond which a measurement is rejected; 0: no gate
     #: Numbers of measurements: `used`; `rejected`, because beyond the gate; `disturbed`, left out because the magnetic
     #: field did not match the reference.
@@ -23,7 +23,7 @@ class Innovation(NamedTuple):
     @property
     def test_ratio(self) -> float:
         """Squared ratio of innovation to gate (above 1: rejected); without a gate, squared innovation (1 expected)."""
-        return self.innovation if self.innovation < 0.0 else (self.innovation / (self.gate or 1.0)) ** 2
+        return (self.innovation / (self.gate or 1.0)) ** 2
 
 
 def of_power(source: str, power: float) -> Innovation:

@@ -60,7 +60,7 @@ class ContinuousSurvey:
             spread = math.sqrt(max(-2.0 * math.log(max(length, 1e-12)), 0.0))
             stated = math.hypot(sigmas / count, spread / math.sqrt(count))
             found[value] = Reading(math.atan2(sin, cos) % math.tau, stated, middle)
-            found[sigma] = Reading(stated, -1.0, middle)
+            found[sigma] = Reading(stated, math.nan, middle)
             noise += stated
         if noise < self._least:
             self._least, self._best = noise, found

@@ -44,19 +44,19 @@ def of_attitude(row: Samples, reference: Reference | None) -> Readings:
     """Return the readings of one sample of `wire.ATTITUDE`, without those that are unknown."""
     stamp, status = int(row["stamp_ns"]), int(row["status"])
     found: Readings = {}
-    if row["sigma_inclination"] >= 0.0:
+    if math.isfinite(row["sigma_inclination"]):
         found[meanings.CONTINUOUS_INCLINATION] = Reading(
             float(row["inclination"]), float(row["sigma_inclination"]), stamp
         )
     turn = to_magnetic(_NORTH.get(int(row["north"]), ""), reference)
-    if row["sigma_azimuth"] >= 0.0 and turn is not None:
+    if math.isfinite(row["sigma_azimuth"]) and turn is not None:
         azimuth = (float(row["azimuth"]) + turn) % math.tau
         found[meanings.CONTINUOUS_AZIMUTH] = Reading(azimuth, float(row["sigma_azimuth"]), stamp)
-    if row["sigma_gravity_toolface"] >= 0.0:
+    if math.isfinite(row["sigma_gravity_toolface"]):
         found[meanings.GRAVITY_TOOLFACE] = Reading(
             float(row["gravity_toolface"]), float(row["sigma_gravity_toolface"]), stamp
         )
-    if row["sigma_magnetic_toolface"] >= 0.0 and turn is not None:
+    if math.isfinite(row["sigma_magnetic_toolface"]) and turn is not None:
         angle = (float(row["magnetic_toolface"]) + turn) % math.tau
         found[meanings.MAGNETIC_TOOLFACE] = Reading(angle, float(row["sigma_magnetic_toolface"]), stamp)
     # Near vertical there is no high side, so the toolface is measured from magnetic north.
@@ -75,7 +75,7 @@ def of_dynamics(row: Samples) -> Readings:
         meanings.LATERAL_PEAK: "lateral_peak",
         meanings.AXIAL_PEAK: "axial_peak",
     }
-    return {quantity: Reading(float(row[field]), -1.0, stamp) for quantity, field in fields.items()}
+    return {quantity: Reading(float(row[field]), math.nan, stamp) for quantity, field in fields.items()}
 
 
 def of_survey(survey: Survey) -> Readings:
@@ -86,21 +86,21 @@ def of_survey(survey: Survey) -> Readings:
 
     def put(quantity: str, value: float | None, sigma: float) -> None:
         if value is not None and math.isfinite(value):
-            found[quantity] = Reading(float(value), sigma if math.isfinite(sigma) else -1.0, stamp)
+            found[quantity] = Reading(float(value), sigma, stamp)
 
     sigma_inclination = math.sqrt(max(float(variance[0, 0]), 0.0))
     put(meanings.INCLINATION, station.inclination, sigma_inclination)
-    put(meanings.SIGMA_INCLINATION, sigma_inclination, -1.0)
+    put(meanings.SIGMA_INCLINATION, sigma_inclination, math.nan)
     turn = to_magnetic(station.north, station.reference)
     if turn is not None and math.isfinite(station.azimuth):
         sigma_azimuth = math.sqrt(max(float(variance[1, 1]), 0.0))
         put(meanings.AZIMUTH, (station.azimuth + turn) % math.tau, sigma_azimuth)
-        put(meanings.SIGMA_AZIMUTH, sigma_azimuth, -1.0)
-    put(meanings.G_TOTAL, station.g_total, -1.0)
+        put(meanings.SIGMA_AZIMUTH, sigma_azimuth, math.nan)
+    put(meanings.G_TOTAL, station.g_total, math.nan)
     # Use the field from which the azimuth was computed, without the axial field of the drill string.
     axial = station.interference if station.corrected and math.isfinite(station.interference) else 0.0
     b_t = np.asarray(station.b_t, dtype=float) - np.array([axial, 0.0, 0.0])
-    put(meanings.DIP, float(magnetic_geometry.dip(station.f_t, b_t)), -1.0)
-    put(meanings.B_TOTAL, float(np.linalg.norm(b_t)), -1.0)
-    put(meanings.TEMPERATURE, survey.temperature, -1.0)
+    put(meanings.DIP, float(magnetic_geometry.dip(station.f_t, b_t)), math.nan)
+    put(meanings.B_TOTAL, float(np.linalg.norm(b_t)), math.nan)
+    put(meanings.TEMPERATURE, survey.temperature, math.nan)
     return found

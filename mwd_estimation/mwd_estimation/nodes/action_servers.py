@@ -97,8 +97,8 @@ class EstimatorActions:
                 NorthSeek.Feedback(
                     elapsed=north.elapsed,
                     remaining=north.remaining,
-                    azimuth=0.0 if unknown else found.azimuth,
-                    sigma=-1.0 if unknown else found.sigma,
+                    azimuth=math.nan if unknown else found.azimuth,
+                    sigma=math.nan if unknown else found.sigma,
                     state=f"seeking, {found.method}" if found.reason is None else text(found.reason),
                 )
             )
@@ -149,7 +149,7 @@ def _north(solution: Solution) -> NorthSeek.Result:
 
 
 def _no_north(reason: str) -> NorthSeek.Result:
-    return NorthSeek.Result(success=False, message=f"no north found: {reason}", sigma=-1.0)
+    return NorthSeek.Result(success=False, message=f"no north found: {reason}", azimuth=math.nan, sigma=math.nan)
 
 
 def _no_survey(reason: str) -> RotarySurvey.Result:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of the estimator as messages of the graph; an unknown value becomes what the message defines as unknown."""
+"""Results of the estimator as messages of the graph."""
 
 from __future__ import annotations
 
@@ -83,9 +83,9 @@ def oriented_imu(samples: Samples, attitude: Samples) -> Samples:
     variance of a full circle.
     """
     oriented = samples.copy()
-    attitude_known = attitude["sigma_inclination"] >= 0.0
-    azimuth_known = attitude["sigma_azimuth"] >= 0.0
-    mat = frames.mat_nt(attitude["inclination"], attitude["azimuth"], attitude["gravity_toolface"])
+    attitude_known = np.isfinite(attitude["sigma_inclination"])
+    azimuth_known = np.isfinite(attitude["sigma_azimuth"])
+    mat = frames.mat_nt(*(np.nan_to_num(attitude[angle]) for angle in ("inclination", "azimuth", "gravity_toolface")))
     oriented["orientation"] = np.where(attitude_known[:, None], frames.orientation_et(mat), [0.0, 0.0, 0.0, 1.0])
     tilt = attitude["sigma_inclination"] ** 2
     heading = np.where(azimuth_known, attitude["sigma_azimuth"], np.pi) ** 2

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -96,8 +97,8 @@ def transmission_message(sent: Sent, frame: str) -> TransmissionMessage:
         name=sent.name,
         raw=sent.raw,
         bits=sent.bits,
-        value=0.0 if sent.reading is None else sent.reading.value,
-        sigma=-1.0 if sent.reading is None else sent.reading.sigma,
+        value=math.nan if sent.reading is None else sent.reading.value,
+        sigma=math.nan if sent.reading is None else sent.reading.sigma,
         duration=sent.duration_s,
         link=tool.link,
         code=tool.code,

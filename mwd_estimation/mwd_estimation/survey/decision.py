@@ -343,7 +343,7 @@ def _survey(average: StillAverage, sequence: int, station: Station, weights: dic
         samples=average.imu.count,
         station=station,
         covariance_f=average.imu.covariance[3:, 3:],
-        covariance_b=average.mag.covariance if average.mag is not None else np.zeros((3, 3)),
+        covariance_b=average.mag.covariance if average.mag is not None else np.full((3, 3), np.nan),
         rate_t=rates.mean[:3],
         temperature=average.temperature,
         weights=weights,

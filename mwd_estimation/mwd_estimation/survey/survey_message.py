@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-A survey as the fields of mwd_msgs/msg/Survey, unknown values as that message defines them; nothing of ROS is imported.
+A survey as the fields of mwd_msgs/msg/Survey; nothing of ROS is imported.
 
 The estimator node and those who write bags without middleware fill the same message from here.
 """
@@ -24,9 +24,9 @@ DEVIATIONS, LIMITS = ("g_deviation", "b_deviation", "dip_deviation"), ("g_limit"
 VERDICTS = {"accept": 0, "doubtful": 1, "reject": 2, "not_determined": 3}
 
 
-def known(value: float | None, otherwise: float) -> float:
-    """The value, or the stand-in that the message defines for unknown."""
-    return otherwise if value is None or not math.isfinite(value) else float(value)
+def _number(value: float | None) -> float:
+    """Return a number of the message: NaN where it is not known."""
+    return math.nan if value is None or not math.isfinite(value) else float(value)
 
 
 def _words(reason: Reason | None) -> str:
@@ -52,19 +52,17 @@ def _verdict_fields(station: Station) -> dict[str, Any]:
 def _totals_fields(station: Station) -> dict[str, Any]:
     """Deviations of the totals as the verdict takes them, and what makes it doubtful."""
     return {
-        **{name: known(off, 0.0) for name, off in zip(DEVIATIONS, station.deviations.values, strict=True)},
-        **{name: known(limit, -1.0) for name, limit in zip(LIMITS, station.limits, strict=True)},
+        **{name: _number(off) for name, off in zip(DEVIATIONS, station.deviations.values, strict=True)},
+        **{name: _number(limit) for name, limit in zip(LIMITS, station.limits, strict=True)},
     }
 
 
 def survey_fields(survey: Survey) -> dict[str, Any]:
     """Every field but the header, by name; `azimuths` as tables of the fields of mwd_msgs/msg/AzimuthEstimate."""
     station, reference = survey.station, survey.station.reference
-    has_mag = bool(np.isfinite(station.b_t).all())
-    covariance = np.nan_to_num(station.covariance)
-    if not math.isfinite(station.azimuth):
-        covariance[1, :], covariance[:, 1] = 0.0, 0.0
-        covariance[1, 1] = -1.0
+    covariance = np.array(station.covariance, dtype=float)
+    covariance[:, ~np.isfinite([station.inclination, station.azimuth, station.gravity_toolface])] = np.nan
+    covariance[np.isnan(covariance.T)] = np.nan
     north = NORTH_CODES[station.north]
     return {
         "uuid": survey.uuid,
@@ -75,16 +73,16 @@ def survey_fields(survey: Survey) -> dict[str, Any]:
         "requested": survey.requested,
         "duration": survey.duration,
         "samples": survey.samples,
-        "specific_force": np.nan_to_num(station.f_t),
+        "specific_force": station.f_t,
         "specific_force_covariance": survey.covariance_f.ravel(),
-        "magnetic_field": np.nan_to_num(station.b_t),
-        "magnetic_field_covariance": survey.covariance_b.ravel() if has_mag else np.array([-1.0] + [0.0] * 8),
+        "magnetic_field": station.b_t,
+        "magnetic_field_covariance": survey.covariance_b.ravel(),
         "angular_rate": survey.rate_t,
-        "temperature": known(survey.temperature, -300.0),
-        "inclination": known(station.inclination, 0.0),
-        "azimuth": known(station.azimuth, 0.0),
-        "gravity_toolface": known(station.gravity_toolface, 0.0),
-        "magnetic_toolface": known(station.magnetic_toolface, 0.0),
+        "temperature": _number(survey.temperature),
+        "inclination": _number(station.inclination),
+        "azimuth": _number(station.azimuth),
+        "gravity_toolface": _number(station.gravity_toolface),
+        "magnetic_toolface": _number(station.magnetic_toolface),
         "covariance": covariance.ravel(),
         "north": north,
         "azimuth_method": str(station.method),
@@ -92,24 +90,24 @@ def survey_fields(survey: Survey) -> dict[str, Any]:
             {
                 "method": str(one.method),
                 "north": north,
-                "azimuth": known(one.azimuth, 0.0),
-                "sigma": known(one.sigma, -1.0),
+                "azimuth": _number(one.azimuth),
+                "sigma": _number(one.sigma),
                 "weight": survey.weights.get(one.method, 0.0),
                 "reason": _words(one.refused),
             }
             for one in station.azimuths
         ],
-        "g_total": known(station.g_total, 0.0),
-        "b_total": known(station.b_total, -1.0),
-        "dip": known(station.dip, 0.0),
-        "g_reference": known(reference.gravity if reference else None, -1.0),
-        "b_reference": known(reference.total if reference else None, -1.0),
-        "dip_reference": known(reference.dip if reference else None, 0.0),
-        "declination": known(reference.declination if reference else None, math.nan),
-        "convergence": known(reference.convergence if reference else None, math.nan),
+        "g_total": _number(station.g_total),
+        "b_total": _number(station.b_total),
+        "dip": _number(station.dip),
+        "g_reference": _number(reference.gravity if reference else None),
+        "b_reference": _number(reference.total if reference else None),
+        "dip_reference": _number(reference.dip if reference else None),
+        "declination": _number(reference.declination if reference else None),
+        "convergence": _number(reference.convergence if reference else None),
         "reference_source": reference.source if reference else "",
-        "axial_interference": known(station.interference, 0.0),
-        "sigma_axial_interference": known(station.sigma_interference, -1.0),
+        "axial_interference": _number(station.interference),
+        "sigma_axial_interference": _number(station.sigma_interference),
         **_totals_fields(station),
         **_verdict_fields(station),
         "status": survey.status,

@@ -93,8 +93,8 @@ def test_a_turning_tool_gives_its_own_field_in_three_axes_and_an_azimuth_free_of
 def test_a_horizontal_east_west_hole_hides_the_axial_field_and_sigma_and_status_say_so():
     block, b_t = samples(3000, math.pi / 2, azimuth=math.pi / 2, rate=6.0, own=(2e-6, 0.0, 0.0))
     attitude, _, interference, _ = follow(stream(), block, b_t)
-    assert interference["sigma_axial"][-1] == -1.0
-    assert interference["axial"][-1] == 0.0
+    assert np.isnan(interference["sigma_axial"][-1])
+    assert np.isnan(interference["axial"][-1])
     assert attitude["status"][-1] & Status.CORRECTION_REFUSED
     assert math.degrees(attitude["sigma_azimuth"][-1]) > 3.0
     assert abs(wrap_pi(attitude["azimuth"][-1] - math.pi / 2)) < 2.5 * attitude["sigma_azimuth"][-1]
@@ -132,7 +132,7 @@ def test_interference_beyond_the_prior_gives_no_azimuth_until_an_accepted_statio
             None, block.samples["down"][0], b_t[0], accepted=True, axial=(axial + 2.2e-7 * rng.normal(), 2.2e-7)
         )
         attitude, *_ = follow(stream(), block, b_t, updates=[(3000, given)])
-        assert (attitude["sigma_azimuth"][:3000] < 0.0).all()
+        assert np.isnan(attitude["sigma_azimuth"][:3000]).all()
         assert (attitude["status"][1000:3000] & int(Status.MAG_DISTURBED) != 0).all()
         late = attitude[-1]
         assert not late["status"] & int(Status.MAG_DISTURBED)
@@ -147,7 +147,7 @@ def test_beside_external_interference_that_a_gyro_has_shown_the_gyros_carry_the_
     b_t = b_t + np.array([0.0, 3e-6, 0.0])
     seek = [(1500, (1.0, math.radians(1.0)))]
     attitude, _, _, _ = follow(stream(), block, b_t, seeks=seek, external_from=1500)
-    assert abs(wrap_pi(attitude["azimuth"][1400] - 1.0)) > math.radians(3.0)
+    assert np.isnan(attitude["azimuth"][1400])
     assert (attitude["status"][1500:] & Status.MAG_DISTURBED > 0).all()
     assert (attitude["status"][2000:] & Status.GYRO_AIDED > 0).all()
     assert np.abs(wrap_pi(attitude["azimuth"][1550:] - 1.0)).max() < math.radians(0.5)
@@ -185,7 +185,7 @@ def test_without_a_reference_the_azimuth_is_carried_all_the_same_and_says_that_i
     assert abs(wrap_pi(attitude["azimuth"][-1] - 1.0)) < 1e-3
     assert attitude["status"][-1] & Status.UNCORRECTED
     assert attitude["status"][-1] & Status.NO_REFERENCE
-    assert (interference["sigma_axial"] == -1.0).all()
+    assert np.isnan(interference["sigma_axial"]).all()
 
 
 @pytest.mark.fault_case(47)
@@ -196,12 +196,12 @@ def test_an_azimuth_that_has_grown_too_uncertain_is_withheld_not_replaced():
         stream(units=(gyro_unit(100.0, 400.0, 10.0, 1000.0, 3.6, 0.5),) * 2, max_sigma=math.radians(5.0)), block, b_t
     )
     assert attitude["sigma_azimuth"][490] > 0.0
-    assert (attitude["sigma_azimuth"][2000:] == -1.0).all()
-    assert (attitude["azimuth"][2000:] == 0.0).all()
+    assert np.isnan(attitude["sigma_azimuth"][2000:]).all()
+    assert np.isnan(attitude["azimuth"][2000:]).all()
 
 
 def test_a_vertical_that_is_not_known_yet_teaches_nothing():
     block, b_t = samples(500, 0.9, sigma_tilt=1.0)
     attitude, _, interference, _ = follow(stream(), block, b_t)
-    assert (interference["sigma_axial"] == -1.0).all()
+    assert np.isnan(interference["sigma_axial"]).all()
     assert not (attitude["status"] & Status.MAG_DISTURBED).any()

@@ -55,7 +55,7 @@ def test_stick_slip_index_is_half_the_range_over_the_mean(depth):
 def test_a_sliding_tool_has_no_stick_slip_index():
     _, stamps, gyro, accel, g = window()
     got = run(stamps, gyro, accel, g)[-1]
-    assert (got["stick_slip_index"], got["stick_share"]) == (-1.0, -1.0)
+    assert np.isnan([got["stick_slip_index"], got["stick_share"]]).all()
 
 
 def test_vibration_is_split_along_and_across_the_axis():

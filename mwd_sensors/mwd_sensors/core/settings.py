@@ -20,10 +20,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+#: A number of a record that may be unknown: NaN in the record, null in a file.
+Number = typing.Annotated[float, "unknown"]
 
 _MOST_NAMES = 12  # most names that a message lists
 # Types of the fields of a class; cached, because evaluating the annotations takes longer than checking the values.
-_types: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
+_types: Callable[[Any], dict[str, Any]] = functools.cache(functools.partial(typing.get_type_hints, include_extras=True))
 _SCALARS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 
 
@@ -133,7 +135,7 @@ def from_mapping(cls: type[T], given: Mapping[str, Any], path: str = "") -> T:
 
 
 def to_mapping(settings: Any) -> dict[str, Any]:
-    """Return the settings as a nested dict of plain values, ready for YAML."""
+    """Return the settings as a nested dict of plain values, ready for YAML or JSON; an unknown number is None."""
     return {f.name: _plain(getattr(settings, f.name)) for f in dataclasses.fields(settings) if f.init}
 
 
@@ -202,6 +204,9 @@ def _all_of(names: Sequence[str]) -> str:
 def checked(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     """Return the value converted to its declared type; raise SettingsError with the reason if that is not possible."""
     origin = typing.get_origin(kind)
+    if origin is typing.Annotated:
+        unknown = value is None or (isinstance(value, float) and math.isnan(value))
+        return math.nan if unknown else checked(value, float, rule, where)
     if origin in (typing.Union, types.UnionType):
         return _checked_union(value, kind, rule, where)
     if origin in (list, tuple):
@@ -272,6 +277,8 @@ _MOST_QUOTED = 100
 def _checked_scalar(value: Any, kind: Any, rule: Rule, where: str) -> Any:
     if kind is Any:
         return value
+    if kind is float and value is None:
+        value = math.nan
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if kind is str and isinstance(value, bool):
@@ -312,6 +319,8 @@ def _plain(value: Any) -> Any:
         return [_plain(v) for v in value]
     if isinstance(value, dict):
         return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, float) and math.isnan(value):
+        return None
     return value.value if isinstance(value, enum.Enum) else value
 
 

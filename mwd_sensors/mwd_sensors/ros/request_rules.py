@@ -11,15 +11,22 @@ from mwd_sensors.core.foreign_text import unprintable
 _LONGEST = 500  # characters of one text; a reason for a decision needs no more than a sentence
 
 
+# JudgeSurvey and SetReferenceField: NaN keeps what there is.
+_MAY_BE_NAN = {"measured_depth", "gravity"}
+
+
 def refusal(request: Any) -> str:
     """
     Return in one sentence why a request of a service or an action is refused; empty if it is accepted.
 
-    Every text must have at most 500 characters that can be printed and written to a file; every number must be finite.
+    Every text must have at most 500 characters that can be printed and written to a file; every number must be finite,
+    except those of `_MAY_BE_NAN`.
     A request is any object with rosidl's ``get_fields_and_field_types``; nested messages are not checked.
     """
     for name in request.get_fields_and_field_types():
         value = getattr(request, name)
+        if name in _MAY_BE_NAN and math.isnan(value):
+            continue
         if isinstance(value, float) and not math.isfinite(value):
             return f"{name}: must be a finite number, got {value}"
         if isinstance(value, str):

@@ -36,7 +36,7 @@ def call(
     Examples:
       mwd call
       mwd call take_survey duration=10
-      mwd call /well_1/accept_survey sequence=3 operator_name="A. Driller" reason="by gyro" measured_depth=-1
+      mwd call /well_1/accept_survey sequence=3 operator_name="A. Driller" reason="by gyro" measured_depth=nan
     """
     with visit(domain) as client:
         if service is None:

@@ -136,9 +136,9 @@ def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
     without: dict[str, list[int]] = {}
     flagged: dict[str, list[int]] = {}
     # Not the first: a recording does not contain the hole above it.
-    first = next((record for record in records if record.measured_depth >= 0.0), None)
+    first = next((record for record in records if math.isfinite(record.measured_depth)), None)
     for record in records:
-        number, why = record.survey.sequence, record.comment if record.measured_depth < 0.0 else ""
+        number, why = record.survey.sequence, record.comment if math.isnan(record.measured_depth) else ""
         if why:
             without.setdefault(why, []).append(number)
         for flag in record.flags if record is not first else ():

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from mwd_sensors.core.constants import CELSIUS_ZERO
 from mwd_surface.exports.survey_table import SurveyTable, degrees, fixed, plain, utc
 from mwd_surface.surveys.azimuth_source import azimuth_source
 from mwd_surface.surveys.imported_list import provenance_of
@@ -108,28 +107,28 @@ def _decided(record: SurveyRecord, north: North) -> dict[str, str]:
 def _raw(record: SurveyRecord, methods: tuple[str, ...]) -> dict[str, str]:
     """Return the cells of a survey in the raw log, by name; methods: azimuth methods that occur in the log."""
     s, source = record.survey, azimuth_source(record.survey)
-    magnetic = s.magnetic_field_covariance[0] >= 0.0
-    known = {a.method: a for a in s.azimuths if a.sigma >= 0.0}
+    magnetic = math.isfinite(s.magnetic_field[0])
+    known = {a.method: a for a in s.azimuths if math.isfinite(a.sigma)}
     gravity_toolface, magnetic_toolface = (
         "" if toolface is None else fixed(toolface * _DEG, 4, 360.0) for toolface in s.toolfaces
     )
     return {
         "survey": str(s.sequence),
         "time_utc": quoted(utc(s.stamp_ns)),
-        "md_m": _known(record.measured_depth, 3),
-        "depth_age_s": _known(record.depth_age, 1),
+        "md_m": fixed(record.measured_depth, 3),
+        "depth_age_s": fixed(record.depth_age, 1),
         **_axes("specific_force_{}_mps2", s.specific_force, 6, 1.0, s.has_readings),
         **_axes("magnetic_field_{}_nt", s.magnetic_field, 1, 1e9, magnetic),
         **_axes("angular_rate_{}_degph", s.angular_rate, 3, _DEG * 3600.0, s.has_readings),
-        "temperature_degc": fixed(s.temperature, 2) if s.temperature > -CELSIUS_ZERO else "",
+        "temperature_degc": fixed(s.temperature, 2),
         "duration_s": fixed(s.duration, 3) if s.has_readings else "",
         "samples": str(s.samples) if s.has_readings else "",
-        "g_total_mps2": fixed(s.g_total, 6) if s.has_readings else "",
-        "b_total_nt": _known(s.b_total, 1, 1e9),
-        "dip_deg": fixed(s.dip * _DEG, 4) if s.b_total >= 0.0 else "",
-        "g_reference_mps2": _known(s.g_reference, 6),
-        "b_reference_nt": _known(s.b_reference, 1, 1e9),
-        "dip_reference_deg": fixed(s.dip_reference * _DEG, 4) if s.has_reference else "",
+        "g_total_mps2": fixed(s.g_total, 6),
+        "b_total_nt": fixed(s.b_total * 1e9, 1),
+        "dip_deg": fixed(s.dip * _DEG, 4),
+        "g_reference_mps2": fixed(s.g_reference, 6),
+        "b_reference_nt": fixed(s.b_reference * 1e9, 1),
+        "dip_reference_deg": fixed(s.dip_reference * _DEG, 4),
         **_judged(s),
         "declination_deg": degrees(s.declination, 4),
         "convergence_deg": degrees(s.convergence, 4),
@@ -137,10 +136,10 @@ def _raw(record: SurveyRecord, methods: tuple[str, ...]) -> dict[str, str]:
         "azimuth_deg": fixed(s.azimuth * _DEG, 4, 360.0) if s.has_azimuth else "",
         "gravity_toolface_deg": gravity_toolface,
         "magnetic_toolface_deg": magnetic_toolface,
-        "sigma_inclination_deg": _known(s.sigma_inclination, 4, _DEG),
-        "sigma_azimuth_deg": _known(s.sigma_azimuth, 4, _DEG),
-        "axial_interference_nt": fixed(s.axial_interference * 1e9, 1) if s.sigma_axial_interference >= 0.0 else "",
-        "sigma_axial_interference_nt": _known(s.sigma_axial_interference, 1, 1e9),
+        "sigma_inclination_deg": fixed(s.sigma_inclination * _DEG, 4),
+        "sigma_azimuth_deg": fixed(s.sigma_azimuth * _DEG, 4),
+        "axial_interference_nt": fixed(s.axial_interference * 1e9, 1),
+        "sigma_axial_interference_nt": fixed(s.sigma_axial_interference * 1e9, 1),
         "gyro_share": fixed(source.gyro_share, 3) if source.known else "",
         **{f"azimuth_{m}_deg": fixed(known[m].azimuth * _DEG, 4, 360.0) if m in known else "" for m in methods},
         **{f"sigma_azimuth_{m}_deg": fixed(known[m].sigma * _DEG, 4) if m in known else "" for m in methods},
@@ -191,7 +190,3 @@ def _judged(survey: Survey) -> dict[str, str]:
 
 def _person(record: SurveyRecord) -> str:
     return "" if record.judgement == Judgement.NOT_JUDGED else Judgement(record.judgement).name.lower()
-
-
-def _known(value: float, decimals: int, factor: float = 1.0) -> str:
-    return fixed(value * factor, decimals) if value >= 0.0 else ""

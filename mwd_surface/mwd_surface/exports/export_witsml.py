@@ -159,8 +159,7 @@ def _measured(s: Survey, model: str) -> list[str]:
     parts = [_text("axialMagInterferenceCorUsed", _flag(source.axial_corrected))]
     if source.multi_station is not None:
         parts.append(_text("MSACorUsed", _flag(source.multi_station)))
-    if s.g_reference > 0.0:
-        parts.append(_measure("gravTotalFieldReference", fixed(s.g_reference, 6), "m/s2"))
+    parts.append(_measure("gravTotalFieldReference", fixed(s.g_reference, 6), "m/s2"))
     if s.has_reference:
         parts.append(_measure("magTotalFieldReference", fixed(s.b_reference * 1e9, 1), "nT"))
         parts.append(_measure("magDipAngleReference", fixed(s.dip_reference * _DEG, 4), "dega"))
@@ -171,21 +170,21 @@ def _measured(s: Survey, model: str) -> list[str]:
 
 def _groups(record: SurveyRecord, sensor_to_bit: float | None) -> list[str]:
     s = record.survey
-    magnetic = s.magnetic_field_covariance[0] >= 0.0
+    magnetic = math.isfinite(s.magnetic_field[0])
     axes = ("Axial", "Tran1", "Tran2")
     # Gravity is opposite to the specific force.
     raw = [_measure(f"grav{a}Raw", fixed(-v, 6), "m/s2") for a, v in zip(axes, s.specific_force, strict=True)]
     if magnetic:
         raw += [_measure(f"mag{a}Raw", fixed(v * 1e9, 1), "nT") for a, v in zip(axes, s.magnetic_field, strict=True)]
     used = []
-    if s.sigma_axial_interference >= 0.0:
+    if math.isfinite(s.axial_interference):
         used.append(_measure("magAxialDrlstrCor", fixed(-s.axial_interference * 1e9, 1), "nT"))
     if s.has_reference:
         used += _norths(s, ("stnMagDeclUsed", "stnGridConUsed"))
     if sensor_to_bit is not None:
         used.append(_measure("dirSensorOffset", fixed(sensor_to_bit, 3), "m"))
     valid = []
-    if s.b_total >= 0.0:
+    if math.isfinite(s.b_total):
         valid.append(_measure("magTotalFieldCalc", fixed(s.b_total * 1e9, 1), "nT"))
         valid.append(_measure("magDipAngleCalc", fixed(s.dip * _DEG, 4), "dega"))
     valid.append(_measure("gravTotalFieldCalc", fixed(s.g_total, 6), "m/s2"))
@@ -196,7 +195,7 @@ def _groups(record: SurveyRecord, sensor_to_bit: float | None) -> list[str]:
 def _norths(s: Survey, tags: tuple[str, str]) -> list[str]:
     """Return the known ones of declination and convergence of a survey under these tags."""
     pairs = zip(tags, (s.declination, s.convergence), strict=True)
-    return [_measure(tag, degrees(angle, 4), "dega") for tag, angle in pairs if angle is not None]
+    return [_measure(tag, degrees(angle, 4), "dega") for tag, angle in pairs if math.isfinite(angle)]
 
 
 def _covariance(cov: Any) -> str:
@@ -248,7 +247,8 @@ def _flag(value: bool) -> str:
 
 
 def _measure(tag: str, number: str, uom: str) -> str:
-    return f'<{tag} uom="{uom}">{number}</{tag}>'
+    """Return an element with a number; nothing where the number is not known (empty)."""
+    return f'<{tag} uom="{uom}">{number}</{tag}>' if number else ""
 
 
 def _uid(text: str) -> str:

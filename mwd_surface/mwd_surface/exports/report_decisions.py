@@ -31,7 +31,7 @@ def verdicts(table: SurveyTable) -> Section | None:
         rows.append(
             (
                 str(s.sequence),
-                fixed(record.measured_depth, 2) if record.measured_depth >= 0.0 else "",
+                fixed(record.measured_depth, 2),
                 *(plain(text) for text in texts),
             )
         )
@@ -57,7 +57,7 @@ def decisions(table: SurveyTable) -> Section | None:
                         utc(d.stamp_ns),
                         d.operator_name,
                         Judgement(d.judgement).name.lower(),
-                        fixed(d.measured_depth, 2) if d.measured_depth >= 0.0 else "",
+                        fixed(d.measured_depth, 2),
                         d.reason,
                     )
                     for d in record.decisions

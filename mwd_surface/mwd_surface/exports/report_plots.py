@@ -78,7 +78,8 @@ def quality_view(table: SurveyTable) -> Figure:
 
     figure = Figure(figsize=(9.6, 4.4), layout="constrained")
     axes = figure.subplots(1, 3, sharey=True)
-    records = sorted((r for r in table.surveys.records if r.measured_depth >= 0.0), key=lambda r: r.measured_depth)
+    deep = (r for r in table.surveys.records if math.isfinite(r.measured_depth))
+    records = sorted(deep, key=lambda r: r.measured_depth)
     found = [(r, totals(r.survey)) for r in records]
     for k, (ax, (label, factor)) in enumerate(zip(axes, _QUALITY, strict=True)):
         known = [(r, t[k]) for r, t in found if t[k].deviation is not None]

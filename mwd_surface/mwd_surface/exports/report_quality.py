@@ -85,19 +85,17 @@ def stations(table: SurveyTable) -> Section | None:
             utc(s.stamp_ns)[:19].replace("T", " "),
             _depth(record),
             fixed(s.inclination * _DEG, 2),
-            fixed(s.sigma_inclination * _DEG, 2) if s.sigma_inclination >= 0.0 else "",
+            fixed(s.sigma_inclination * _DEG, 2),
             fixed(s.azimuth * _DEG, 2, 360.0) if s.has_azimuth else "",
             North(s.north).name.lower() if s.has_azimuth else "",
-            fixed(s.sigma_azimuth * _DEG, 2) if s.sigma_azimuth >= 0.0 else "",
+            fixed(s.sigma_azimuth * _DEG, 2),
         ]
         for total, (_, _, factor, decimals) in zip(found, TOTALS, strict=True):
             if total.light in TINTS:
                 tints[i, len(cells)] = total.light
             cells += [_scaled(total.deviation, factor, decimals), _limit(total, factor, decimals)]
         field = "" if found[1].value is None else "corrected" if found[1].corrected else "as read"
-        known = s.sigma_axial_interference >= 0.0
-        cells += [field, fixed(s.axial_interference * 1e9, 0) if known else ""]
-        cells += [fixed(s.sigma_axial_interference * 1e9, 0) if known else ""]
+        cells += [field, fixed(s.axial_interference * 1e9, 0), fixed(s.sigma_axial_interference * 1e9, 0)]
         verdicts, shades = verdict_cells(s, i, len(cells))
         tints.update(shades)
         rows.append((*cells, *verdicts, "yes" if record.in_use else "no"))
@@ -152,7 +150,7 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
     azimuth = [v for v in verdicts if v != Verdict.NOT_DETERMINED]
     inclination = sum(s.verdict_inclination == Verdict.ACCEPT for s in surveys)
     deviations = [[t.deviation for t in totals(s)] for s in used]
-    axial = [s.axial_interference for s in used if s.sigma_axial_interference >= 0.0]
+    axial = [s.axial_interference for s in used if math.isfinite(s.axial_interference)]
     likeliest = [s.disturbances[0][0] for s in surveys if s.disturbances]
     causes = [cause for cause in likeliest if cause != HYPOTHESES["clean"]]
     return (
@@ -171,8 +169,8 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
         ),
         _scaled(sum(axial) / len(axial) if axial else None, 1e9, 0),
         _scaled(_spread(axial), 1e9, 0),
-        _scaled(_median(s.sigma_inclination for s in used if s.sigma_inclination >= 0.0), _DEG, 2),
-        _scaled(_median(s.sigma_azimuth for s in used if s.sigma_azimuth >= 0.0), _DEG, 2),
+        _scaled(_median(s.sigma_inclination for s in used if math.isfinite(s.sigma_inclination)), _DEG, 2),
+        _scaled(_median(s.sigma_azimuth for s in used if math.isfinite(s.sigma_azimuth)), _DEG, 2),
         ", ".join(f"{cause} ({causes.count(cause)})" for cause in dict.fromkeys(causes)),
     )
 
@@ -180,18 +178,18 @@ def _run(leg: str, tool: str, records: Sequence[SurveyRecord]) -> tuple[str, ...
 def azimuths(table: SurveyTable) -> Section | None:
     """Return the azimuth of every survey by each method, from the same north."""
     records = numbered(table)
-    methods = list(dict.fromkeys(a.method for r in records for a in r.survey.azimuths if a.sigma >= 0.0))
+    methods = list(dict.fromkeys(a.method for r in records for a in r.survey.azimuths if math.isfinite(a.sigma)))
     if not methods:
         return None
     north = table.surveys.north
     rows = []
     for record in records:
         s = record.survey
-        by = {a.method: a for a in s.azimuths if a.sigma >= 0.0}
+        by = {a.method: a for a in s.azimuths if math.isfinite(a.sigma)}
         known = s.azimuth_from(north)
         cells = [str(s.sequence), _depth(record), fixed(known * _DEG, 2, 360.0) if known is not None else ""]
         cells += [
-            fixed(s.sigma_azimuth * _DEG, 2) if s.sigma_azimuth >= 0.0 else "",
+            fixed(s.sigma_azimuth * _DEG, 2),
             azimuth_source(s).words or METHODS.get(s.azimuth_method, s.azimuth_method),
         ]
         for method in methods:
@@ -223,7 +221,7 @@ def _by_method(survey: Survey, estimate: AzimuthEstimate | None, north: North) -
 
 
 def _depth(record: SurveyRecord) -> str:
-    return fixed(record.measured_depth, 2) if record.measured_depth >= 0.0 else ""
+    return fixed(record.measured_depth, 2)
 
 
 def _scaled(value: float | None, factor: float, decimals: int) -> str:

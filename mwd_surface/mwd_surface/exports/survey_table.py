@@ -19,6 +19,7 @@ import numpy as np
 
 from mwd_sensors.core import earth
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.unknown import or_none
 from mwd_surface.exports.report_section import Section
 from mwd_surface.list_files.remark import RemarkKind, sentences
 from mwd_surface.signals.signal import PLAN, POSITION, SURVEY, Listed, Signal
@@ -228,7 +229,7 @@ def _people(signal: Signal, value: float | None) -> float | None:
 
 def _without_depth(surveys: SurveyList) -> tuple[str, ...]:
     """Return a sentence about the surveys without a depth, with the remedy, if there are any."""
-    without = [r for r in surveys.records if r.measured_depth < 0.0 and r.judgement != Judgement.REJECTED]
+    without = [r for r in surveys.records if math.isnan(r.measured_depth) and r.judgement != Judgement.REJECTED]
     if not without:
         return ()
     numbers = ", ".join(str(r.survey.sequence) for r in without[:_FEW]) + (" ..." if len(without) > _FEW else "")
@@ -276,9 +277,9 @@ def _header(
     well = surveys.well
     north = well.north_reference
     unknown, not_given = "not available", "not given"
-    g_reference = reference.g_reference if reference is not None else -1.0
+    g_reference = reference.g_reference if reference is not None else math.nan
     assumed_north = any(one.kind == RemarkKind.NORTH_ASSUMED for one in path.assumptions)
-    section = "as set" if well.section_azimuth_deg >= 0.0 else "towards the last survey"
+    section = "as set" if well.section_azimuth_deg is not None else "towards the last survey"
     if plan is not None and math.isclose(path.section_azimuth, plan.section_azimuth):
         section = "along the plan"
     own = [r for r in surveys.records if r.leg == path.leg]
@@ -299,7 +300,7 @@ def _header(
         ("Geomagnetic model", well.geomagnetic_model or (reference.reference_source if reference else "") or unknown),
         ("Reference total field", f"{fixed(reference.b_reference * 1e9, 0)} nT" if reference else unknown),
         ("Reference dip", f"{fixed(reference.dip_reference * _DEG, 3)} deg" if reference else unknown),
-        ("Reference gravity", f"{fixed(g_reference, 5)} m/s2" if g_reference > 0.0 else unknown),
+        ("Reference gravity", f"{fixed(g_reference, 5)} m/s2" if math.isfinite(g_reference) else unknown),
         ("Position uncertainty", covariance_note),
         ("Vertical section azimuth", f"{fixed(path.section_azimuth * _DEG, 2, 360.0)} deg, {section}"),
         ("Sensor to bit", _metres(well.sensor_to_bit) or "not given: depths are those of the bit"),
@@ -351,11 +352,9 @@ def _correction(reference: Survey | None, north: str) -> float | None:
     """Return the correction of magnetic azimuths, rad; None if unknown."""
     if north == "magnetic":
         return 0.0
-    if reference is None or reference.declination is None:
+    if reference is None:
         return None
-    if north == "true":
-        return reference.declination
-    return None if reference.convergence is None else reference.declination - reference.convergence
+    return or_none(reference.declination - (0.0 if north == "true" else reference.convergence))
 
 
 def degrees(angle: float | None, decimals: int) -> str:
@@ -364,7 +363,8 @@ def degrees(angle: float | None, decimals: int) -> str:
 
 
 def _degrees(angle: float | None) -> str:
-    return "" if angle is None else f"{degrees(angle, 3)} deg"
+    text = degrees(angle, 3)
+    return f"{text} deg" if text else ""
 
 
 def _metres(length: float | None, words: str = "") -> str:

@@ -246,7 +246,7 @@ def _rig(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) 
 
 def _attitude(samples: Samples, seconds: NDArray[np.int64], waiting: dict[int, Row]) -> None:
     for angle, doubt in zip(_ANGLES, _SIGMAS, strict=True):
-        known = samples[doubt.field] >= 0.0
+        known = np.isfinite(samples[doubt.field])
         which = _take(samples, seconds, known, (angle, doubt), waiting)
         if angle.field == "azimuth":
             for k in which:

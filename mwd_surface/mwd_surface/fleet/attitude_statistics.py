@@ -40,8 +40,8 @@ class AttitudeStatistics:
         if not len(attitude):
             return
         bins, place = np.unique(np.ascontiguousarray(attitude["stamp_ns"]) // BIN_NS, return_inverse=True)
-        known = attitude["sigma_inclination"] >= 0.0
-        azimuth_known = attitude["sigma_azimuth"] >= 0.0
+        known = np.isfinite(attitude["sigma_inclination"])
+        azimuth_known = np.isfinite(attitude["sigma_azimuth"])
         status = np.ascontiguousarray(attitude["status"])
         columns = {
             "samples": np.ones(len(attitude)),
@@ -52,8 +52,8 @@ class AttitudeStatistics:
             "cos": np.where(azimuth_known, np.cos(attitude["azimuth"]), 0.0),
             "sigma_azimuth": np.where(azimuth_known, attitude["sigma_azimuth"], 0.0),
             "azimuth_known": azimuth_known,
-            "rotary_speed": gravity["rotary_speed"],
-            "non_gravity_squared": np.square(gravity["non_gravity"]),
+            "rotary_speed": np.nan_to_num(gravity["rotary_speed"]),
+            "non_gravity_squared": np.square(np.nan_to_num(gravity["non_gravity"])),
             **{flag.name: (status & int(flag)) != 0 for flag in FLAGS},
         }
         sums = np.stack([np.bincount(place, columns[name], len(bins)) for name in _NAMES], axis=1)

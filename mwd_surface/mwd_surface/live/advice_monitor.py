@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from mwd_sensors.core.unknown import or_none
 from mwd_surface.live.toolface import MAGNETIC
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.survey_list import SurveyList
@@ -46,5 +47,5 @@ def _known(surveys: SurveyList, *, magnetic: bool) -> Known:
     if last is None:
         return Known(magnetic=magnetic)
     sigmas = (float(last.survey.sigma_inclination), float(last.survey.sigma_azimuth))
-    inclination, azimuth = (sigma if sigma >= 0.0 else None for sigma in sigmas)
+    inclination, azimuth = map(or_none, sigmas)
     return Known(last.survey.sequence, last.survey.stamp_ns, inclination, azimuth, magnetic)

@@ -74,7 +74,7 @@ class DiagnosticsMonitor:
         """Show the progress of a north seek: NorthSeek feedback."""
         progress = feedback.feedback
         state = f"seeking north: {progress.state}"
-        if progress.sigma >= 0.0:
+        if math.isfinite(progress.sigma):
             state += f"; {math.degrees(progress.azimuth):.1f} deg +- {math.degrees(progress.sigma):.1f} so far"
         self._on_feedback(progress, state)
 

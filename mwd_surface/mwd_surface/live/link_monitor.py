@@ -29,7 +29,7 @@ _SLOWEST_NS = 6_000_000_000  # a pump makes ten strokes a minute at least, or st
 _WORD_FIELDS = ("name", "value", "sigma", "unit", "confidence", "status", "kind", "frame", "place", "revision")
 _FRAME_FIELDS = ("kind", "frame", "words", "believed", "ebn0_db", "reason")
 _QUALITY_FIELDS = (
-    *("link", "state", "reason", "has_signal", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
+    *("link", "state", "reason", "ebn0_db", "margin_db", "clock_error", "word_error", "goodput"),
     *("mode", "words_done", "words_expected", "toolface_age", "survey_age"),
     *("inclination_age", "azimuth_age"),
 )

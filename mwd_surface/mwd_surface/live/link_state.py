@@ -76,7 +76,6 @@ class LinkStatus:
     link: str
     state: int
     reason: str
-    has_signal: bool
     ebn0_db: float
     margin_db: float
     clock_error: float
@@ -146,6 +145,6 @@ def best_link(links: Mapping[str, LinkStatus], shown: str = "") -> str:
 
     def rank(name: str) -> tuple[int, float]:
         age = links[name].toolface_age
-        return _ORDER.index(links[name].state), math.inf if age < 0.0 else age * (0.5 if name == shown else 1.0)
+        return _ORDER.index(links[name].state), math.inf if math.isnan(age) else age * (0.5 if name == shown else 1.0)
 
     return min(sorted(links), key=lambda name: (rank(name), name != shown))

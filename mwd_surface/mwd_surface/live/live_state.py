@@ -96,7 +96,7 @@ class LiveState(LiveStreams):
         for name in ("inclination", "azimuth", "toolface"):
             age = getattr(link, f"{name}_age")
             # A word that is taken back leaves the value shown as old as it was.
-            if age >= 0.0:
+            if math.isfinite(age):
                 self._words[name] = (link.at - age, link.stamp_ns - round(age * NANOSECONDS))
         self._touch("link", now)
 
@@ -129,7 +129,7 @@ class LiveState(LiveStreams):
     def toolface_age(self, stamp_ns: int) -> float:
         """Age of the word that the toolface at a stamp, ns, was predicted from, s; 0 where no link is between."""
         link = self._link
-        if link is None or link.toolface_age < 0.0:
+        if link is None or math.isnan(link.toolface_age):
             return 0.0
         return max(link.toolface_age + (stamp_ns - link.stamp_ns) * 1e-9, 0.0)
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
+from mwd_sensors.core.unknown import or_none
 from mwd_sensors.core.wire import NANOSECONDS
 from mwd_surface.bags.recorder.status import RecorderState, RecorderStatus
 from mwd_surface.control.set_point import LeaseLimits, Mode
@@ -151,10 +152,6 @@ class SaidByTheSurface:
         self._by_hand_ns = set_ns
 
 
-def _known(value: float) -> float | None:
-    return None if value < 0.0 else float(value)
-
-
 def alarm_of(message: Any) -> Alarm:
     """Return the Alarm of a mwd_msgs/Alarm."""
     fields = ("id", "severity", "text", "remedy", "active", "acknowledged", "acknowledged_by", "count")
@@ -168,17 +165,17 @@ def input_table_of(message: Any) -> InputTable:
         InputState(
             name=str(row.name),
             clock=Clock(row.clock),
-            clock_offset=float(row.clock_offset) if row.offset_age >= 0.0 else None,
-            offset_age=_known(row.offset_age),
-            data_age=_known(row.data_age),
+            clock_offset=or_none(row.clock_offset),
+            offset_age=or_none(row.offset_age),
+            data_age=or_none(row.data_age),
             role=Role(row.role),
             priority=int(row.priority),
-            bit_depth=_known(row.bit_depth),
+            bit_depth=or_none(row.bit_depth),
             reason=str(row.reason),
         )
         for row in message.inputs
     )
-    return InputTable(rows, str(message.depth_source), _known(message.depth_age), _known(message.depth_difference))
+    return InputTable(rows, str(message.depth_source), or_none(message.depth_age), or_none(message.depth_difference))
 
 
 def recorder_status_of(message: Any) -> RecorderStatus:
@@ -208,18 +205,17 @@ def control_status_of(message: Any) -> ControlStatus:
         *("reason", "rotary_speed", "turn", "sequence", "acknowledged", "refusal", "mwd_alive"),
     )
     reactions = ("controller_lost_sliding", "controller_lost_rotating", "mwd_lost_sliding", "mwd_lost_rotating")
-    speed = _known(message.achieved_speed)
     limits = (f"{name}_limit" for name in ("speed", "speed_rate", "torque", "turn", "flow"))
     return ControlStatus(
         **{name: getattr(message, name) for name in same},
         state=ControlState(message.state),
-        heartbeat_age=_known(message.heartbeat_age),
-        remaining=_known(message.remaining),
+        heartbeat_age=or_none(message.heartbeat_age),
+        remaining=or_none(message.remaining),
         limits=LeaseLimits(*(float(getattr(message, name)) for name in limits)),
         mode=Mode(message.mode),
-        flow_rate=_known(message.flow_rate),
+        flow_rate=or_none(message.flow_rate),
         achieved=Achieved(
-            speed, None if speed is None else float(message.achieved_torque), _known(message.achieved_flow)
+            or_none(message.achieved_speed), or_none(message.achieved_torque), or_none(message.achieved_flow)
         ),
         reactions={name: Reaction(getattr(message, name)) for name in reactions},
     )
@@ -235,7 +231,7 @@ def downlink_status_of(message: Any) -> DownlinkStatus:
         **{name: getattr(message, name) for name in same},
         medium=("flow", "rotation")[int(message.medium)],
         blocked_by=tuple(str(one) for one in message.blocked_by),
-        base=_known(message.base),
-        set_point=_known(message.set_point),
+        base=or_none(message.base),
+        set_point=or_none(message.set_point),
         in_force=tuple(int(one) for one in message.in_force),
     )

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -64,7 +65,7 @@ class SlideRecorder:
             return
         self._live.on_log_depth(bit_depth - sensor_to_bit)
         reading = self._live.toolface_reading
-        known = reading is not None and reading.sigma >= 0.0
+        known = reading is not None and math.isfinite(reading.angle)
         stretch = self._sheet.update(
             int(last["stamp_ns"]),
             bit_depth,

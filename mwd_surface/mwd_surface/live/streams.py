@@ -163,7 +163,7 @@ class LiveStreams:
 
     def on_gravity(self, samples: Samples, now: float) -> None:
         """Accept gravity, `wire.GRAVITY`: vibration (the largest of the block) and rotary speed of the tool."""
-        known = samples[samples["sigma"] >= 0.0]
+        known = samples[np.isfinite(samples["sigma"])]
         if len(known) == 0:
             return
         self._measured_at = self.moment(SONDE, int(known["stamp_ns"][-1]), now)
@@ -177,7 +177,7 @@ class LiveStreams:
         self.on_stream("dynamics", len(samples), now)
         last = samples[-1]
         self._measured_at = self.moment(SONDE, int(last["stamp_ns"]), now)
-        if last["stick_slip_index"] >= 0.0:
+        if math.isfinite(last["stick_slip_index"]):
             self._put("stick_slip", float(last["stick_slip_index"]), None, now)
         else:
             self._withhold("stick_slip", "not turning", now)
@@ -230,10 +230,8 @@ class LiveStreams:
         sigma_across = np.asarray(last["sigma_cross_axial"], dtype=float)
         self._put_known("axial_interference", axial, sigma, now)
         self._put_known("cross_axial_interference", float(np.hypot(*across)), float(np.min(sigma_across)), now)
-        observable = sigma >= 0.0 or bool(np.any(sigma_across >= 0.0))
-        if observable or last["total_residual"] != 0.0 or last["dip_residual"] != 0.0:
-            self._put("field_deviation", float(last["total_residual"]), None, now)
-            self._put("dip_deviation", float(last["dip_residual"]), None, now)
+        self._put("field_deviation", float(last["total_residual"]), None, now)
+        self._put("dip_deviation", float(last["dip_residual"]), None, now)
 
     def on_rig_state(self, samples: Samples, now: float) -> None:
         """Accept rig data, `wire.RIG_STATE`; only the fields that its `valid` marks are used."""
@@ -334,7 +332,7 @@ class LiveStreams:
         return Advisory(toolface, limit, inside)
 
     def _angle(self, name: str, value: float, sigma: float, why: str, now: float) -> None:
-        if not (math.isfinite(value) and math.isfinite(sigma) and sigma >= 0.0):
+        if not math.isfinite(value + sigma):
             self._withhold(name, why, now)
         elif math.degrees(sigma) > self.settings.withheld_sigma_deg:
             self._withhold(name, f"sigma {math.degrees(sigma):.0f} deg" if why == _NOT_KNOWN else why, now)
@@ -342,7 +340,7 @@ class LiveStreams:
             self._put(name, value, sigma, now)
 
     def _put_known(self, name: str, value: float, sigma: float, now: float) -> None:
-        if sigma >= 0.0:
+        if math.isfinite(value + sigma):
             self._put(name, value, sigma, now)
         else:
             self._withhold(name, "not observable yet", now)
@@ -376,6 +374,6 @@ def _when_it_came(_clock: str, _stamp_ns: int, now: float) -> float:
 
 def _angle(sample: Any, name: str) -> Angle | None:
     value, sigma = float(sample[name]), float(sample["sigma_" + name])
-    if not (math.isfinite(value) and math.isfinite(sigma) and sigma >= 0.0):
+    if not math.isfinite(value + sigma):
         return None
     return Angle(value % math.tau, sigma)

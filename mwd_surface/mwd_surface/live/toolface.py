@@ -46,17 +46,17 @@ class ToolfaceSelector:
         Reading of the last of some attitude samples; None where there are none.
 
         samples, shape (n,): `wire.ATTITUDE`. rotary_speed: rad/s, passed through. A toolface that is not available
-        has angle 0 and sigma -1.
+        has angle and sigma NaN.
         """
         if len(samples) == 0:
             return None
-        known = samples[np.isfinite(samples["inclination"]) & (samples["sigma_inclination"] >= 0.0)]
+        known = samples[np.isfinite(samples["sigma_inclination"])]
         if len(known):
             self.mode = MAGNETIC if int(known["status"][-1]) & Status.NEAR_VERTICAL else GRAVITY
         last = samples[-1]
         kind = "gravity_toolface" if self.mode == GRAVITY else "magnetic_toolface"
         angle, sigma = float(last[kind]), float(last["sigma_" + kind])
-        if not (math.isfinite(angle) and math.isfinite(sigma) and sigma >= 0.0):
-            angle, sigma = 0.0, -1.0
+        if not math.isfinite(angle + sigma):
+            angle = sigma = math.nan
         rotating = bool(int(last["status"]) & (Status.ROTATING | Status.TOOLFACE_UNSETTLED))
         return ToolfaceReading(int(last["stamp_ns"]), self.mode, angle % math.tau, sigma, rotating, rotary_speed)

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 
 from mwd_estimation.core.status import Status
 from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.unknown import or_none
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.clearance.clearance import Clearance
 from mwd_surface.control.status import ControlStatus
@@ -185,14 +186,13 @@ class ReferenceField:
 
     @classmethod
     def of_survey(cls, survey: Survey) -> ReferenceField:
-        """Return the reference a survey was judged by; a survey's message has 0 for a convergence that is not known."""
-        known = survey.b_reference > 0.0
+        """Return the reference a survey was judged by."""
         return cls(
-            total=survey.b_reference if known else None,
-            dip=survey.dip_reference if known else None,
-            declination=survey.declination if known else None,
-            convergence=survey.convergence or None,
-            gravity=survey.g_reference if survey.g_reference > 0.0 else None,
+            total=or_none(survey.b_reference),
+            dip=or_none(survey.dip_reference),
+            declination=or_none(survey.declination),
+            convergence=or_none(survey.convergence),
+            gravity=or_none(survey.g_reference),
             source=f"as of survey {survey.sequence}",
         )
 

@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.ros.deferred import DeferredGoal
 from mwd_sensors.ros.diagnostics import OK, WARN, Diagnostic
 from mwd_sensors.ros.time_stamps import stamp
@@ -304,6 +305,6 @@ def state_message(status: DownlinkStatus) -> Any:
     return msg.DownlinkState(
         **fields,
         medium=msg.DownlinkState.ROTATION if status.medium == ROTATION else msg.DownlinkState.FLOW,
-        base=-1.0 if status.base is None else status.base,
-        set_point=-1.0 if status.set_point is None else status.set_point,
+        base=or_nan(status.base),
+        set_point=or_nan(status.set_point),
     )

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import math
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -99,7 +100,7 @@ def call_service(
     srv_type, callback = services[name]
     request = srv_type.Request()
     if srv_type is srv.JudgeSurvey:
-        request.measured_depth = -1.0
+        request.measured_depth = math.nan
     for field, value in arguments.items():
         setattr(request, field, value)
     if reason := refusal(request):

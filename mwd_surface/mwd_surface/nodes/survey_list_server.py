@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import concurrent.futures
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -139,7 +140,7 @@ class SurveyListServer(SurveyBook):
             uuid=found,
             sequence=request.sequence,
             reason=request.reason,
-            depth=request.measured_depth if accepted else -1.0,
+            depth=request.measured_depth if accepted else math.nan,
             replace=request.replace and accepted,
         )
         return response

@@ -32,28 +32,24 @@ def _table(link: LinkStatus) -> dict[str, Any]:
         "name": link.link.replace("_", " "),
         "state": STATE_WORDS[link.state],
         "reason": link.reason,
-        "margin_db": number(link.margin_db) if link.has_signal else None,
-        "ebn0_db": number(link.ebn0_db) if link.has_signal else None,
-        "clock_error": number(link.clock_error) if link.has_signal else None,
-        "word_error": _known(link.word_error),
-        "goodput": _known(link.goodput),
+        "margin_db": number(link.margin_db),
+        "ebn0_db": number(link.ebn0_db),
+        "clock_error": number(link.clock_error),
+        "word_error": number(link.word_error),
+        "goodput": number(link.goodput),
         "mode": link.mode,
         "words_done": link.words_done,
         "words_expected": link.words_expected,
-        "toolface_age": _known(link.toolface_age),
-        "survey_age": _known(link.survey_age),
-        "inclination_age": _known(link.inclination_age),
-        "azimuth_age": _known(link.azimuth_age),
+        "toolface_age": number(link.toolface_age),
+        "survey_age": number(link.survey_age),
+        "inclination_age": number(link.inclination_age),
+        "azimuth_age": number(link.azimuth_age),
         "stamp_ns": link.stamp_ns,
         "pumps_hz": [number(rate) for rate in link.pump_lines],
         "survey": [_word(word) for word in link.survey],
         "words": [_word(word) for word in link.words],
         "frames": [_frame(frame) for frame in link.frames[-_MAX_FRAMES:]],
     }
-
-
-def _known(value: float) -> float | None:
-    return None if value < 0.0 else number(value)
 
 
 def _word(word: LinkWordState) -> dict[str, Any]:

@@ -294,7 +294,7 @@ def _section(state: WellState) -> float:
     """Return the azimuth of the vertical section, rad: of the path, else of the well, else of the plan."""
     if state.path is not None:
         return state.path.section_azimuth
-    if state.well.section_azimuth_deg >= 0.0:
+    if state.well.section_azimuth_deg is not None:
         return math.radians(state.well.section_azimuth_deg)
     return 0.0 if state.plan is None else state.plan.section_azimuth
 

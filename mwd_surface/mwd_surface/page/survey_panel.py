@@ -40,23 +40,23 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
     """
     s = record.survey
     azimuth, azimuth_north = _azimuth(s, north)
-    placed = {name: number(getattr(record, name)) if record.in_use else None for name in _PLACED}
+    placed = {name: number(getattr(record, name)) for name in _PLACED}
     word, by = _verdict(record)
     return {
         "sequence": s.sequence,
         "stamp_ns": s.stamp_ns,
         "kind": "rotary" if s.kind == ROTARY else "static",
-        "measured_depth": number(record.measured_depth) if record.measured_depth >= 0.0 else None,
+        "measured_depth": number(record.measured_depth),
         "inclination": number(s.inclination),
-        "sigma_inclination": _known(s.sigma_inclination),
+        "sigma_inclination": number(s.sigma_inclination),
         "azimuth": number(azimuth),
-        "sigma_azimuth": _known(s.sigma_azimuth),
+        "sigma_azimuth": number(s.sigma_azimuth),
         "azimuth_north": NORTH_WORDS[azimuth_north],
         "method": azimuth_source(s).words or s.azimuth_method,
         **placed,
-        "g_total": _known(s.g_total, 1e-9),
-        "b_total": _known(s.b_total),
-        "dip": number(s.dip) if s.b_total >= 0.0 else None,
+        "g_total": number(s.g_total),
+        "b_total": number(s.b_total),
+        "dip": number(s.dip),
         "automatic": Verdict(s.verdict).word,
         "verdicts": list(s.verdicts),
         "headline": s.action,
@@ -100,10 +100,6 @@ def _verdict(record: SurveyRecord) -> tuple[str, str]:
         return "accepted", "automatic"
     automatic = Verdict(record.survey.verdict)
     return {Verdict.ACCEPT: "waiting", Verdict.DOUBTFUL: "doubtful", Verdict.REJECT: "rejected"}[automatic], "automatic"
-
-
-def _known(value: float, low: float = 0.0) -> float | None:
-    return number(value) if value >= low else None
 
 
 def _lights(s: Survey, limits: QualityLimits | None) -> list[dict[str, Any]]:

@@ -261,8 +261,7 @@ class _SurveyPen(_Pen):
             decoded = self.bag.decode(self.topic, message)
             if self.type_name == _RECORD:
                 record: SurveyRecord = record_of(decoded)
-                depth = record.measured_depth if record.measured_depth >= 0.0 else math.nan
-                self.found[record.survey.uuid] = (record.survey, depth)
+                self.found[record.survey.uuid] = (record.survey, record.measured_depth)
             else:
                 survey = survey_of(decoded)
                 self.found[survey.uuid] = (survey, math.nan)

@@ -23,7 +23,7 @@ _VERDICTS = (("o", "#009E73", "accepted"), ("^", "#E69F00", "doubtful"), ("x", "
 def survey_drawers(data: PlotData) -> list[Callable[[Axes], None]]:
     """Return the functions that draw the panels of the surveys, side by side."""
     surveys = [survey for survey, _ in data.surveys]
-    norths = {NORTHS.get(s.north, "unnamed") for s in surveys if _azimuth_sigma(s) >= 0.0}
+    norths = {NORTHS.get(s.north, "unnamed") for s in surveys if s.has_azimuth}
     north = " and ".join(sorted(norths)) or "unnamed"
     return [
         drawer(_draw_survey, data, "inclination, deg", lambda s: (s.inclination * DEGREES, _sigma(s, 0)), True),
@@ -73,23 +73,16 @@ def _draw_survey(
 
 
 def _sigma(survey: Survey, k: int) -> float:
-    return math.sqrt(max(survey.covariance[4 * k], 0.0)) * DEGREES
-
-
-def _azimuth_sigma(survey: Survey) -> float:
-    return survey.covariance[4]
+    return math.sqrt(survey.covariance[4 * k]) * DEGREES
 
 
 def _azimuth(survey: Survey) -> tuple[float, float]:
-    known = _azimuth_sigma(survey) >= 0.0
-    return (survey.azimuth * DEGREES, _sigma(survey, 1)) if known else (math.nan, 0.0)
+    return survey.azimuth * DEGREES, _sigma(survey, 1)
 
 
 def _field_residual(survey: Survey) -> tuple[float, float]:
-    known = survey.b_total >= 0.0 and survey.b_reference >= 0.0
-    return ((survey.b_total - survey.b_reference) * 1e9 if known else math.nan), 0.0
+    return (survey.b_total - survey.b_reference) * 1e9, 0.0
 
 
 def _dip_residual(survey: Survey) -> tuple[float, float]:
-    known = survey.b_total >= 0.0 and survey.b_reference >= 0.0
-    return ((survey.dip - survey.dip_reference) * DEGREES if known else math.nan), 0.0
+    return (survey.dip - survey.dip_reference) * DEGREES, 0.0

@@ -66,7 +66,7 @@ def traces_of(type_name: str) -> tuple[Trace, ...]:
 
 def north_of(samples: Samples) -> int:
     """Return the north reference of attitude samples as a key of `NORTHS`; 0 if they have none."""
-    named = samples["north"][(samples["sigma_azimuth"] >= 0.0) & (samples["north"] > 0)]
+    named = samples["north"][np.isfinite(samples["azimuth"]) & (samples["north"] > 0)]
     return int(named[0]) if len(named) else 0
 
 
@@ -105,10 +105,10 @@ def _estimate(angle: str, half_circle: bool = False) -> Callable[[Samples], Arra
     """Return a function that gives an angle, deg; nan where it is withheld."""
 
     def values(samples: Samples) -> Array:
-        value, sigma = samples[angle] * _DEG, samples["sigma_" + angle] * _DEG
+        value = samples[angle] * _DEG
         if half_circle:
             value = (value + 180.0) % 360.0 - 180.0
-        return np.where(sigma >= 0.0, value, np.nan)[:, None]
+        return np.asarray(value)[:, None]
 
     return values
 
@@ -128,19 +128,16 @@ def _angle(field: str, half_circle: bool = False) -> Callable[[Samples], Array]:
 
 
 def _non_gravity(samples: Samples) -> Array:
-    return np.asarray(np.where(samples["non_gravity"] >= 0.0, samples["non_gravity"], np.nan)[:, None])
+    return np.asarray(samples["non_gravity"])[:, None]
 
 
 def _interference(samples: Samples) -> Array:
-    axial = np.where(samples["sigma_axial"] >= 0.0, samples["axial"], np.nan)
-    cross = np.where(samples["sigma_cross_axial"] >= 0.0, samples["cross_axial"], np.nan)
-    return np.column_stack([axial, cross]) * 1e9
+    return np.column_stack([samples["axial"], samples["cross_axial"]]) * 1e9
 
 
 def _stick_slip(samples: Samples) -> Array:
-    """Return stick-slip index and share of time at rest; -1 in a message means that the string did not turn."""
-    both = np.column_stack([samples["stick_slip_index"], samples["stick_share"]])
-    return np.where(both >= 0.0, both, np.nan)
+    """Return stick-slip index and share of time at rest; NaN where the string did not turn."""
+    return np.column_stack([samples["stick_slip_index"], samples["stick_share"]])
 
 
 _IMU = (

@@ -170,8 +170,8 @@ def _write(
         at = _whole(buffer, at, stamp)
         # The sigmas follow the angles, in the same order.
         for j in range(angles.shape[1]):
-            at = _angle(buffer, at, angles[i, j], angles[i, count + j % count] >= 0.0, wraps[j])
-        known = down["sigma"] >= 0.0
+            at = _angle(buffer, at, angles[i, j], not math.isnan(angles[i, count + j % count]), wraps[j])
+        known = not math.isnan(down["sigma"])
         vector = down["gravity"]
         for c in range(3):
             if known:

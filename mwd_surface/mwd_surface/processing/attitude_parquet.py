@@ -102,7 +102,7 @@ class Writer:
 
 
 def _known(values: NDArray[np.float64], sigma: NDArray[np.float64]) -> pa.Array:
-    unknown = sigma < 0.0
+    unknown = np.isnan(sigma)
     return pa.array(np.ascontiguousarray(values), mask=unknown if unknown.any() else None)
 
 

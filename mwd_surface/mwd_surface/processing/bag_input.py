@@ -82,8 +82,8 @@ class InputSettings:
     start_s: float = setting(0.0, "Begin so long after the first message", unit="s", low=0.0)
     end_s: float = setting(math.inf, "End so long after the first message", unit="s", low=0.0)
     partial: bool = setting(False, "Use what can be read of a bag that is cut off or damaged")
-    sensor_to_bit_m: float = setting(
-        -1.0, "Sonde behind the bit; -1: as the recording says, else 0", unit="m", low=-1.0, high=100.0
+    sensor_to_bit_m: float | None = setting(
+        None, "Sonde behind the bit; nan: as the recording says, else 0", unit="m", low=0.0, high=100.0
     )
     stamps: str = setting(
         "header",

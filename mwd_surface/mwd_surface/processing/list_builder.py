@@ -77,7 +77,7 @@ class ListBuilder:
         self._well = recorded.well(Well(name=namespace.strip("/") or Well().name))
         known = self._well.sensor_to_bit
         #: m; None where neither the options nor the recording give it.
-        self.sensor_to_bit = given.sensor_to_bit_m if given.sensor_to_bit_m >= 0.0 else known
+        self.sensor_to_bit = known if given.sensor_to_bit_m is None else given.sensor_to_bit_m
         self._table = read_depths(Path(given.depths)) if given.depths else None
         self._live = recorded_list(bag, namespace, self._well) if recorded.surface is not None else RecordedList()
         # The live depth of a survey holds unless depths are given otherwise.
@@ -150,7 +150,7 @@ class ListBuilder:
             self.surveys = self.surveys.add(listed, md, reading.depth_age, comment=reading.reason, leg=leg, tool=tool)
         except ValueError as error:
             self.warnings.append(f"survey {survey.sequence} is not in the survey list: {error}")
-        return md if md >= 0.0 else math.nan
+        return md
 
     def _listed(self, survey: Survey) -> ListedSurvey:
         fields = survey_fields(survey)

@@ -114,13 +114,13 @@ class Summary:
         status = np.ascontiguousarray(attitude["status"])
         self.rejected += int(np.count_nonzero(status & int(Status.REJECTED)))
         self.gaps += int(np.count_nonzero(status & int(Status.GAP)))
-        known = attitude["sigma_inclination"] >= 0.0
+        known = np.isfinite(attitude["inclination"])
         self.without_gravity += int(len(attitude) - np.count_nonzero(known))
-        unknown = attitude["sigma_azimuth"] < 0.0
+        unknown = np.isnan(attitude["azimuth"])
         self.without_azimuth += int(np.count_nonzero(unknown))
         withheld = int(np.count_nonzero(unknown & (status & int(Status.MAG_DISTURBED) != 0)))
         if withheld and len(output.interference):
-            total, dip = output.interference["total_residual"], output.interference["dip_residual"]
+            total, dip = (np.nan_to_num(output.interference[name]) for name in ("total_residual", "dip_residual"))
             self.total_off = max(float(total.min()), float(total.max()), self.total_off, key=abs)
             self.dip_off = max(float(dip.min()), float(dip.max()), self.dip_off, key=abs)
         self.disturbed += withheld

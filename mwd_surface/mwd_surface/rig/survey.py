@@ -9,10 +9,11 @@ Quantities that only the survey has (totals, six axes, sigmas) are added. None m
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from mwd_estimation.core.status import Status
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_sensors.core.constants import CELSIUS_ZERO
+from mwd_sensors.core.unknown import or_none
 from mwd_surface.list_files.remark import sentences
 from mwd_surface.surveys.azimuth_source import AzimuthSource, azimuth_source
 from mwd_surface.surveys.station_checks import revision_doubt
@@ -58,7 +59,7 @@ class AcceptedSurvey:
     azimuth_uncorrected: float | None
     sigma_inclination: float | None
     sigma_azimuth: float | None
-    g_total: float
+    g_total: float | None
     b_total: float | None
     dip: float | None
     axial_interference: float | None
@@ -95,7 +96,7 @@ def accepted_surveys(surveys: SurveyList, last: int = LAST) -> tuple[AcceptedSur
 
 def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
     s, source = record.survey, azimuth_source(record.survey)
-    magnetic = s.magnetic_field_covariance[0] >= 0.0
+    magnetic = math.isfinite(s.magnetic_field[0])
     n, e, d = (float(v) for v in path.positions[k])
     return AcceptedSurvey(
         sequence=s.sequence,
@@ -114,13 +115,13 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
         build_rate=float(path.build_rate[k]),
         turn_rate=float(path.turn_rate[k]),
         azimuth_uncorrected=_uncorrected(s),
-        sigma_inclination=_known(s.sigma_inclination),
-        sigma_azimuth=_known(s.sigma_azimuth),
-        g_total=s.g_total,
-        b_total=_known(s.b_total),
-        dip=s.dip if s.b_total >= 0.0 else None,
-        axial_interference=s.axial_interference if s.sigma_axial_interference >= 0.0 else None,
-        temperature=s.temperature if s.temperature > -CELSIUS_ZERO else None,
+        sigma_inclination=or_none(s.sigma_inclination),
+        sigma_azimuth=or_none(s.sigma_azimuth),
+        g_total=or_none(s.g_total),
+        b_total=or_none(s.b_total),
+        dip=or_none(s.dip),
+        axial_interference=or_none(s.axial_interference),
+        temperature=or_none(s.temperature),
         specific_force=s.specific_force,
         magnetic_field=s.magnetic_field if magnetic else None,
         verdict=Verdict(s.verdict),
@@ -141,7 +142,7 @@ def _assumed(path: Definitive, k: int) -> frozenset[str]:
 def _uncorrected(s: Survey) -> float | None:
     """Return the magnetic azimuth without correction; the survey's azimuth if no correction was made; else None."""
     for estimate in s.azimuths:
-        if estimate.method == AzimuthMethod.RAW and estimate.sigma >= 0.0:
+        if estimate.method == AzimuthMethod.RAW and math.isfinite(estimate.sigma):
             return s.turned(estimate.azimuth, North(estimate.north), North.MAGNETIC)
     return s.azimuth_from(North.MAGNETIC) if s.azimuth_method in ("", AzimuthMethod.RAW) else None
 
@@ -153,7 +154,3 @@ def _remark(s: Survey, source: AzimuthSource, north: North) -> str:
     if doubt and not source.corrected:
         return "the azimuth is not corrected for interference"
     return ""
-
-
-def _known(value: float) -> float | None:
-    return value if value >= 0.0 else None

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,6 +13,7 @@ from mwd_msgs import msg
 from nav_msgs.msg import Path
 
 from mwd_sensors.core import frames
+from mwd_sensors.core.unknown import or_nan
 from mwd_sensors.ros.time_stamps import stamp
 from mwd_surface.bags.recorder.status import RecorderStatus
 from mwd_surface.live.alarms import Alarm, Event
@@ -104,20 +106,16 @@ def event_message(event: Event) -> msg.Event:
 
 def inputs_message(table: InputTable) -> msg.InputList:
     """Return the message of the inputs, without its header."""
-
-    def known(value: float | None) -> float:
-        return -1.0 if value is None else value
-
     rows = [
         msg.InputState(
             name=row.name,
             clock=int(row.clock),
-            clock_offset=row.clock_offset or 0.0,
-            offset_age=known(row.offset_age),
-            data_age=known(row.data_age),
+            clock_offset=or_nan(row.clock_offset),
+            offset_age=or_nan(row.offset_age),
+            data_age=or_nan(row.data_age),
             role=int(row.role),
             priority=row.priority,
-            bit_depth=known(row.bit_depth),
+            bit_depth=or_nan(row.bit_depth),
             reason=row.reason,
         )
         for row in table.inputs
@@ -125,30 +123,26 @@ def inputs_message(table: InputTable) -> msg.InputList:
     return msg.InputList(
         inputs=rows,
         depth_source=table.depth_source,
-        depth_age=known(table.depth_age),
-        depth_difference=known(table.depth_difference),
+        depth_age=or_nan(table.depth_age),
+        depth_difference=or_nan(table.depth_difference),
     )
 
 
 def advice_message(advice: Advice) -> msg.SteeringAdvice:
     """Return the message of an advice, without its header."""
-
-    def known(value: float | None) -> float:
-        return -1.0 if value is None else value
-
     return msg.SteeringAdvice(
         mode=int(advice.mode),
         toolface_mode=msg.Toolface.MAGNETIC if advice.magnetic else msg.Toolface.GRAVITY,
-        toolface=0.0 if advice.toolface is None else advice.toolface,
+        toolface=or_nan(advice.toolface),
         limit=advice.limit,
-        sigma=known(advice.sigma),
-        confidence=known(advice.confidence),
-        from_depth=known(advice.from_depth),
-        slide_to_depth=known(advice.slide_to_depth),
-        to_depth=known(advice.to_depth),
-        valid_for=-1.0,
-        dogleg_severity=known(advice.dogleg_severity),
-        motor_yield=known(advice.motor_yield),
+        sigma=or_nan(advice.sigma),
+        confidence=or_nan(advice.confidence),
+        from_depth=or_nan(advice.from_depth),
+        slide_to_depth=or_nan(advice.slide_to_depth),
+        to_depth=or_nan(advice.to_depth),
+        valid_for=math.nan,
+        dogleg_severity=or_nan(advice.dogleg_severity),
+        motor_yield=or_nan(advice.motor_yield),
         survey=advice.survey,
         source=advice.source,
         reason=advice.reason,

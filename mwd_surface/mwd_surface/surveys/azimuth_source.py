@@ -9,6 +9,7 @@ read from the survey: the weight of the gyro among its azimuths, and whether an 
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_surface.surveys.survey_record import Survey
@@ -88,6 +89,6 @@ def azimuth_source(survey: Survey) -> AzimuthSource:
         known=True,
         # Without a magnetic field only the gyro contributes, whatever its weight.
         gyro_share=1.0 if method in (AzimuthMethod.GYRO, AzimuthMethod.GYRO_PROPAGATED) else min(max(weight, 0.0), 1.0),
-        without_axial=method not in _UNCORRECTED and survey.sigma_axial_interference >= 0.0,
+        without_axial=method not in _UNCORRECTED and math.isfinite(survey.sigma_axial_interference),
         multi_station=None if method == AzimuthMethod.FUSED else method == AzimuthMethod.MULTI_STATION,
     )

@@ -65,13 +65,13 @@ class DepthReading:
     """
     Depth of the sensor at a survey.
 
-    measured_depth: m; -1 unknown. depth_age: s from the reading used to the survey; -1 unknown. bit_depth: m; -1
-    unknown. reason: why the depth is unknown, or empty. by_hand: whether the last reading used was entered by a person.
+    measured_depth, bit_depth: m. depth_age: s from the reading used to the survey. reason: why the depth is unknown,
+    or empty. by_hand: whether the last reading used was entered by a person.
     """
 
-    measured_depth: float = -1.0
-    depth_age: float = -1.0
-    bit_depth: float = -1.0
+    measured_depth: float = math.nan
+    depth_age: float = math.nan
+    bit_depth: float = math.nan
     reason: str = ""
     by_hand: bool = False
 
@@ -213,10 +213,10 @@ class DepthTrack:
                     age = min(age, span - age)
         doubt = "" if hand else self._doubt(stamp_ns, bit)
         if doubt:
-            return DepthReading(-1.0, age, bit, doubt)
+            return DepthReading(math.nan, age, bit, doubt)
         depth = bit - sensor_to_bit
         if depth < 0.0:
-            return DepthReading(-1.0, age, bit, f"bit at {bit:.2f} m: the sensor is still above the datum", hand)
+            return DepthReading(math.nan, age, bit, f"bit at {bit:.2f} m: the sensor is still above the datum", hand)
         return DepthReading(depth, age, bit, "", hand)
 
     def _doubt(self, stamp_ns: int, bit: float) -> str:

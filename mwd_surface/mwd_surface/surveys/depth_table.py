@@ -55,7 +55,7 @@ class DepthTable:
         depth = d_1 if t_1 == t_0 else d_0 + (d_1 - d_0) * (stamp_ns - t_0) / (t_1 - t_0)
         bit = depth if self.of_bit else depth + sensor_to_bit
         if bit < sensor_to_bit:
-            return DepthReading(-1.0, 0.0, bit, f"bit at {bit:.2f} m: the sensor is still above the datum")
+            return DepthReading(math.nan, 0.0, bit, f"bit at {bit:.2f} m: the sensor is still above the datum")
         return DepthReading(bit - sensor_to_bit, 0.0, bit)
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from mwd_estimation.core.reference_field import Reference
 from mwd_sensors.core import settings, utc
+from mwd_sensors.core.unknown import or_none
 from mwd_surface.list_files.provenance import Provenance
 from mwd_surface.list_files.remark import Remark, RemarkKind, distinct
 from mwd_surface.list_files.station_list import Start, StationList, start_of
@@ -168,9 +169,9 @@ def reference_in(surveys: SurveyList) -> Reference | None:
     return Reference(
         total=last.b_reference,
         dip=last.dip_reference,
-        declination=last.declination,
-        convergence=last.convergence,
-        gravity=last.g_reference if last.g_reference > 0.0 else None,
+        declination=or_none(last.declination),
+        convergence=or_none(last.convergence),
+        gravity=or_none(last.g_reference),
         source=last.reference_source or surveys.well.geomagnetic_model,
     )
 
@@ -193,9 +194,9 @@ def _record(stations: StationList, k: int, north: North, reference: Reference | 
         uuid=f"{stations.name}-{k + 1}",
         sequence=k + 1,
         inclination=float(stations.inclination[k]),
-        azimuth=azimuth if known else 0.0,
+        azimuth=azimuth,
         north=int(north),
-        covariance=_covariance(stations, k, known=known),
+        covariance=_covariance(stations, k),
         verdict=int(verdict),
         reasons=(f"imported from {stations.name}",),
         headline="imported: its readings are not known",
@@ -212,12 +213,11 @@ def _record(stations: StationList, k: int, north: North, reference: Reference | 
     )
 
 
-def _covariance(stations: StationList, k: int, *, known: bool) -> Nine:
-    """Return the covariance of inclination and azimuth, rad^2: 0 where sigma is unknown, -1 without an azimuth."""
-    inclination, azimuth = (
-        0.0 if math.isnan(s) else float(s) ** 2 for s in (stations.sigma_inclination[k], stations.sigma_azimuth[k])
-    )
-    return inclination, 0.0, 0.0, 0.0, azimuth if known else -1.0, 0.0, 0.0, 0.0, 0.0
+def _covariance(stations: StationList, k: int) -> Nine:
+    """Return the covariance of inclination and azimuth, rad^2."""
+    inclination, azimuth = (float(s) ** 2 for s in (stations.sigma_inclination[k], stations.sigma_azimuth[k]))
+    unknown = math.nan
+    return inclination, unknown, unknown, unknown, azimuth, unknown, unknown, unknown, unknown
 
 
 def _figures(stations: StationList, k: int, reference: Reference | None) -> dict[str, Any]:

@@ -19,8 +19,8 @@ class LegSettings:
         "",
         "name of the leg of the next surveys; if empty, unchanged. A new name with kick_off_depth starts a sidetrack",
     )
-    kick_off_depth: float = setting(
-        -1.0, "measured depth at which a new leg leaves its parent; negative if there is no new leg", unit="m", low=-1.0
+    kick_off_depth: float | None = setting(
+        None, "measured depth at which a new leg leaves its parent; nan if there is no new leg", unit="m", low=0.0
     )
     parent: str = setting("", "leg from which a new leg branches off; if empty, the present leg")
     tool: str = setting("", "serial number or name of the tool in the hole; if empty, unchanged")
@@ -66,7 +66,7 @@ def arranged(surveys: SurveyList, asked: LegSettings) -> SurveyList:
         if next(leg for leg in surveys.legs if leg.name == MAIN).tie_on != tie_on:
             surveys = surveys.tied_on(tie_on, MAIN)
     if asked.name and asked.name not in {leg.name for leg in surveys.legs}:
-        if asked.kick_off_depth < 0.0:
+        if asked.kick_off_depth is None:
             raise ValueError(f"leg.name: {asked.name!r} is new; give leg.kick_off_depth together with it")
         surveys = surveys.sidetracked(asked.name, asked.kick_off_depth, asked.parent or None)
     if (asked.name and asked.name != surveys.leg) or (asked.tool and asked.tool != surveys.tool):

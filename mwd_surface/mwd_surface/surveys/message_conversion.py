@@ -30,12 +30,10 @@ _OWN_WAY = {"stamp_ns", "frame_id", "azimuths"}
 # Fields that are on no message; only the file of the list has them.
 _OF_THE_FILE = {"decisions", "decided_revision"}
 
-# Fields of Survey that are NaN on the message where unknown.
-_NAN = {"declination", "convergence"}
 # Numbers of a tie-on, with the same names in Leg.msg and `TieOn`.
 _TIE_ON = ("measured_depth", "inclination", "azimuth", "north", "east", "vertical_depth")
-# Fields of SteeringAdvice that are -1 where unknown.
-_KNOWN_OR_NOT = (
+# Numbers of SteeringAdvice that are None in `Advice` where unknown.
+_MAY_BE_UNKNOWN = (
     "sigma",
     "confidence",
     "from_depth",
@@ -61,7 +59,7 @@ def survey_of(message: Any) -> Survey:
     values: dict[str, Any] = {"stamp_ns": stamp_of(message.header.stamp), "frame_id": str(message.header.frame_id)}
     for field in dataclasses.fields(Survey):
         if field.name not in _OWN_WAY:
-            values[field.name] = _known(field.name, _plain(getattr(message, field.name)))
+            values[field.name] = _plain(getattr(message, field.name))
     values["azimuths"] = tuple(
         AzimuthEstimate(**{f.name: _plain(getattr(a, f.name)) for f in dataclasses.fields(AzimuthEstimate)})
         for a in message.azimuths
@@ -71,7 +69,7 @@ def survey_of(message: Any) -> Survey:
 
 def survey_of_fields(fields: Mapping[str, Any], stamp_ns: int) -> Survey:
     """Return the Survey of such a message's fields by name, as the estimator's `survey_fields` makes them."""
-    values = {name: _known(name, _plain(value)) for name, value in fields.items() if name not in _OWN_WAY}
+    values = {name: _plain(value) for name, value in fields.items() if name not in _OWN_WAY}
     azimuths = tuple(AzimuthEstimate(**one) for one in fields["azimuths"])
     return Survey(stamp_ns=stamp_ns, azimuths=azimuths, **values)
 
@@ -204,7 +202,7 @@ def advice_of(message: Any) -> Advice:
     """Return the Advice of a mwd_msgs/msg/SteeringAdvice."""
 
     def known(value: float) -> float | None:
-        return None if value < 0.0 else float(value)
+        return None if math.isnan(value) else float(value)
 
     mode = AdviceMode(message.mode)
     return Advice(
@@ -212,7 +210,7 @@ def advice_of(message: Any) -> Advice:
         toolface=float(message.toolface) if mode == AdviceMode.SLIDE else None,
         magnetic=bool(message.toolface_mode),
         limit=float(message.limit),
-        **{name: known(getattr(message, name)) for name in _KNOWN_OR_NOT},
+        **{name: known(getattr(message, name)) for name in _MAY_BE_UNKNOWN},
         survey=int(message.survey),
         stamp_ns=stamp_of(message.header.stamp),
         source=str(message.source),
@@ -262,11 +260,5 @@ def _plain(value: Any) -> Any:
     return tuple(items) if isinstance(items, (list, tuple)) else items
 
 
-def _known(name: str, value: Any) -> Any:
-    return None if name in _NAN and math.isnan(value) else value
-
-
 def _fill(message: Any, name: str, value: Any) -> None:
-    if value is None:
-        value = math.nan
     setattr(message, name, list(value) if isinstance(value, tuple) else value)

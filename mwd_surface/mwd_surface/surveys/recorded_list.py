@@ -9,6 +9,7 @@ are applied again in their original order: decisions of people, depths by hand a
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -35,7 +36,7 @@ class DepthByHand:
 @dataclasses.dataclass(frozen=True)
 class Decided:
     """
-    Decision of a person about a survey; measured_depth: depth given with it, m, -1 for none.
+    Decision of a person about a survey; measured_depth: depth given with it, m, NaN for none.
 
     as_listed: whether it is known only from the list, which has a depth even if the decision gave none.
     """
@@ -46,7 +47,7 @@ class Decided:
     operator_name: str
     reason: str
     stamp_ns: int
-    measured_depth: float = -1.0
+    measured_depth: float = math.nan
     replace: bool = True
     as_listed: bool = False
 
@@ -63,7 +64,7 @@ class Decided:
         if self.judgement == Judgement.REJECTED:
             return surveys.reject(*who)
         known = self.as_listed and self.measured_depth == found.measured_depth
-        given = self.measured_depth if depths and not known else -1.0
+        given = self.measured_depth if depths and not known else math.nan
         return surveys.accept(*who, measured_depth=given, replace=self.replace)
 
 

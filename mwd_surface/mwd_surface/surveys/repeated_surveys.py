@@ -27,8 +27,8 @@ def shots_of(records: Iterable[SurveyRecord], code: str) -> tuple[tuple[CheckSho
         record
         for record in records
         if record.survey.has_readings
-        and record.survey.b_total > 0.0
-        and record.measured_depth >= 0.0
+        and math.isfinite(record.survey.b_total)
+        and math.isfinite(record.measured_depth)
         and record.survey.verdict != Verdict.REJECT
     ]
     if len(used) < 2:

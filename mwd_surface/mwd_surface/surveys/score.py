@@ -139,14 +139,14 @@ def _beside(survey: Survey, truth: NDArray[np.float64]) -> Scored:
         raw=by_method.get("raw"),
         corrected=by_method.get("corrected"),
         chosen=survey.azimuth_from(North.TRUE),
-        sigma_azimuth=sigma if sigma >= 0.0 else None,
+        sigma_azimuth=sigma if math.isfinite(sigma) else None,
         verdict=Verdict(survey.verdict),
         action=survey.action,
     )
 
 
 def _from_true_north(survey: Survey, estimate: AzimuthEstimate) -> float | None:
-    if estimate.sigma < 0.0:
+    if math.isnan(estimate.sigma):
         return None
     return dataclasses.replace(survey, azimuth=estimate.azimuth % math.tau, north=estimate.north).azimuth_from(
         North.TRUE

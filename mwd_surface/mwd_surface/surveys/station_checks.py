@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, Judgement, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, PLACE, Judgement, SurveyRecord, Verdict
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.well_path import ASSUMED, SURVEY, TIE_ON, Definitive, path_of, projected
 
@@ -46,7 +46,7 @@ def at_same_depth(whole: SurveyList, record: SurveyRecord) -> list[SurveyRecord]
 
 def fatal_reasons(whole: SurveyList, record: SurveyRecord) -> list[str]:
     """Return why no decision can put the record into the path; empty if it can be used."""
-    if record.measured_depth < 0.0:
+    if math.isnan(record.measured_depth):
         return [NO_DEPTH]
     why = []
     tie_on = whole.find_leg(record.leg).tie_on
@@ -80,7 +80,7 @@ def conflicts(whole: SurveyList, record: SurveyRecord) -> list[str]:
 def obstacles(whole: SurveyList, record: SurveyRecord) -> list[str]:
     """Return why the record is not used automatically, apart from its verdict."""
     why = fatal_reasons(whole, record)
-    if record.measured_depth < 0.0:
+    if math.isnan(record.measured_depth):
         return why
     why += [*_age_flag(record, whole.rules), *conflicts(whole, record)]
     if not why:
@@ -94,18 +94,8 @@ def obstacles(whole: SurveyList, record: SurveyRecord) -> list[str]:
 def placed(whole: SurveyList, record: SurveyRecord, place: tuple[Definitive, int] | None) -> SurveyRecord:
     """Return the record with its place on the path (path and index, or None) and its flags."""
     if place is None or not record.in_use:
-        bare = dataclasses.replace(
-            record,
-            in_use=False,
-            north=0.0,
-            east=0.0,
-            vertical_depth=0.0,
-            vertical_section=0.0,
-            dogleg_severity=0.0,
-            build_rate=0.0,
-            turn_rate=0.0,
-            flags=(),
-        )
+        nowhere: dict[str, Any] = dict.fromkeys(PLACE, math.nan)
+        bare = dataclasses.replace(record, in_use=False, flags=(), **nowhere)
         # A rejected station gets no flags of obstacles, because it is out in any case.
         flags = [] if record.judgement == Judgement.REJECTED else obstacles(whole, bare)
         return dataclasses.replace(bare, flags=(*flags, *revision_flags(record, whole.north)))
@@ -179,7 +169,7 @@ def revision_doubt(record: SurveyRecord, north: North) -> str:
 
 def withdrawal(record: SurveyRecord) -> str:
     """Say in a sentence that a survey is withdrawn, and why."""
-    place = f" at {record.measured_depth:.1f} m" if record.measured_depth >= 0.0 else ""
+    place = f" at {record.measured_depth:.1f} m" if math.isfinite(record.measured_depth) else ""
     return f"survey {record.survey.sequence}{place} is withdrawn from the path: {record.survey.action}"
 
 
@@ -213,9 +203,8 @@ def leg_path(whole: SurveyList, leg: Leg, used: list[SurveyRecord], bit_depth: f
         assumptions = above.assumptions
     else:
         assumptions = (*assumptions, *(one for one in whole.remarks if one.kind in _OF_COORDINATES))
-    set_deg = whole.well.section_azimuth_deg
-    if set_deg >= 0.0:
-        section_azimuth = math.radians(set_deg)
+    if whole.well.section_azimuth_deg is not None:
+        section_azimuth = math.radians(whole.well.section_azimuth_deg)
     else:
         section_azimuth = mc.closure(positions) if whole.plan is None else whole.plan.section_azimuth
     md_all, inc_all, azi_all = columns.T
@@ -262,7 +251,7 @@ def tie_on_assumptions(
 
 
 def _age_flag(record: SurveyRecord, rules: ListRules) -> list[str]:
-    if record.depth_age < 0.0:
+    if math.isnan(record.depth_age):
         return ["depth age unknown"]
     old = record.depth_age > rules.depth_age_limit
     return [f"the nearest depth of the rig is {record.depth_age:.0f} s from the survey: check it"] if old else []

@@ -62,12 +62,12 @@ class Total:
 def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, Total, Total]:
     """Return total gravity, total field and dip of a survey; `limits` apply if the survey has none."""
     s, usual = survey, limits or QualityLimits()
-    magnetic = s.b_total >= 0.0
+    magnetic = math.isfinite(s.b_total)
     reference = magnetic and s.has_reference
     gravity = s.g_total if s.has_readings else None
     field, dip, corrected = _earth_field(s)
     rows = (
-        ("total gravity", "m/s^2", gravity, gravity, s.g_reference if s.g_reference > 0.0 else None),
+        ("total gravity", "m/s^2", gravity, gravity, s.g_reference if math.isfinite(s.g_reference) else None),
         ("total field", "T", *((s.b_total, field) if magnetic else (None, None)), s.b_reference if reference else None),
         ("dip", "rad", *((s.dip, dip) if magnetic else (None, None)), s.dip_reference if reference else None),
     )
@@ -75,9 +75,9 @@ def totals(survey: Survey, limits: QualityLimits | None = None) -> tuple[Total, 
     set_ = (usual.gravity, usual.field_nt * 1e-9, math.radians(usual.dip_deg))
     found = []
     for (name, unit, read, value, wanted), (off, mine), default in zip(rows, own, set_, strict=True):
-        limit = mine if mine >= 0.0 else default
+        limit = mine if math.isfinite(mine) else default
         away = None if value is None or wanted is None else value - wanted
-        if away is not None and mine >= 0.0 and off != 0.0:
+        if away is not None and math.isfinite(off):
             # Use the verdict's deviation: for example, gravity is relative to standard gravity if the tool was
             # calibrated so.
             away = off
@@ -92,7 +92,7 @@ def _earth_field(s: Survey) -> tuple[float, float, bool]:
     # In a hole so steep that the toolface is undetermined, the verdict uses the measured field.
     steep = s.kind == STATIC and s.verdict_toolface == Verdict.NOT_DETERMINED
     corrected = azimuth_source(s).without_axial and not steep
-    if not corrected or s.b_total < 0.0 or not any(s.specific_force):
+    if not corrected or not math.isfinite(s.b_total + s.specific_force[0]):
         return s.b_total, s.dip, False
     b_t = np.array(s.magnetic_field) - np.array([s.axial_interference, 0.0, 0.0])
     return float(np.linalg.norm(b_t)), float(magnetic_geometry.dip(np.array(s.specific_force), b_t)), True

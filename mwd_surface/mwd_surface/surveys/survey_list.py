@@ -99,8 +99,8 @@ class SurveyList:
     def add(
         self,
         survey: Survey,
-        measured_depth: float = -1.0,
-        depth_age: float = -1.0,
+        measured_depth: float = math.nan,
+        depth_age: float = math.nan,
         *,
         leg: str | None = None,
         tool: str | None = None,
@@ -116,7 +116,7 @@ class SurveyList:
             after a tool lost its memory, or that exceeds `LAST_SEQUENCE`, is replaced by the next free one; the comment
             says so.
         measured_depth, depth_age : float
-            Depth of the sensor at the survey, m, and age of that reading, s; -1 unknown.
+            Depth of the sensor at the survey, m, and age of that reading, s; NaN: unknown.
         leg, tool : str, optional
             Leg and tool, if not the current ones.
 
@@ -156,7 +156,7 @@ class SurveyList:
         reason: str,
         stamp_ns: int,
         *,
-        measured_depth: float = -1.0,
+        measured_depth: float = math.nan,
         replace: bool = False,
     ) -> SurveyList:
         """
@@ -185,7 +185,7 @@ class SurveyList:
         old = self.find(sequence)
         _checked_operator(operator_name)
         record = old
-        if measured_depth != -1.0:
+        if not math.isnan(measured_depth):
             _checked_depth(measured_depth, 0.0)
             note = f"depth {measured_depth:.2f} m given by hand"
             comment = f"{old.comment}; {note}" if old.comment else note
@@ -417,10 +417,10 @@ def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, s
 
 
 def _checked_depth(measured_depth: float, depth_age: float) -> None:
-    if measured_depth != -1.0 and not 0.0 <= measured_depth <= DEEPEST:
-        raise ValueError(f"measured_depth: must be -1 (unknown) or within 0 and {DEEPEST:g} m, got {measured_depth:g}")
-    if depth_age != -1.0 and not (math.isfinite(depth_age) and depth_age >= 0.0):
-        raise ValueError(f"depth_age: must be -1 (unknown) or 0 s and more, got {depth_age}")
+    if measured_depth < 0.0 or measured_depth > DEEPEST:
+        raise ValueError(f"measured_depth: must be within 0 and {DEEPEST:g} m, got {measured_depth:g}")
+    if depth_age < 0.0 or depth_age == math.inf:
+        raise ValueError(f"depth_age: must be 0 s or more, got {depth_age}")
 
 
 def _checked_operator(name: str) -> None:

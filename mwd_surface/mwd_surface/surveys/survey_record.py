@@ -2,8 +2,8 @@
 """
 A survey and its line in the survey list; fields as in the messages of the same names.
 
-Numbers are in SI and rad; unknown values are those of the message (mostly -1), never NaN. `settings.to_mapping` and
-`settings.from_mapping` convert both to plain tables and back.
+Numbers are in SI and rad; an unknown number is NaN. `settings.to_mapping` and `settings.from_mapping` convert both to
+plain tables and back, NaN to null.
 """
 
 from __future__ import annotations
@@ -11,15 +11,17 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+from typing import Any
 
 from mwd_estimation.core.reason_text import HYPOTHESES
 from mwd_sensors.core import settings
+from mwd_sensors.core.settings import Number
 from mwd_surface.trajectory.north import North
 
-Three = tuple[float, float, float]
-Nine = tuple[float, float, float, float, float, float, float, float, float]
-ZERO_3: Three = (0.0, 0.0, 0.0)
-ZERO_9: Nine = (0.0,) * 9
+Three = tuple[Number, Number, Number]
+Nine = tuple[Number, Number, Number, Number, Number, Number, Number, Number, Number]
+UNKNOWN_3: Three = (math.nan,) * 3
+UNKNOWN_9: Nine = (math.nan,) * 9
 # Kinds of a survey, with the numbers of its message.
 STATIC, ROTARY = 0, 1
 
@@ -50,61 +52,79 @@ RECEIVED_OVER = "received over "
 """Beginning of the reason that names the links over which a survey came."""
 
 
-@dataclasses.dataclass(frozen=True)
-class AzimuthEstimate:
-    """Azimuth by one method: rad from `north`, 1 sigma in rad (-1 if not available), weight in the fused azimuth."""
+class _Comparable:
+    """Equality of records field by field, where an unknown number equals an unknown number."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        names = [field.name for field in dataclasses.fields(self)]  # type: ignore[arg-type]
+        return all(_same(getattr(self, name), getattr(other, name)) for name in names)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _same(one: Any, other: Any) -> bool:
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other or (one != one and other != other))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class AzimuthEstimate(_Comparable):
+    """Azimuth by one method: rad from `north`, 1 sigma in rad, weight in the fused azimuth."""
 
     method: str
     north: int = int(North.UNKNOWN)
-    azimuth: float = 0.0
-    sigma: float = -1.0
+    azimuth: Number = math.nan
+    sigma: Number = math.nan
     weight: float = 0.0
     reason: str = ""
 
 
-@dataclasses.dataclass(frozen=True)
-class Survey:
-    """A station as measured and judged by the estimator; units and unknown values as in Survey.msg, stamp in ns."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class Survey(_Comparable):
+    """A station as measured and judged by the estimator; units as in Survey.msg, stamp in ns."""
 
     stamp_ns: int
     uuid: str
     sequence: int
     inclination: float
-    azimuth: float
+    azimuth: Number
     north: int
     frame_id: str = "sonde_link"
     kind: int = STATIC
     requested: bool = False
     duration: float = 0.0
     samples: int = 0
-    specific_force: Three = ZERO_3
-    specific_force_covariance: Nine = ZERO_9
-    magnetic_field: Three = ZERO_3
-    magnetic_field_covariance: Nine = (-1.0, *ZERO_9[1:])
-    angular_rate: Three = ZERO_3
-    temperature: float = -300.0
-    gravity_toolface: float = 0.0
-    magnetic_toolface: float = 0.0
-    covariance: Nine = ZERO_9
+    specific_force: Three = UNKNOWN_3
+    specific_force_covariance: Nine = UNKNOWN_9
+    magnetic_field: Three = UNKNOWN_3
+    magnetic_field_covariance: Nine = UNKNOWN_9
+    angular_rate: Three = UNKNOWN_3
+    temperature: Number = math.nan
+    gravity_toolface: Number = math.nan
+    magnetic_toolface: Number = math.nan
+    covariance: Nine = UNKNOWN_9
     azimuth_method: str = ""
     azimuths: tuple[AzimuthEstimate, ...] = ()
-    g_total: float = 0.0
-    b_total: float = -1.0
-    dip: float = 0.0
-    g_reference: float = -1.0
-    b_reference: float = -1.0
-    dip_reference: float = 0.0
-    declination: float | None = None
-    convergence: float | None = None
+    g_total: Number = math.nan
+    b_total: Number = math.nan
+    dip: Number = math.nan
+    g_reference: Number = math.nan
+    b_reference: Number = math.nan
+    dip_reference: Number = math.nan
+    declination: Number = math.nan
+    convergence: Number = math.nan
     reference_source: str = ""
-    axial_interference: float = 0.0
-    sigma_axial_interference: float = -1.0
-    g_deviation: float = 0.0
-    b_deviation: float = 0.0
-    dip_deviation: float = 0.0
-    g_limit: float = -1.0
-    b_limit: float = -1.0
-    dip_limit: float = -1.0
+    axial_interference: Number = math.nan
+    sigma_axial_interference: Number = math.nan
+    g_deviation: Number = math.nan
+    b_deviation: Number = math.nan
+    dip_deviation: Number = math.nan
+    g_limit: Number = math.nan
+    b_limit: Number = math.nan
+    dip_limit: Number = math.nan
     verdict: int = int(Verdict.ACCEPT)
     verdict_inclination: int = int(Verdict.ACCEPT)
     verdict_azimuth: int = int(Verdict.ACCEPT)
@@ -152,12 +172,12 @@ class Survey:
     @property
     def has_azimuth(self) -> bool:
         """Whether the survey has an azimuth, that is, the estimator did not withhold it."""
-        return self.covariance[4] >= 0.0 and self.north != North.UNKNOWN
+        return math.isfinite(self.azimuth) and self.north != North.UNKNOWN
 
     @property
     def has_readings(self) -> bool:
         """Whether the readings are known; false for an imported station with angles only."""
-        return self.g_total > 0.0
+        return math.isfinite(self.g_total)
 
     @property
     def toolfaces(self) -> tuple[float | None, float | None]:
@@ -169,17 +189,17 @@ class Survey:
     @property
     def has_reference(self) -> bool:
         """Whether a reference field was configured."""
-        return self.b_reference > 0.0
+        return math.isfinite(self.b_reference)
 
     @property
     def sigma_inclination(self) -> float:
-        """1 sigma, rad; -1 if not available (a covariance of 0 means unknown, REP-145)."""
-        return math.sqrt(self.covariance[0]) if self.covariance[0] > 0.0 else -1.0
+        """1 sigma, rad."""
+        return math.sqrt(self.covariance[0])
 
     @property
     def sigma_azimuth(self) -> float:
-        """1 sigma, rad; -1 if not available."""
-        return math.sqrt(self.covariance[4]) if self.covariance[4] > 0.0 else -1.0
+        """1 sigma, rad."""
+        return math.sqrt(self.covariance[4])
 
     def azimuth_from(self, north: North) -> float | None:
         """Return the azimuth from a given north, rad in [0, 2 pi), or None if it cannot be converted; see `turned`."""
@@ -199,25 +219,28 @@ class Survey:
             return None
         to_true = {North.MAGNETIC: self.declination, North.TRUE: 0.0, North.GRID: self.convergence}
         before, after = to_true[given], to_true[north]
-        return None if before is None or after is None else (azimuth + before - after) % math.tau
+        turned = (azimuth + before - after) % math.tau
+        return turned if math.isfinite(turned) else None
 
 
-@dataclasses.dataclass(frozen=True)
-class Decision:
+@dataclasses.dataclass(frozen=True, eq=False)
+class Decision(_Comparable):
     """A person's decision about a survey: `Judgement`, name, reason, time, ns, and depth at that time, m."""
 
     judgement: int
     operator_name: str
     reason: str
     stamp_ns: int
-    measured_depth: float
+    measured_depth: Number
 
 
 COORDINATES_ASSUMED = "coordinates assumed"  # flag of a record
+#: Fields of a record that follow from the path; NaN unless the record is in use.
+PLACE = ("north", "east", "vertical_depth", "vertical_section", "dogleg_severity", "build_rate", "turn_rate")
 
 
-@dataclasses.dataclass(frozen=True)
-class SurveyRecord:
+@dataclasses.dataclass(frozen=True, eq=False)
+class SurveyRecord(_Comparable):
     """
     One line of the survey list: survey, depth, decisions, place on the path; as in SurveyRecord.msg.
 
@@ -226,12 +249,12 @@ class SurveyRecord:
     A survey that the estimator withdrew replaces the first result. decided_revision: revision that was present at the
     last decision; kept in the file only.
 
-    The fields from `north` on are derived from the list and recomputed with it (m, rad/m; 0 unless `in_use`).
+    The fields from `north` on are derived from the list and recomputed with it (m, rad/m; NaN unless `in_use`).
     """
 
     survey: Survey
-    measured_depth: float = -1.0
-    depth_age: float = -1.0
+    measured_depth: Number = math.nan
+    depth_age: Number = math.nan
     judgement: int = int(Judgement.NOT_JUDGED)
     operator_name: str = ""
     reason: str = ""
@@ -243,13 +266,13 @@ class SurveyRecord:
     decisions: tuple[Decision, ...] = ()
     revised: tuple[Survey, ...] = ()
     decided_revision: int = 0
-    north: float = 0.0
-    east: float = 0.0
-    vertical_depth: float = 0.0
-    vertical_section: float = 0.0
-    dogleg_severity: float = 0.0
-    build_rate: float = 0.0
-    turn_rate: float = 0.0
+    north: Number = math.nan
+    east: Number = math.nan
+    vertical_depth: Number = math.nan
+    vertical_section: Number = math.nan
+    dogleg_severity: Number = math.nan
+    build_rate: Number = math.nan
+    turn_rate: Number = math.nan
     flags: tuple[str, ...] = ()
 
     @property
@@ -272,7 +295,7 @@ class SurveyRecord:
         verdict = Verdict(self.survey.verdict_azimuth)
         if verdict in (Verdict.ACCEPT, Verdict.NOT_DETERMINED):
             return ""
-        place = f" at {self.measured_depth:.1f} m" if self.measured_depth >= 0.0 else ""
+        place = f" at {self.measured_depth:.1f} m" if math.isfinite(self.measured_depth) else ""
         return f"survey {self.survey.sequence}{place}: azimuth {verdict.word}: {self.survey.action}"
 
 
@@ -292,7 +315,7 @@ def checked_survey(survey: Survey) -> Survey:
         raise ValueError(f"survey.sequence: must be 1 or more, got {whole.sequence}")
     if not 0.0 <= whole.inclination <= math.pi:
         raise ValueError(f"survey.inclination: must be within 0 and pi rad, got {whole.inclination}")
-    if not 0.0 <= whole.azimuth <= math.tau:
+    if whole.azimuth < 0.0 or whole.azimuth > math.tau:
         raise ValueError(f"survey.azimuth: must be within 0 and 2 pi rad, got {whole.azimuth}")
     for name, kind in (("north", North), ("verdict", Verdict)):
         value = getattr(whole, name)

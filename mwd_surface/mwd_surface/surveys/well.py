@@ -38,12 +38,12 @@ class Well:
     north_reference: str = setting(
         "true", "north reference of azimuths and map axes; must be the same as that of the plan", choices=NORTHS
     )
-    section_azimuth_deg: float = setting(
-        -1.0,
-        "azimuth of the vertical section, from the same north. -1: along the plan or, without a plan, towards the last "
-        "survey in use, so that the section turns slightly with each survey",
+    section_azimuth_deg: float | None = setting(
+        None,
+        "azimuth of the vertical section, from the same north. nan: along the plan or, without a plan, towards the "
+        "last survey in use, so that the section turns slightly with each survey",
         unit="deg",
-        low=-1.0,
+        low=0.0,
         high=360.0,
     )
     sensor_to_bit: float | None = setting(

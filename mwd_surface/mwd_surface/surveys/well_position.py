@@ -70,7 +70,7 @@ def error_reference(well: Well, survey: Survey) -> ErrorReference:
         North[well.north_reference.upper()], ()
     )
     declination, convergence = (
-        (math.nan if name in unknown else 0.0) if angle is None else angle
+        0.0 if math.isnan(angle) and name not in unknown else angle
         for name, angle in (("declination", survey.declination), ("convergence", survey.convergence))
     )
     return ErrorReference(
@@ -80,7 +80,7 @@ def error_reference(well: Well, survey: Survey) -> ErrorReference:
         declination=declination,
         convergence=convergence,
         # An imported survey may have neither value.
-        g_total=survey.g_reference if survey.g_reference > 0.0 else survey.g_total or STANDARD_GRAVITY,
+        g_total=next(filter(math.isfinite, (survey.g_reference, survey.g_total, STANDARD_GRAVITY))),
     )
 
 

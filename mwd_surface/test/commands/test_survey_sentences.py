@@ -42,9 +42,9 @@ def test_a_station_without_depth_is_named_once_with_its_other_flags():
     no_row, later = "the table does not have it", "later surveys say: doubtful"
     told = list_warnings(
         [
-            record(4, -1.0, "no measured depth", why=no_row),
-            record(5, -1.0, "no measured depth", later, why=no_row),
-            record(6, -1.0, "no measured depth"),
+            record(4, math.nan, "no measured depth", why=no_row),
+            record(5, math.nan, "no measured depth", later, why=no_row),
+            record(6, math.nan, "no measured depth"),
             record(1, 100.0, "gap"),
             record(2, 190.0, "gap"),
         ]

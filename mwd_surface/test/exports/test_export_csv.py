@@ -64,8 +64,7 @@ def test_the_raw_log_has_every_survey_with_six_axes_and_both_judgements():
 
 
 def test_what_is_not_known_is_an_empty_cell_and_never_zero():
-    covariance = (1e-6, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0)
-    bare = Survey(10**18, "u", 1, 0.5, 0.0, 0, covariance=covariance, g_total=9.8)
+    bare = Survey(10**18, "u", 1, 0.5, math.nan, 0, g_total=9.8)
     _, (row,) = parsed(raw_csv(SurveyList().add(bare)))
     empty = (
         "md_m depth_age_s magnetic_field_x_nt temperature_degc b_total_nt dip_deg g_reference_mps2 b_reference_nt"
@@ -122,7 +121,7 @@ def test_stations_left_out_are_named_in_the_head():
 def test_surveys_without_a_depth_are_named_with_what_to_do():
     surveys = example.surveys()
     number = surveys.records[-1].survey.sequence + 1
-    surveys = surveys.add(example.survey(number, 15.0, 80.0), -1.0, -1.0)
+    surveys = surveys.add(example.survey(number, 15.0, 80.0))
     (why,) = survey_table(surveys, 0).left_out
     assert why.startswith(f"survey without measured depth not exported: {number};")
     assert f"# {why}" in definitive_csv(survey_table(surveys, 0))

@@ -61,7 +61,7 @@ def test_the_head_block_counts_the_surveys_in_use_by_the_links_that_brought_them
         words = {meanings.INCLINATION: 0.1 * k, meanings.AZIMUTH: 1.3}
         values = {name: LinkValue(value, 1e-3, k, 0.0, 1.0, 0.99) for name, value in words.items()}
         at = SurveyTime(example.START + k * 1800 * example.S, 20.0)
-        other = example.survey(k, 4.0 * k, 75.0, g_total=9.8 if k == 1 else 0.0)
+        other = example.survey(k, 4.0 * k, 75.0, g_total=9.8 if k == 1 else math.nan)
         whole = whole.add(link_survey.survey(values, at, k, link, None) if link else other, 270.0 + 30.0 * k, 0.0)
     if links:
         whole = whole.reject(len(came), "Aslaug", "sent again", example.MADE)

@@ -51,7 +51,7 @@ def table(path):
 def test_a_row_is_the_last_known_value_of_the_second_that_ends_there(tmp_path):
     stamps = [START * S + k * S // 4 for k in range(1, 9)]
     samples = attitudes(stamps, inclination=np.radians(np.arange(8.0)))
-    samples["sigma_azimuth"][4:] = -1.0
+    samples["azimuth"][4:] = samples["sigma_azimuth"][4:] = np.nan
     samples["azimuth"][3] = math.radians(359.99999)
     with Bag(bag_of(tmp_path / "bag", samples)) as bag:
         written = time_series.write(bag, tmp_path / "ts.csv")

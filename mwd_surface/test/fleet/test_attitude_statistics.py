@@ -20,7 +20,7 @@ def samples(n, seed=0):
     attitude["inclination"] = rng.uniform(0.2, 0.4, n)
     attitude["azimuth"] = rng.normal(0.0, 0.05, n) % math.tau
     attitude["sigma_inclination"] = 0.01
-    attitude["sigma_azimuth"] = np.where(np.arange(n) % 3 == 0, -1.0, 0.02)
+    attitude["sigma_azimuth"] = np.where(np.arange(n) % 3 == 0, np.nan, 0.02)
     attitude["status"] = np.where(np.arange(n) % 2 == 0, int(Status.STILL), int(Status.ROTATING | Status.CLIPPED))
     gravity["rotary_speed"] = math.tau
     gravity["non_gravity"] = 3.0
@@ -54,7 +54,7 @@ def test_the_mean_azimuth_around_north_is_north():
 
 def test_what_is_unknown_is_none_and_never_zero():
     attitude, gravity = samples(10)
-    attitude["sigma_inclination"] = attitude["sigma_azimuth"] = -1.0
+    attitude["sigma_inclination"] = attitude["sigma_azimuth"] = np.nan
     statistics = AttitudeStatistics()
     statistics.add(attitude, gravity)
     (row,) = statistics.rows()

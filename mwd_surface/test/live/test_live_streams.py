@@ -29,7 +29,7 @@ def test_a_value_carries_sigma_unit_and_age_and_goes_stale_after_two_periods():
 def test_an_angle_without_sigma_keeps_the_last_good_one_stale_and_says_why():
     state = LiveStreams()
     state.on_attitude(attitude(azimuth=1.5), 0.0)
-    state.on_attitude(attitude(azimuth=0.0, sigma_azimuth=-1.0, status=int(Status.NEAR_VERTICAL)), 0.1)
+    state.on_attitude(attitude(azimuth=0.0, sigma_azimuth=math.nan, status=int(Status.NEAR_VERTICAL)), 0.1)
     cell = state.attitude(0.1).azimuth
     assert (cell.value, cell.state) == (1.5, "stale")
     assert "vertical" in cell.reason
@@ -38,7 +38,7 @@ def test_an_angle_without_sigma_keeps_the_last_good_one_stale_and_says_why():
 
 def test_an_angle_that_was_never_known_is_no_data_with_the_reason():
     state = LiveStreams()
-    state.on_attitude(attitude(sigma_azimuth=-1.0, status=int(Status.NO_MAG)), 0.0)
+    state.on_attitude(attitude(sigma_azimuth=math.nan, status=int(Status.NO_MAG)), 0.0)
     cell = state.attitude(0.0).azimuth
     assert (cell.value, cell.state, cell.reason) == (None, "no data", "no magnetometer")
 
@@ -65,7 +65,7 @@ def test_rig_values_count_only_while_their_bit_vouches_for_them():
 def test_interference_that_is_not_observable_is_no_data_and_not_zero():
     state = LiveStreams()
     i = wire.INTERFERENCE.empty(1)
-    i["sigma_axial"], i["sigma_cross_axial"] = -1.0, -1.0
+    i["axial"] = i["cross_axial"] = i["sigma_axial"] = i["sigma_cross_axial"] = math.nan
     state.on_interference(i, 0.0)
     cell = state.drilling(0.0).axial_interference
     assert (cell.value, cell.state, cell.reason) == (None, "no data", "not observable yet")
@@ -140,7 +140,7 @@ def test_a_clock_that_steps_back_gives_no_negative_age():
 def test_the_worst_of_a_block_is_charted_and_its_last_is_shown():
     state = LiveStreams()
     g = wire.GRAVITY.empty(3)
-    g["sigma"], g["non_gravity"], g["rotary_speed"] = [0.01, -1.0, 0.01], [3.0, 99.0, 1.0], [1.0, 9.0, 2.0]
+    g["sigma"], g["non_gravity"], g["rotary_speed"] = [0.01, math.nan, 0.01], [3.0, 99.0, 1.0], [1.0, 9.0, 2.0]
     state.on_gravity(g, 0.0)
     drilling = state.drilling(0.0)
     # The second does not know its gravity, so what is left over means nothing.
@@ -151,7 +151,7 @@ def test_the_worst_of_a_block_is_charted_and_its_last_is_shown():
 def test_a_tool_that_does_not_turn_has_no_stick_slip():
     state = LiveStreams()
     d = wire.DYNAMICS.empty(1)
-    d["stick_slip_index"], d["shocks"] = -1.0, 4
+    d["stick_slip_index"], d["shocks"] = math.nan, 4
     state.on_dynamics(d, 0.0)
     drilling = state.drilling(0.0)
     assert (drilling.stick_slip.value, drilling.stick_slip.reason) == (None, "not turning")

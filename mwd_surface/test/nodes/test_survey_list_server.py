@@ -21,7 +21,7 @@ from mwd_surface.page.survey_panel import survey_row
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.message_conversion import list_of
+from mwd_surface.surveys.message_conversion import list_of, survey_of
 from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Verdict
@@ -103,7 +103,7 @@ def test_a_revision_is_listed_published_shown_and_logged_and_moves_no_station(se
         server.server.on_revision(dataclasses.replace(later, revision=revision))
     assert len(server.published["surveys"]) == 2
     (record,) = server.published["surveys"][-1].records
-    assert record.survey == before.survey
+    assert survey_of(record.survey) == survey_of(before.survey)
     assert record.in_use == before.in_use
     assert [(one.revision, one.verdict) for one in record.revised] == [(1, msg.Survey.DOUBTFUL)]
     row = survey_row(server.server.surveys.records[0], North.GRID)
@@ -124,7 +124,7 @@ def test_a_value_in_use_that_later_surveys_contradict_is_an_alarm_until_a_person
     assert server.log.standing == {}
 
     def decide(service):
-        request = SimpleNamespace(sequence=1, operator_name="Ann", reason="", measured_depth=-1.0, replace=False)
+        request = SimpleNamespace(sequence=1, operator_name="Ann", reason="", measured_depth=math.nan, replace=False)
         return service(request, SimpleNamespace(success=False, message=""))
 
     far = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(verdict), headline="steel")
@@ -173,7 +173,7 @@ def test_a_path_without_a_tie_on_raises_an_alarm_until_one_is_given_and_the_plan
     path = server.published["trajectory"][-1]
     assert path.first_is_assumed
     assert "no tie-on is given" in path.assumptions[0]
-    well = dataclasses.replace(example.WELL, section_azimuth_deg=-1.0)
+    well = dataclasses.replace(example.WELL, section_azimuth_deg=None)
     listed.change_settings(well, ListRules(), LegSettings(tie_on_depth=0.0), plan)
     assert not server.log.standing
     path, sent = server.published["trajectory"][-1], server.published["surveys"][-1]

@@ -3,6 +3,7 @@
 
 import dataclasses
 import json
+import math
 
 from mwd_surface.live.link_state import (
     LOCKED,
@@ -20,7 +21,7 @@ from mwd_surface.page.state_feed import dumps
 from mwd_surface.page.state_json import StateJson
 
 QUALITY = LinkStatus(
-    *("mud_pulse", LOCKED, "", True, 9.5, 3.5, 1e-4, 0.01, 0.4, "survey", 2, 7, 12.0, -1.0, 40.0, 50.0),
+    *("mud_pulse", LOCKED, "", 9.5, 3.5, 1e-4, 0.01, 0.4, "survey", 2, 7, 12.0, math.nan, 40.0, 50.0),
     stamp_ns=1_700_000_000_000_000_000,
     at=5.0,
 )
@@ -61,7 +62,8 @@ def test_toolface_words_do_not_end_the_survey_shown():
 
 
 def test_what_is_unknown_is_none_and_the_state_is_said_in_words():
-    quiet = dataclasses.replace(QUALITY, state=NO_FLOW, has_signal=False, reason="the pumps are off", goodput=-1.0)
+    unknown = dict.fromkeys(("ebn0_db", "margin_db", "clock_error", "goodput"), math.nan)
+    quiet = dataclasses.replace(QUALITY, state=NO_FLOW, reason="the pumps are off", **unknown)
     table = link_table(quiet)
     assert (table["state"], table["reason"]) == ("no flow", "the pumps are off")
     assert table["margin_db"] is None

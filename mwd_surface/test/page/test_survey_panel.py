@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from example_stations import DIP, B, G, listed, survey
+from example_surveys import NO_AZIMUTH
 
 from mwd_surface.page.survey_panel import QualityLimits, path_table, quality_lights, survey_row
 from mwd_surface.surveys.survey_list import SurveyList
@@ -50,7 +51,7 @@ def test_a_row_has_the_verdict_of_each_quantity_the_reason_to_act_on_and_other_a
 
 
 def test_a_survey_without_magnetometer_depth_or_azimuth_shows_gaps_not_minus_one():
-    bare = survey(1, b_total=-1.0, b_reference=-1.0, covariance=(1e-6, 0, 0, 0, -1.0, 0, 0, 0, 1e-6))
+    bare = dataclasses.replace(survey(1, b_total=math.nan, dip=math.nan, b_reference=math.nan), **NO_AZIMUTH)
     (record,) = SurveyList().add(bare).records
     row = survey_row(record, North.TRUE)
     assert [row[k] for k in ("measured_depth", "azimuth", "sigma_azimuth", "b_total", "dip")] == [None] * 5
@@ -118,7 +119,7 @@ def test_words_of_a_verdict_move_no_light():
 
 
 def test_a_limit_that_is_not_known_leaves_the_usual_one():
-    (record,) = listed(survey(1, g_limit=-1.0, b_limit=520e-9)).records
+    (record,) = listed(survey(1, g_limit=math.nan, b_limit=520e-9)).records
     gravity, field, dip = quality_lights(record, QualityLimits())["lights"]
     assert gravity["limit"] == QualityLimits().gravity
     assert field["limit"] == 520e-9

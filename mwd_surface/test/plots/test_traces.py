@@ -44,7 +44,7 @@ def test_what_is_not_available_is_missing():
     imu, rig, attitude = wire.IMU.empty(2), wire.RIG_STATE.empty(2), wire.ATTITUDE.empty(2)
     imu["linear_acceleration_covariance"][1, 0] = -1.0
     rig["valid"] = [1, 2]
-    attitude["sigma_azimuth"], attitude["azimuth"] = [0.1, -1.0], 1.0
+    attitude["sigma_azimuth"], attitude["azimuth"] = [0.1, np.nan], [1.0, np.nan]
     assert_array_equal(np.isnan(trace(wire.IMU, "specific force").values(imu))[:, 0], [False, True])
     assert_array_equal(np.isnan(trace(wire.RIG_STATE, "depth").values(rig)), [[False, True], [True, False]])
     assert_array_equal(np.isnan(trace(wire.ATTITUDE, "azimuth").values(attitude))[:, 0], [False, True])
@@ -69,6 +69,6 @@ def test_toolface_runs_from_left_to_right_of_high_side():
 def test_the_north_is_that_of_the_azimuths_that_are_there():
     attitude = wire.ATTITUDE.empty(3)
     assert north_of(attitude) == 0
-    attitude["north"], attitude["sigma_azimuth"] = [1, 3, 3], [-1.0, 0.1, 0.1]
+    attitude["north"], attitude["azimuth"] = [1, 3, 3], [np.nan, 0.1, 0.1]
     assert north_of(attitude) == 3
     assert traces.NORTHS[3] == "grid"

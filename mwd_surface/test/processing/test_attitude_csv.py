@@ -69,10 +69,10 @@ def test_blocks_give_the_bytes_of_the_whole():
 
 def test_what_is_unknown_is_an_empty_cell():
     attitude, gravity = samples(2)
-    attitude["sigma_azimuth"][0] = -1.0
+    attitude["sigma_azimuth"][0] = np.nan
     for name in ("sigma_inclination", "sigma_gravity_toolface"):
-        attitude[name][1] = -1.0
-    gravity["sigma"][1] = -1.0
+        attitude[name][1] = np.nan
+    gravity["sigma"][1] = np.nan
     first, second = cells(attitude, gravity)
     assert (first[2], first[5]) == ("", "")
     assert "" not in (first[1], first[3], first[4])

@@ -20,9 +20,9 @@ def _samples(n=500):
     attitude["stamp_ns"] = gravity["stamp_ns"] = 1_700_000_000 * 10**9 + np.arange(n) * 10**6
     for name, top in (("inclination", math.pi), ("azimuth", 6.28), ("gravity_toolface", 6.28)):
         attitude[name] = rng.uniform(0.0, top, n)
-        attitude[f"sigma_{name}"] = np.where(np.arange(n) % 7 == 0, -1.0, rng.uniform(0.0, 0.1, n))
+        attitude[f"sigma_{name}"] = np.where(np.arange(n) % 7 == 0, np.nan, rng.uniform(0.0, 0.1, n))
     gravity["gravity"] = rng.normal(size=(n, 3))
-    gravity["sigma"] = np.where(np.arange(n) % 11 == 0, -1.0, 0.01)
+    gravity["sigma"] = np.where(np.arange(n) % 11 == 0, np.nan, 0.01)
     attitude["status"] = np.where(np.arange(n) < 100, int(Status.STILL), int(Status.ROTATING | Status.NO_MAG))
     attitude["north"] = 2
     return attitude, gravity

@@ -28,8 +28,8 @@ def written(folder, kind, rows=ROWS):
     attitude["status"] = Status.STILL
     if rows:
         for name in ("sigma_inclination", "sigma_azimuth", "sigma_gravity_toolface"):
-            attitude[name][-1] = -1.0
-        gravity["sigma"][-1] = -1.0
+            attitude[name][-1] = np.nan
+        gravity["sigma"][-1] = np.nan
         attitude["status"][-1] = Status.INITIALISING | Status.NO_MAG
     if kind == "parquet":
         with attitude_parquet.Writer(folder / "attitude.parquet") as writer:

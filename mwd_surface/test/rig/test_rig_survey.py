@@ -77,15 +77,17 @@ def test_what_a_survey_does_not_know_is_none():
         1,
         30.0,
         75.0,
-        b_total=-1.0,
-        b_reference=-1.0,
-        temperature=-300.0,
-        sigma_axial_interference=-1.0,
+        b_total=math.nan,
+        dip=math.nan,
+        b_reference=math.nan,
+        temperature=math.nan,
+        axial_interference=math.nan,
+        sigma_axial_interference=math.nan,
         azimuths=(),
-        magnetic_field_covariance=(-1.0, *(0.0,) * 8),
+        magnetic_field=(math.nan,) * 3,
         azimuth_method="gyro",
         north=2,
-        covariance=(-1.0, *(0.0,) * 3, 1e-6, *(0.0,) * 4),
+        covariance=(math.nan, *(0.0,) * 3, 1e-6, *(0.0,) * 4),
     )
     well = dataclasses.replace(WELL, north_reference="true")
     (s,) = accepted_surveys(SurveyList(well=well).add(bare, 300.0, 0.0))

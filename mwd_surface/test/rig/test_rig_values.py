@@ -97,7 +97,7 @@ def test_a_toolface_that_is_not_defined_keeps_its_last_value_as_stale():
     steep = attitude(
         Status.NEAR_VERTICAL,
         inclination=0.01,
-        sigma_gravity_toolface=-1.0,
+        sigma_gravity_toolface=math.nan,
         gravity_toolface=0.0,
         stamp_ns=NOW_NS + 5 * S,
     )

@@ -45,7 +45,8 @@ def test_before_the_first_reading_depth_is_taken_from_nearby_or_unknown():
     got = track((100, 1000.0))
     assert got.sensor_depth(95 * S, 0.0).measured_depth == 1000.0
     far = got.sensor_depth(0, 0.0)
-    assert (far.measured_depth, far.depth_age) == (-1.0, -1.0)
+    assert math.isnan(far.measured_depth)
+    assert math.isnan(far.depth_age)
     assert far.reason == "the first depth reading came 100 s after the survey"
     assert "no depth from the rig yet" in DepthTrack().sensor_depth(0, 0.0).reason
 
@@ -94,7 +95,7 @@ def test_a_person_sets_the_depth_against_what_the_rig_reported():
 
 def test_a_sensor_above_the_datum_has_no_depth_and_says_why():
     got = track((0, 5.0)).sensor_depth(0, 12.0)
-    assert got.measured_depth == -1.0
+    assert math.isnan(got.measured_depth)
     assert got.reason == "bit at 5.00 m: the sensor is still above the datum"
     with pytest.raises(ValueError, match="sensor_to_bit"):
         track((0, 5.0)).sensor_depth(0, math.nan)
@@ -112,9 +113,8 @@ def test_history_is_bounded():
 )
 def test_whatever_the_rig_sends_a_depth_is_finite_and_not_negative_or_unknown_with_a_reason(readings, at, offset):
     got = track(*readings).sensor_depth(at * S, offset)
-    assert math.isfinite(got.measured_depth)
-    assert math.isfinite(got.depth_age)
-    assert (got.measured_depth >= 0.0) != bool(got.reason)
+    assert math.isnan(got.measured_depth) or 0.0 <= got.measured_depth < math.inf
+    assert math.isfinite(got.measured_depth) != bool(got.reason)
 
 
 def alternating(*blocks):
@@ -131,7 +131,7 @@ def alternating(*blocks):
 def test_two_sources_that_alternate_give_no_depth_and_are_named(blocks):
     got, end = alternating(*blocks)
     reading = got.sensor_depth((end - 2) * S, 10.0)
-    assert reading.measured_depth == -1.0
+    assert math.isnan(reading.measured_depth)
     assert reading.reason.startswith("two sources of depth alternate, 1")
     assert " 1000." in reading.reason or " 1250." in reading.reason
     # A person's word ends it, and so does one source that falls silent.
@@ -142,7 +142,7 @@ def test_two_sources_that_alternate_give_no_depth_and_are_named(blocks):
 def test_two_sources_with_the_same_stamps_give_no_depth_and_are_named():
     readings = [(k, depth + 0.005 * k) for k in range(20) for depth in (1000.0, 1250.0)]
     reading = track(*readings).sensor_depth(18 * S, 10.0)
-    assert reading.measured_depth == -1.0
+    assert math.isnan(reading.measured_depth)
     assert reading.reason.startswith("two sources of depth alternate, 1000.1 m and 1250.1 m")
     # One source that sends its readings twice is one source.
     doubled = [(k, 1000.0 + 0.005 * k) for k in range(20) for _ in range(2)]
@@ -171,7 +171,7 @@ def test_clocks_of_rig_and_sonde_that_differ_are_named_by_the_order_of_arrival(a
         got.update(int((k - 1.0 + apart) * S), 1000.0)
     reading = got.sensor_depth(int((200.0 + max(apart, 0.0)) * S), 0.0)
     assert says in reading.reason
-    assert bool(reading.reason) == bool(says) == (reading.measured_depth < 0.0)
+    assert bool(reading.reason) == bool(says) == math.isnan(reading.measured_depth)
 
 
 def test_a_sonde_that_starts_anew_does_not_accuse_the_rig():

@@ -2,6 +2,7 @@
 """Messages and records hold the same: every field there and back, with the real messages."""
 
 import dataclasses
+import math
 
 import example_surveys as example
 import pytest
@@ -10,6 +11,7 @@ from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.surveys import message_conversion as between
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
+from mwd_surface.surveys.survey_store import decoded, encoded
 from mwd_surface.trajectory.plan import plan_of
 
 msg = pytest.importorskip("mwd_msgs.msg", reason="mwd_msgs is not built")
@@ -71,3 +73,16 @@ def test_the_trajectory_message_carries_the_path_and_its_projection():
     assert list(message.measured_depth) == path.md.tolist()
     assert list(message.vertical_depth) == path.positions[:, 2].tolist()
     assert message.north_reference == 3
+
+
+def test_an_unknown_number_is_nan_on_the_message_and_null_in_a_file():
+    bare = Survey(stamp_ns=1, uuid="u", sequence=1, inclination=0.1, azimuth=math.nan, north=0)
+    message = msg.Survey()
+    between.fill_survey(message, bare, msg.AzimuthEstimate)
+    assert between.survey_of(message) == bare
+    numbers = [field.name for field in dataclasses.fields(Survey) if "Number" in str(field.type)]
+    assert len(numbers) == 20
+    assert all(math.isnan(getattr(message, name)) for name in numbers)
+    whole = SurveyList(well=example.WELL).add(bare)
+    assert decoded(encoded(whole)) == whole
+    assert b"NaN" not in encoded(whole)

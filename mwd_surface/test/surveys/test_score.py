@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from example_surveys import NO_AZIMUTH
 
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -104,14 +105,14 @@ def test_surveys_come_once_each_in_order_of_time(tmp_path):
 
 
 def test_an_azimuth_that_was_withheld_stays_unknown(tmp_path):
-    none = survey(1, 20.0, 0.0, covariance=(1e-6, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1e-6), azimuths=())
+    none = dataclasses.replace(survey(1, 20.0, 0.0, azimuths=()), **NO_AZIMUTH)
     with Bag(recording(tmp_path / "bag", [none])) as bag:
         (one,) = score(bag)
     assert (one.chosen, one.azimuth_error, one.sigma_azimuth, one.raw, one.corrected) == (None,) * 5
 
 
 def test_a_magnetic_azimuth_without_declination_is_not_compared(tmp_path):
-    magnetic = survey(1, 20.0, 3.0, north=int(North.MAGNETIC), b_reference=-1.0, declination=0.0, convergence=0.0)
+    magnetic = survey(1, 20.0, 3.0, north=int(North.MAGNETIC), b_reference=math.nan, declination=0.0, convergence=0.0)
     with Bag(recording(tmp_path / "bag", [magnetic])) as bag:
         (one,) = score(bag)
     assert one.chosen is None

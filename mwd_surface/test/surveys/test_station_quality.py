@@ -52,7 +52,7 @@ def test_gravity_is_never_corrected_and_the_survey_brings_its_own_limit():
 
 
 def test_without_magnetometer_or_reference_there_is_no_light():
-    bare = dataclasses.replace(disturbed(), b_total=-1.0, g_reference=-1.0)
+    bare = dataclasses.replace(disturbed(), b_total=math.nan, dip=math.nan, g_reference=math.nan)
     gravity, field, angle = totals(bare)
     assert [one.light for one in (gravity, field, angle)] == ["no reference", "not measured", "not measured"]
     assert (field.value, field.read, angle.deviation) == (None, None, None)

@@ -70,7 +70,7 @@ def test_a_recording_with_the_settings_of_the_surface_gives_the_well_and_its_pla
 
 def test_a_recorded_sidetrack_keeps_its_kick_off_and_the_plan(tmp_path):
     planned = plan_of([0.0, 300.0, 700.0], [0.0, 0.0, 0.7], [1.3, 1.3, 1.4], north="grid", name="Ω-1 plan")
-    surveys = example.surveys(dataclasses.replace(example.WELL, section_azimuth_deg=-1.0)).along(planned)
+    surveys = example.surveys(dataclasses.replace(example.WELL, section_azimuth_deg=None)).along(planned)
     surveys = surveys.sidetracked("st1", 400.0).add(example.survey(20, 15.0, 80.0), 450.0, 0.4)
     got, _ = surveys_of(recorded(tmp_path / "bag", [surveys]))
     assert (got.legs, got.leg, got.plan) == (surveys.legs, "st1", planned)

@@ -50,19 +50,18 @@ class Quality:
 
     state: int
     reason: str
-    has_signal: bool = False
     needed_db: float = NEEDED_DB
-    ebn0_db: float = 0.0
-    clock_error: float = 0.0
-    word_error: float = -1.0
-    goodput: float = -1.0
+    ebn0_db: float = math.nan
+    clock_error: float = math.nan
+    word_error: float = math.nan
+    goodput: float = math.nan
     frame: int = 0
     words_done: int = 0
     words_expected: int = 0
-    toolface_age: float = -1.0
-    survey_age: float = -1.0
-    inclination_age: float = -1.0
-    azimuth_age: float = -1.0
+    toolface_age: float = math.nan
+    survey_age: float = math.nan
+    inclination_age: float = math.nan
+    azimuth_age: float = math.nan
     mode: str = ""
 
 
@@ -192,21 +191,20 @@ class Link:
         mode = word.kind if word is not None and state in (LOCKED, DOUBTFUL) else ""
         sequences = {"survey": self._tool.surveys, "toolface": self._tool.toolfaces, "": ((),)}[mode]
         done = word.index + 1 if word is not None and mode else 0
-        age = self._last_survey_age()
+        signal = not self._wired and state in (LOCKED, DOUBTFUL)
         return Quality(
             state=state,
             reason=reason,
             needed_db=self._needed_db,
-            has_signal=frame is not None and not self._wired and state in (LOCKED, DOUBTFUL),
-            ebn0_db=frame.ebn0_db if frame is not None and not self._wired else 0.0,
-            clock_error=frame.clock_error if frame is not None else 0.0,
-            word_error=float(np.mean([1.0 - one.confidence for one in final])) if final else -1.0,
-            goodput=sum(bits for _, bits in self._good) / _GOODPUT_S if self._good else -1.0,
+            ebn0_db=frame.ebn0_db if frame is not None and signal else math.nan,
+            clock_error=frame.clock_error if frame is not None and signal else math.nan,
+            word_error=float(np.mean([1.0 - one.confidence for one in final])) if final else math.nan,
+            goodput=sum(bits for _, bits in self._good) / _GOODPUT_S if self._good else math.nan,
             frame=word.frame if word is not None else 0,
             words_done=done,
             words_expected=len(sequences[0]),
             toolface_age=self.attitude.toolface_age(self.now_s),
-            survey_age=age,
+            survey_age=self._last_survey_age(),
             inclination_age=self.attitude.angle_age("inclination", self.now_s),
             azimuth_age=self.attitude.angle_age("azimuth", self.now_s),
             mode=mode,
@@ -219,7 +217,7 @@ class Link:
 
     def _last_survey_age(self) -> float:
         if self._last_survey is None:
-            return -1.0
+            return math.nan
         return max((self._stamp_ns(self.now_s) - self._last_survey.stamp_ns) * 1e-9, 0.0)
 
     def _take(self, got: Reception) -> LinkOutput:

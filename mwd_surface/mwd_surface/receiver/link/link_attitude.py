@@ -167,14 +167,14 @@ class LinkAttitude:
         self._quill.append((at_s, angle, angle - min(max(wound, -most), most)))
 
     def toolface_age(self, now_s: float) -> float:
-        """Return the age of the newest toolface, s; -1 if there is none."""
+        """Return the age of the newest toolface, s; NaN if there is none."""
         found = self._toolface()
-        return -1.0 if found is None else self._age(found[1], now_s)
+        return math.nan if found is None else self._age(found[1], now_s)
 
     def angle_age(self, name: str, now_s: float) -> float:
-        """Return the age of the newest word of inclination or azimuth (`name`), s; -1 if there is none."""
+        """Return the age of the newest word of inclination or azimuth (`name`), s; NaN if there is none."""
         newest = self._angle_word(_ANGLES[name][0])
-        return -1.0 if newest is None else self._age(newest, now_s)
+        return math.nan if newest is None else self._age(newest, now_s)
 
     def sample(self, now_s: float, stamp_ns: int, reference: Reference | None) -> Samples:
         """
@@ -192,11 +192,10 @@ class LinkAttitude:
         for name, (quantities, sent) in _ANGLES.items():
             tool = self._newest[sent][0].value if sent in self._newest else math.radians(of_tool[name])
             value, sigma = self._angle(quantities, tool, now_s)
-            known = sigma >= 0.0
-            row[name] = ((value + turn) % math.tau if name == "azimuth" else value) if known else 0.0
+            row[name] = (value + turn) % math.tau if name == "azimuth" else value
             row["sigma_" + name] = sigma
         for name in _TOOLFACES:
-            row["sigma_" + name] = -1.0
+            row[name] = row["sigma_" + name] = math.nan
         found = self._toolface()
         vertical = self._near_vertical(row)
         if vertical:
@@ -213,13 +212,12 @@ class LinkAttitude:
         return row
 
     def _near_vertical(self, row: Samples) -> bool:
-        known = float(row["sigma_inclination"][0]) >= 0.0
-        return known and float(row["inclination"][0]) < math.radians(self._rules.vertical_deg)
+        return float(row["inclination"][0]) < math.radians(self._rules.vertical_deg)
 
     def _angle(self, quantities: tuple[str, ...], tool_sigma: float, now_s: float) -> tuple[float, float]:
         newest = self._angle_word(quantities)
         if newest is None:
-            return 0.0, -1.0
+            return math.nan, math.nan
         grown = math.radians(self._rules.angle_rate_deg_s) * self._age(newest, now_s)
         return newest.value, min(math.hypot(newest.sigma, tool_sigma, grown), math.pi)
 
@@ -279,4 +277,4 @@ def best(rows: Sequence[Samples]) -> Samples:
 def _surest(rows: Sequence[Samples], names: Sequence[str]) -> Samples:
     """Return the row in which one of the named angles has the smallest known sigma; -1 means unknown."""
     sigmas = np.array([[float(row["sigma_" + name][0]) for name in names] for row in rows])
-    return rows[int(np.argmin(np.where(sigmas < 0.0, math.inf, sigmas).min(axis=1)))]
+    return rows[int(np.argmin(np.nan_to_num(sigmas, nan=math.inf).min(axis=1)))]

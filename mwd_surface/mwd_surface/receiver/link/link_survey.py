@@ -116,8 +116,8 @@ def survey(
     deviations = _deviations(values, reference, spread)
     verdicts, reasons = _verdicts(values, deviations, angles, quality)
     north, turn = north_of(reference)
-    angle = 0.0 if azimuth is None else to_north(azimuth.value, turn)
-    sigma = math.sqrt(angles[4]) if azimuth is not None else -1.0
+    angle = math.nan if azimuth is None else to_north(azimuth.value, turn)
+    sigma = math.sqrt(angles[4])
     return Survey(
         stamp_ns=at.stamp_ns,
         uuid=_uuid(values, at, link),
@@ -147,14 +147,14 @@ def _uuid(values: dict[str, LinkValue], at: SurveyTime, link: str) -> str:
 
 def _totals(values: dict[str, LinkValue], deviations: Deviations, quality: QualitySettings) -> dict[str, Any]:
     """Return the received totals, with their deviations from the reference and the limits of these deviations."""
-    limits = np.nan_to_num(totals.bounds(deviations, quality), nan=-1.0)
+    limits = totals.bounds(deviations, quality)
     apart = (deviations.gravity, deviations.field, deviations.dip)
     return {
-        "g_total": _value(values, meanings.G_TOTAL, 0.0),
-        "b_total": _value(values, meanings.B_TOTAL, -1.0),
-        "dip": _value(values, meanings.DIP, 0.0),
-        "temperature": _value(values, meanings.TEMPERATURE, -300.0),
-        **{name: float(off) for name, off in zip(DEVIATIONS, np.nan_to_num(apart), strict=True)},
+        "g_total": _value(values, meanings.G_TOTAL, math.nan),
+        "b_total": _value(values, meanings.B_TOTAL, math.nan),
+        "dip": _value(values, meanings.DIP, math.nan),
+        "temperature": _value(values, meanings.TEMPERATURE, math.nan),
+        **{name: float(off) for name, off in zip(DEVIATIONS, apart, strict=True)},
         **{name: float(limit) for name, limit in zip(LIMITS, limits, strict=True)},
     }
 
@@ -199,8 +199,9 @@ def _angle_covariance(
         variance_a = values[meanings.SIGMA_AZIMUTH].value ** 2
     variance_i += inclination.sigma**2
     azimuth = values.get(meanings.AZIMUTH)
-    variance_a = -1.0 if azimuth is None else min(variance_a + azimuth.sigma**2, math.pi**2)
-    return variance_i, 0.0, 0.0, 0.0, variance_a, 0.0, 0.0, 0.0, math.pi**2
+    variance_a = math.nan if azimuth is None else min(variance_a + azimuth.sigma**2, math.pi**2)
+    unknown = math.nan
+    return variance_i, unknown, unknown, unknown, variance_a, unknown, unknown, unknown, unknown
 
 
 def _deviations(values: dict[str, LinkValue], reference: Reference | None, covariance: Array) -> Deviations:

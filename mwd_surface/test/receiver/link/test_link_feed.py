@@ -3,6 +3,7 @@
 
 import dataclasses
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -168,4 +169,5 @@ def test_a_wired_tool_gives_words_without_flow_and_its_survey_the_time_it_was_se
     assert len(surveys) == 1
     assert surveys[0].link == "serial"
     quality = feed.link.quality()
-    assert (quality.state, quality.reason, quality.has_signal) == (3, "", False)
+    assert (quality.state, quality.reason) == (3, "")
+    assert math.isnan(quality.ebn0_db)

@@ -91,7 +91,8 @@ def test_a_total_that_was_not_received_is_said_to_be_unchecked():
 def test_without_a_reference_the_azimuth_stays_magnetic():
     found = made(words(), None)
     assert (found.north, math.degrees(found.azimuth)) == (North.MAGNETIC, pytest.approx(100.0, abs=0.06))
-    assert found.g_limit == found.b_limit == -1.0
+    assert math.isnan(found.g_limit)
+    assert math.isnan(found.b_limit)
 
 
 def test_the_same_words_have_the_same_identity_and_others_another():

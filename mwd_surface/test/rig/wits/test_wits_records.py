@@ -138,10 +138,11 @@ def test_a_survey_without_magnetometer_has_no_made_up_items():
         75.0,
         north=2,
         azimuth_method="gyro",
-        b_total=-1.0,
+        b_total=math.nan,
+        dip=math.nan,
         azimuths=(),
-        temperature=-300.0,
-        magnetic_field_covariance=(-1.0, *(0.0,) * 8),
+        temperature=math.nan,
+        magnetic_field=(math.nan,) * 3,
     )
     table = values(SurveyList().add(bare, 300.0, 0.0))
     items = dict(RecordWriter(Wits0Format()).survey(table, table.survey))
