@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Single wrong samples of a gyro: within its range, and unlike all that came before them.
+Detect single wrong samples of a gyro: they are within its range, but unlike all samples before them.
 
-A rate changes from sample to sample by as much as it has of late, or by the acceleration that a string reaches. A
-sample that is farther from the last one believed is a hypothesis, which the samples behind it decide: a wrong sample is
-followed by rates as before it, a true change goes on. Until that is known the sample counts as missing, so that what
-stays uncertain is in the sigmas of a data gap. A true change costs the samples that confirm it.
+From sample to sample a rate can change by its usual recent change, or by the largest acceleration that a string
+reaches. If a sample differs more from the last accepted one, the following samples decide whether it is right: after a
+wrong sample the rates are as before it, while a true change stays. Until this is known the sample counts as missing, so
+that the sigmas grow as in a data gap. A true change thus costs the samples that confirm it.
 """
 
 from __future__ import annotations
@@ -20,48 +20,48 @@ from mwd_sensors.core.arrays import Array, Stamps
 from mwd_sensors.core.compiled import compiled
 from mwd_sensors.core.records import dtype_of
 
-# Changes of the rates about the axis and across it that are always believed, rad/s^2. A string that is released in
-# stick-slip reaches 30 rad/s^2 (`test_a_stick_slip_release_is_believed`). At 100 Hz the turn by a wrong sample of less
-# is 0.3 and 0.1 deg.
+# Changes of the rates about the axis and across it (y, z) that are always accepted, rad/s^2. A string that is released
+# in stick-slip reaches 30 rad/s^2 (`test_a_stick_slip_release_is_believed`). At 100 Hz a wrong sample below this limit
+# rotates the attitude by at most 0.3 and 0.1 deg.
 _ACCELERATION = (60.0, 20.0, 20.0)
-# Times the usual change, root mean square of half a second, beyond which a change is doubted: none of 600 000 samples
-# of the scenarios is, nor one of a hundred of a phone that vibrates, is tapped and waved about.
+# A change larger than this multiple of the usual change (rms over half a second) is doubted. This concerns none of 600
+# 000 samples of the scenarios, and less than one in a hundred of a phone that vibrates, is tapped and waved about.
 _UNUSUAL, _MEMORY = 8.0, 0.5
-# Time for which a changed rate must go on to be believed, s: about the axis, where torque changes it, one more sample;
-# across it a tool in its hole is not turned so suddenly.
+# Time for which a changed rate must stay before it is accepted, s. About the axis, where torque can change it, one more
+# sample is enough; across the axis a tool in its hole cannot be rotated so suddenly.
 _GOES_ON = (0.0, 0.05, 0.05)
-# Seconds without a sample after which nothing is known of the last rate, and samples until the usual change is known.
+# Time without samples after which the last rate counts as unknown, s, and number of samples to find the usual change.
 _SILENCE, _FIRST = 0.5, 10
 
 
 class JumpState:
-    """State of one gyro."""
+    """State of the detection for one gyro."""
 
     last_ns: int  #: stamp of the last sample with rates, ns
-    count: int  #: number of samples with rates since a start or a silence
-    last: Annotated[Array, 3]  #: its rates, rad/s
-    believed: Annotated[Array, 3]  #: rates of the last sample that was believed
-    usual: Annotated[Array, 3]  #: usual square of the change from sample to sample
-    away: Annotated[Array, 3]  #: time for which a changed rate has gone on, s; below 0: it has not changed
+    count: int  #: number of samples with rates since the start or a gap
+    last: Annotated[Array, 3]  #: rates of that sample, rad/s
+    believed: Annotated[Array, 3]  #: rates of the last accepted sample, rad/s
+    usual: Annotated[Array, 3]  #: mean square of the change from sample to sample, (rad/s)^2
+    away: Annotated[Array, 3]  #: time for which a changed rate has stayed, s; negative: no change
 
 
 _STATE = dtype_of(JumpState)
 
 
 class RateJumps:
-    """Rates of one gyro, sample by sample; any cut of the stream gives the same."""
+    """Detects wrong samples of one gyro; the result does not depend on how the samples are cut into blocks."""
 
     def __init__(self) -> None:
         self._state = np.zeros(1, dtype=_STATE)
 
     def without(self, stamps: Stamps, gyro: Array) -> Array:
         """
-        Return the rates with not a number for all axes of each doubted sample.
+        Return the rates, with NaN for all axes of each doubted sample.
 
         Parameters
         ----------
         stamps : ndarray of int64, shape (n,)
-            ns.
+            Stamps, ns.
         gyro : ndarray, shape (n, 3)
             Rates, rad/s, in tool axes.
         """
@@ -82,7 +82,7 @@ def _run(s: JumpState, stamps: Stamps, gyro: Array) -> NDArray[np.bool_]:
             continue
         dt = 1e-9 * (stamps[i] - s.last_ns)
         if s.count > 0 and dt <= 0.0:
-            # Such a sample is used nowhere.
+            # No stage uses a sample whose stamp does not advance.
             continue
         if s.count == 0 or dt > _SILENCE:
             s.count = 1
@@ -102,7 +102,7 @@ def _run(s: JumpState, stamps: Stamps, gyro: Array) -> NDArray[np.bool_]:
 
 @compiled
 def _goes_astray(s: JumpState, c: int, dt: float, rate: float) -> bool:
-    """Whether the rate of axis c, dt seconds after the last, is neither like the believed nor a change that goes on."""
+    """Return whether the rate of axis c, dt seconds after the last, is a change that is not confirmed yet."""
     limit = max(_ACCELERATION[c] * dt, _UNUSUAL * math.sqrt(s.usual[c]))
     step = abs(rate - s.last[c])
     counted = step if s.count < _FIRST else min(step, limit)

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Samples of a topic that came before, as from a second publisher: the rule of the live estimator and of `mwd process`.
+Leave out copies of samples on a topic, as sent by a second publisher, in the live estimator and in `mwd process`.
 
-A copy of a sample has the same numbers. With the same stamp it is a copy at once. A second publisher that stamps its
-messages itself is recognised when nearly all readings of the last messages came exactly twice; the readings of a coarse
-sensor repeat too, but not exactly twice each. The rule looks only at a sample and at the messages before it, in the
-order in which they came, so that any cut of a stream gives the same samples. From the first reading that comes again
-the samples of an IMU are held back until it is known whether all do, for copies would spoil what is learnt of its rate.
+A copy of a sample has the same readings. If it has the same stamp too, it is a copy without doubt. A second publisher
+with its own stamps is recognised when nearly all readings of the last messages came exactly twice; the readings of a
+coarse sensor repeat too, but not exactly twice each. The rule uses only a sample and the messages before it, in the
+order of arrival, so that the result does not depend on how a stream is cut into blocks. After the first repeated
+reading, the samples of an IMU are held back until it is known whether all readings repeat, because copies would disturb
+the estimate of its sample rate.
 """
 
 from __future__ import annotations
@@ -22,32 +23,32 @@ from mwd_sensors.core.records import dtype_of
 
 Hashes = NDArray[np.int64]
 
-# Messages that a copy may come behind: 5 s of two publishers of 100 Hz.
+# A copy is found if it comes at most this many messages later: 5 s of two publishers at 100 Hz.
 REMEMBERED = 1024
-# Of so many last messages this number must be second copies, and none a third one, before copies with stamps of their
-# own are left out. Half of them are copies where all come twice. A coarse sensor whose readings repeat by chance has a
-# share of second copies below 1/e, and then third ones too (Poisson).
+# Copies with other stamps are left out only if, of the last WATCHED messages, at least COPIES came a second time and
+# none a third time. If all messages come twice, half of them are second ones. If the readings of a coarse sensor repeat
+# by chance, the share of second ones is below 1/e, and there are third ones too (Poisson).
 WATCHED, COPIES = 80, 36
-# Kinds of samples, and whether all readings come twice.
+# Kinds of samples, and verdicts on why readings repeat.
 _FRESH, _COPY, _SUSPECT = 0, 1, 2
 _UNKNOWN, _BY_CHANCE, _ALL_TWICE = 0, 1, 2
-_BUCKETS = 4096  # of the table of hashes, a power of two
-_MIX = -7046029254386353131  # 2^64 over the golden ratio, as a signed number
+_BUCKETS = 4096  # size of the table of hashes, a power of two
+_MIX = -7046029254386353131  # 2^64 divided by the golden ratio, as a signed number
 
 
 class State:
-    """The last messages of a topic: hashes of their numbers, in a table with a chain for each bucket."""
+    """Hashes of the last messages of a topic, in a table with a chain for each bucket."""
 
-    count: int  #: messages so far
-    numbers: Annotated[Hashes, REMEMBERED]  #: hash of the numbers of message k, at k modulo REMEMBERED
-    stamped: Annotated[Hashes, REMEMBERED]  #: hash of numbers and stamp
-    before: Annotated[Hashes, REMEMBERED]  #: number of the message before in the same bucket, from 1; 0: none
-    newest: Annotated[Hashes, _BUCKETS]  #: number of the newest message of a bucket
-    copies: Annotated[NDArray[np.int64], WATCHED]  #: copies remembered of each of the last messages, at most 2
-    verdict: int  #: whether the readings that came again were all, or some by chance; unknown before there are any
-    suspected: int  #: messages from the first reading that came again on
-    seconds: int  #: of these, messages with one copy
-    thirds: int  #: of these, messages with more
+    count: int  #: number of messages so far
+    numbers: Annotated[Hashes, REMEMBERED]  #: hash of the readings of message k, at index k modulo REMEMBERED
+    stamped: Annotated[Hashes, REMEMBERED]  #: hash of readings and stamp
+    before: Annotated[Hashes, REMEMBERED]  #: number (from 1) of the previous message in the same bucket; 0: none
+    newest: Annotated[Hashes, _BUCKETS]  #: number of the newest message in a bucket
+    copies: Annotated[NDArray[np.int64], WATCHED]  #: earlier copies of each of the last messages, at most 2
+    verdict: int  #: whether all readings repeat, or some by chance; unknown at first
+    suspected: int  #: number of messages since the first repeated reading
+    seconds: int  #: number of the last messages that came a second time
+    thirds: int  #: number of the last messages that came a third time or more
 
 
 STATE = dtype_of(State)
@@ -60,12 +61,12 @@ class RepeatedSamples:
     Parameters
     ----------
     hold : bool
-        Hold samples back from the first reading that comes again until it is known whether all do.
+        Hold samples back after the first repeated reading, until it is known whether all readings repeat.
 
     Attributes
     ----------
     count : int
-        Samples left out so far.
+        Number of samples left out so far.
     """
 
     def __init__(self, *, hold: bool = False) -> None:
@@ -76,14 +77,14 @@ class RepeatedSamples:
 
     @property
     def first_log_ns(self) -> int | None:
-        """Log time of the first sample that is held back, ns; None where none is."""
+        """Log time of the first sample that is held back, ns; None if there is none."""
         return int(self._held[0][0]) if self._held is not None else None
 
     def take(self, log_ns: Stamps, samples: Samples, *, stamped: bool = True) -> tuple[Stamps, Samples]:
         """
-        Return the samples that did not come before, with the times at which they were logged, ns.
+        Return the samples that are not copies, with their log times, ns.
 
-        samples : in the order in which they came, with `stamp_ns`. stamped: equal stamps mean equal times.
+        samples : in the order of arrival, with `stamp_ns`. stamped: whether equal stamps mean the same measurement.
         """
         if not len(samples):
             return log_ns, samples
@@ -100,7 +101,7 @@ class RepeatedSamples:
         return self._kept(log_ns[:first], samples[:first], kind[:first])
 
     def finish(self) -> tuple[Stamps, Samples] | None:
-        """Return the samples that are held back; None where none is."""
+        """Return the samples that are still held back; None if there are none."""
         held, self._held = self._held, None
         return None if held is None else self._kept(*held)
 
@@ -112,7 +113,7 @@ class RepeatedSamples:
 
 
 def _numbers(samples: Samples) -> Array:
-    """Return the readings of samples, shape (n, k): without their time, covariances and orientation."""
+    """Return the readings of samples, shape (n, k), without stamps, covariances and orientation."""
     names = [
         name
         for name in samples.dtype.names or ()
@@ -124,7 +125,7 @@ def _numbers(samples: Samples) -> Array:
 
 @compiled
 def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDArray[np.int64]) -> None:
-    """Mark which samples are fresh, copies or suspects; numbers: shape (n, k), kind: shape (n,), changed in place."""
+    """Fill `kind`, shape (n,), with whether each sample is fresh, a copy or a suspect; numbers: shape (n, k)."""
     bits = numbers.view(np.int64)
     for k in range(len(bits)):
         own = 0
@@ -165,6 +166,6 @@ def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDAr
 
 @compiled
 def _mixed(found: int, bits: int) -> int:
-    """Return a hash with another number."""
+    """Return a hash updated with another number."""
     found = (found ^ bits) * _MIX
     return found ^ (found >> 32)

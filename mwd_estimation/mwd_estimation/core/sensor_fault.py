@@ -60,7 +60,7 @@ class FaultCode(enum.IntEnum):
     MOUNT = 20
 
 
-# Faults of the installation: as a rule they were there before the first sample and stay for the whole run.
+# Faults of the installation. As a rule they exist before the first sample and last for the whole run.
 OF_INSTALLATION = frozenset(
     {
         *(FaultCode.UNIT, FaultCode.AXES, FaultCode.SIGN, FaultCode.POINTS_UP, FaultCode.FRAME),
@@ -86,11 +86,11 @@ class SensorFault:
     cleared_ns: int = 0  #: stamp at which the fault had ended; 0 while it lasts
     #: For INVALID and DEAD: the messages of the sensor declare it not provided (covariance -1), so it is not broken.
     declared: bool = False
-    #: A fault of the installation of sensors that were never seen in order: it was there since the first sample.
+    #: True for a fault of the installation whose sensors were never seen healthy: it exists since the first sample.
     from_start: bool = False
 
     def lasted_in(self, begin_ns: int, end_ns: int) -> bool:
-        """Whether the fault was there at some time between two stamps, ns, as far as is known by now."""
+        """Return whether the fault existed at some time between two stamps, ns, as far as is known now."""
         begun = self.from_start or self.since_ns < end_ns
         return begun and (not self.cleared_ns or self.cleared_ns > begin_ns)
 

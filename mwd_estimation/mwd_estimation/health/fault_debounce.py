@@ -58,7 +58,7 @@ class Check:
     seen_value: float
     seen_limit: float
     seen_which: Annotated[Indices, 3]
-    seen_sound: int  #: AGAINST: bits of the sensors that the observation shows to be in order
+    seen_sound: int  #: for AGAINST: bits of the sensors that the observation shows to be healthy
 
 
 CHECK = dtype_of(Check)

@@ -72,7 +72,7 @@ def judge_rest(most: float, shakes: float, s: Any, checks: Any, channels: Any, b
 
 @compiled
 def _lasting(rest: Array) -> tuple[float, float, float]:
-    """Rates that last: of a wrong sample, which spoils the mean of its half second, the median knows nothing."""
+    """Return the lasting rates: medians, because a single wrong sample spoils the mean of its half second."""
     return np.median(rest[:, 0]), np.median(rest[:, 1]), np.median(rest[:, 2])
 
 

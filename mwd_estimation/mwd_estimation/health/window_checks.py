@@ -302,7 +302,7 @@ class WindowJudge:
             seen = AGAINST
         noted = self._note(FaultCode.AXES, 0, seen)
         noted.seen_which = masks
-        # What confirms the axes of two sensors says nothing of the third.
+        # A motion that confirms the axes of two sensors does not confirm those of the third.
         by_force = GYRO_BIT | ACCEL_BIT if self._force.confirms else 0
         noted.seen_sound = by_force | (GYRO_BIT | MAG_BIT if self._field.confirms else 0)
         return seen

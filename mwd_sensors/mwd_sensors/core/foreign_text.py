@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """
-Text from files and peers, as it may be shown: without characters that a terminal obeys, and without file contents.
+Make text from files and peers safe to show: no control characters for a terminal, and no contents of files.
 
-Names of topics and frames, messages of peers and the errors of libraries may hold anything. `printable` writes control
-characters out, for logs, alarms and terminals. `without_contents` says that a file cannot be used without a word that
-stands in it, where the text leaves the hands of who may read the file.
+Names of topics and frames, messages of peers and errors of libraries may contain anything. `printable` escapes control
+characters, for logs, alarms and terminals. `without_contents` says that a file cannot be used without quoting it, for
+messages that reach people who may not be allowed to read the file.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mwd_sensors.core.settings import SettingsError
 
 
 def printable(text: str) -> str:
-    """Return a text whose control characters, other than tab and line end, are written out: a terminal obeys them."""
+    """Return a text with its control characters escaped, other than tab and line end; a terminal would obey them."""
     return text.translate(_WRITTEN_OUT)
 
 
@@ -26,7 +26,7 @@ _WRITTEN_OUT = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)
 
 
 def unprintable(text: str) -> str:
-    """Why a text can be neither printed on one line nor written to a file; empty where it can."""
+    """Return why a text cannot be printed on one line or written to a file; empty if it can."""
     if any(ord(c) < 32 or ord(c) == 127 for c in text):
         return "has control characters; write one line"
     if any("\ud800" <= c <= "\udfff" for c in text):
@@ -36,10 +36,10 @@ def unprintable(text: str) -> str:
 
 def without_contents(path: Path | str, error: BaseException, advice: str = "") -> str:
     """
-    Say that a file cannot be used, without a word that stands in it.
+    Say that a file cannot be used, without quoting its content.
 
-    The text goes to alarms, logs, recordings and a page that needs no login: the file may be a secret that somebody
-    named as a plan. advice: command that says more.
+    The text goes to alarms, logs, recordings and a page without login, and the file may be a secret whose path somebody
+    gave by mistake. advice is a command that tells the user more.
     """
     if isinstance(error, OSError) or isinstance(error.__cause__, OSError):
         cause = error if isinstance(error, OSError) else error.__cause__
@@ -52,12 +52,14 @@ def without_contents(path: Path | str, error: BaseException, advice: str = "") -
 @contextlib.contextmanager
 def contents_hidden(path: Path | str, advice: str = "") -> Iterator[None]:
     """
-    Read a file whose path is a parameter of a node; errors name the file and quote nothing of it (`without_contents`).
+    Hide the content of a file whose path is a node parameter.
+
+    Errors raised within this context name the file but quote nothing of it (`without_contents`).
 
     Raises
     ------
     SettingsError
-        The file cannot be used.
+        The code in this context could not use the file.
     """
     try:
         yield

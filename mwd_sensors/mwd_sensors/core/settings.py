@@ -261,12 +261,12 @@ def _checked_word(value: Any, kind: type[enum.Enum], rule: Rule, where: str) -> 
         raise SettingsError(f"{where}: {value!r} is not one of {known}; {rule.text()}") from None
 
 
-# No path is longer; a text with NUL ends there in everything that is written in C.
+# No path is longer. Control characters are refused, because C code ends a text at NUL.
 _LONGEST_TEXT, _CONTROL = 4096, re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
 def _short(value: Any) -> str:
-    """Write a value for a message, as much of it as one line holds."""
+    """Write a value for a message, shortened to what fits on one line."""
     words = repr(value)
     return words if len(words) <= _MOST_QUOTED else f"{words[:_MOST_QUOTED]}..."
 

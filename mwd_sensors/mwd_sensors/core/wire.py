@@ -317,7 +317,7 @@ TRUTH = Layout(
 
 TOOL_FLOW = Layout("mwd_msgs/msg/ToolFlow", (("flow", "float64", 1), ("sigma", "float64", 1)))
 
-#: A vector of which the message does not say what it is; no topic of the graph has it.
+#: A vector whose message does not say what it means; no topic of the graph uses it.
 VECTOR = Layout("geometry_msgs/msg/Vector3Stamped", (("vector", "float64", 3),))
 LAYOUTS = {
     layout.type_name: layout
