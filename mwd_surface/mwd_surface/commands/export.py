@@ -149,7 +149,7 @@ def _table(
     bit_depth: float | None,
     changes: list[str] | None,
 ) -> SurveyTable:
-    """The printed table of a source; plan: its file and how it is read."""
+    """Return the printed table of a source; plan: its file and how to read it."""
     import time
 
     from mwd_sensors.core import settings

@@ -57,7 +57,7 @@ def forecast(
       mwd forecast plan.csv -o ahead --code MWD+IFR1+SAG --lat 58.44 --lon 1.88 --date 2026-03-01
       mwd forecast plan.csv -o ahead --field 50500,71.2,-1.1 --north grid --convergence -0.9 --axial 400
     """
-    options = locals()  # first of all: the options alone, by name
+    options = locals()  # must be first: only the options, by name
     import math
 
     from mwd_surface.commands import terminal
@@ -77,7 +77,7 @@ def forecast(
     if not limit > 0.0:
         raise ValueError(f"--limit {limit:g}: must be positive")
     planned = read_plan(plan, given=list_settings(options).given())
-    # Of a plan that does not say its north it is the usual one of a well, with a remark.
+    # For a plan that does not give its north, the default of a well is used, with a remark.
     from_north = planned.north or Well().north_reference
     planned = in_north(planned, plan, from_north)
     settings = table_settings(None, changes, lat, lon, date, field)

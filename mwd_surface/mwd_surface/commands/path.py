@@ -124,7 +124,7 @@ def path(
         files[stored.name] = encoded(surveys)
     _show(table)
     if against is not None:
-        # What is said of the list need not hold for the other one.
+        # Options for the list do not apply to the other one.
         others = {**options, "tie_on": None, "every": every}
         try:
             other = _surveys(against, others, assigned(against_set, "--against-set"), against_code, surveys)

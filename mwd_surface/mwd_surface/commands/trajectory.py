@@ -44,7 +44,7 @@ def trajectory(
         list[str] | None,
         typer.Option(
             "--continuous-set",
-            help="How the continuous table is read, with the words of panel List. May be repeated.",
+            help="How to read the continuous table, with the names of panel List. May be repeated.",
             metavar="NAME=VALUE",
         ),
     ] = None,
@@ -69,7 +69,7 @@ def trajectory(
       mwd trajectory processed --recording bags/run_7 -o dense
       mwd trajectory list.csv --continuous continuous.las -o dense --step 0.5
     """
-    options = locals()  # first of all: the options alone, by name
+    options = locals()  # must be first: only the options, by name
     from mwd_surface.commands import terminal
     from mwd_surface.commands.list_options import assigned, list_settings
     from mwd_surface.exports.trajectory_files import summary, trajectory_csv, trajectory_las
@@ -132,7 +132,7 @@ def _of_table(table: Path, said: ListSettings) -> Continuous:
 
 
 def _of_recording(source: Path, surveys: SurveyList, recording: Path | None) -> Continuous | None:
-    """Continuous measurements of a processed recording; None where none is given."""
+    """Return continuous measurements of a processed recording; None if none is given."""
     from mwd_surface.bags.bag_reader import Bag
     from mwd_surface.processing import run_folder
     from mwd_surface.processing.continuous_log import continuous_log

@@ -43,7 +43,7 @@ def _raw_csv(table: SurveyTable) -> bytes:
     from mwd_surface.exports.export_csv import raw_csv
     from mwd_surface.surveys.imported_list import provenance_of
 
-    # The log has no row for the tie-on; its surveys are a path where all in use are of one leg.
+    # The log has no row for the tie-on; its surveys form a path if all in use belong to one leg.
     legs = {r.leg for r in table.surveys.records if r.in_use}
     provenance = provenance_of(table.surveys, legs.pop() if len(legs) == 1 else None, whole=False)
     return raw_csv(table.surveys, table.header, (*table.left_out, *table.remarks, *provenance.lines())).encode()

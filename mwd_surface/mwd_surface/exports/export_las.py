@@ -112,6 +112,6 @@ def _azimuth_sources(table: SurveyTable) -> list[tuple[str, int, str, Array]]:
 
 
 def as_value(text: str) -> str:
-    """Return a text that may stand as a value in a header line of LAS."""
+    """Return text as a value for a LAS header line."""
     # A colon before a space separates value and description in LAS; inside a time it is harmless.
     return re.sub(r"\s*:\s+", ", ", text)

@@ -21,7 +21,7 @@ _COLUMNS = (
 
 
 def high_density(table: SurveyTable) -> Section | None:
-    """Return the vertical depth of the stations with the slides at their actual depths; None without a slide sheet."""
+    """Return the table of station depths computed with the recorded slides; None without a slide sheet."""
     found = dense_trajectory(table.path, stretches=table.stretches)
     if not found.has_detail:
         return None

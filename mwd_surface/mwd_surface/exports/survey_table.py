@@ -324,7 +324,7 @@ def _counted(own: Sequence[SurveyRecord]) -> str:
 
 
 def _telemetry(used: Sequence[Survey]) -> str:
-    """Return how many of the surveys in use came by which link or way; empty if none came by a link."""
+    """Return the number of surveys in use by link or other way of arrival; empty if none came by a link."""
     if not any(one.link for one in used):
         return ""
     ways = Counter(one.link or ("tool's own topics" if one.has_readings else "imported list") for one in used)

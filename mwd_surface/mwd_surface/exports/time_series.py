@@ -86,12 +86,12 @@ class Written:
 
 
 def has_attitude(bag: Bag, well: str = "") -> bool:
-    """Whether a recording has the attitude of a well; well: its namespace, where there are several."""
+    """Return whether a recording has the attitude of a well; well: its namespace, if there are several."""
     return _topic(bag, wire.ATTITUDE, ATTITUDE, well) is not None
 
 
 def has_imu(bag: Bag, given: InputSettings) -> bool:
-    """Whether a recording has an IMU, from which its attitude can be processed."""
+    """Return whether a recording has an IMU from which the attitude can be computed."""
     return bool(given.imu_topic) or any(t.gives == wire.IMU.type_name and t.count for t in bag.topics.values())
 
 

@@ -34,7 +34,7 @@ class SteadyTime:
         return wall_ns + self._shift_ns()
 
     def wall_of(self, steady_ns: int) -> int:
-        """Return what the wall clock had at a moment just past, ns, given in this time."""
+        """Return the wall clock, ns, at a recent moment given in this time, ns."""
         return steady_ns - self._shift_ns()
 
     def _shift_ns(self) -> int:

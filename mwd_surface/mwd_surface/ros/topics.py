@@ -73,7 +73,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 }
 
 
-# Topics that the surface node alone publishes.
+# Topics that only the surface node publishes.
 OF_SURFACE = frozenset(
     {
         *("toolface", "survey/accepted", "surveys", "trajectory", "path", "steering/advice", "alarms", "events"),

@@ -92,7 +92,7 @@ class DepthTrack:
         self.refused_null = 0
         self.refused_jump = 0
         self.refused_order = 0
-        # Packed: 17 bytes a reading, where lists of numbers take 70.
+        # Packed: 17 bytes per reading instead of 70 in lists of numbers.
         self._stamps = array.array("q")
         self._depths = array.array("d")
         self._by_hand = array.array("b")

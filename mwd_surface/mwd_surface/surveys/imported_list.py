@@ -109,25 +109,25 @@ def survey_list(
 
 def well_of(stations: StationList) -> Well | None:
     """
-    Return the well that an export of our own names; None for any other list.
+    Return the well stored in an export of our own; None for any other list.
 
     Raises
     ------
     ValueError
-        Its settings are not those of a well.
+        Its settings are not valid for a well.
     """
     return settings.from_mapping(Well, stations.well, f"{stations.name}: well") if stations.well else None
 
 
 def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = True) -> Provenance:
     """
-    Return what an export says of the list behind it, so that `survey_list` makes the same path of the export.
+    Return the data of a list to store in an export, so that `survey_list` makes the same path from the export.
 
     Parameters
     ----------
     surveys : SurveyList
     leg : str, optional
-        Other than the current one.
+        Leg to export, if not the current one.
     whole : bool
         Whether the export begins with the path of the parent legs, or with the surveys of the leg itself.
     """
@@ -148,7 +148,7 @@ def provenance_of(surveys: SurveyList, leg: str | None = None, *, whole: bool = 
         if reference is not None
         else {}
     )
-    # Files of this machine mean nothing to whoever reads the export.
+    # Files of this machine have no meaning for readers of the export.
     well = dataclasses.replace(surveys.well, programme="", offset_wells="")
     if reference is not None and reference.source:
         well = dataclasses.replace(well, geomagnetic_model=well.geomagnetic_model or reference.source)

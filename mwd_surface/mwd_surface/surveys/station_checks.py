@@ -168,7 +168,7 @@ def revision_doubt(record: SurveyRecord, north: North) -> str:
 
 
 def withdrawal(record: SurveyRecord) -> str:
-    """Say in a sentence that a survey is withdrawn, and why."""
+    """Return a sentence that a survey is withdrawn, with the reason."""
     place = f" at {record.measured_depth:.1f} m" if math.isfinite(record.measured_depth) else ""
     return f"survey {record.survey.sequence}{place} is withdrawn from the path: {record.survey.action}"
 

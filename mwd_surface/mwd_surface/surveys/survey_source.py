@@ -71,7 +71,7 @@ def surveys_of(path: Path, given: Given | None = None) -> tuple[SurveyList, tupl
 
 
 def _read(path: Path, given: Given | None) -> StationList:
-    """The stations of a list that others measured."""
+    """Return the stations of a list of other origin."""
     try:
         return read_list(path, given)
     except ListFileError as error:

@@ -139,7 +139,7 @@ def uncertain_well(
 
 
 def programme_stations(path: Definitive, records: Sequence[SurveyRecord | None]) -> ProgrammeStations:
-    """Return each station's data for the programme; stations without a survey get the leg and tool above."""
+    """Return each station's data for the programme; one without a survey gets leg and tool of the station above."""
     sigmas = np.full((path.md.size, 2), np.nan)
     legs, tools, methods = [path.leg] * path.md.size, [""] * path.md.size, [""] * path.md.size
     leg, tool = path.leg, ""

@@ -28,12 +28,12 @@ def read_stretches(path: Path) -> tuple[tuple[Stretch, ...], int]:
 
 
 def stretch_table(stretches: Iterable[Stretch]) -> dict[str, str]:
-    """Return the table of a recording that begins with these stretches."""
+    """Return the table for a recording that begins with these stretches."""
     return {_ROWS: "\n".join(json.dumps(settings.to_mapping(one)) for one in stretches)}
 
 
 def recorded_stretches(table: Mapping[str, str]) -> tuple[Stretch, ...]:
-    """Return the stretches of the table of a recording; none where it has no such table."""
+    """Return the stretches in the table of a recording; empty if it has no such table."""
     return _stretches(table.get(_ROWS, ""))[0]
 
 

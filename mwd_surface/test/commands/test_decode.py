@@ -102,5 +102,5 @@ def test_an_em_tool_is_simulated_and_decoded(tmp_path):
 
 
 def test_a_source_that_does_not_fit_the_tool_is_refused(folder):
-    with pytest.raises(ValueError, match="listened to at modbus:HOST:PORT"):
+    with pytest.raises(ValueError, match="must be modbus:HOST:PORT"):
         run("listen", "serial:/dev/ttyUSB0", "--tool", folder / "tool.yaml", "-o", folder / "heard")

@@ -62,7 +62,7 @@ def test_a_table_of_continuous_data_is_used_before_the_slide_sheet(folder, tmp_p
 def test_what_is_missing_is_named(folder, tmp_path):
     with pytest.raises(ValueError, match="no slide sheet"):
         run(folder, "-o", tmp_path / "dense")
-    with pytest.raises(ValueError, match="no such file"):
+    with pytest.raises(ValueError, match="file not found"):
         run(folder, "-o", tmp_path / "dense", "--slides", tmp_path / "none.jsonl")
     with pytest.raises(ValueError, match="not a folder of `mwd process`"):
         run(folder, "-o", tmp_path / "dense", "--recording", tmp_path)

@@ -274,7 +274,7 @@ def test_a_repeated_or_older_number_is_refused_and_never_sent_to_the_rig(mode, s
     taken, why = command(authority, dataclasses.replace(point, sequence=sequence), 1.0)
     assert (taken, why) == (
         False,
-        f"sequence: {sequence} is not above 5, the last that was taken; number 0 is a heartbeat",
+        f"sequence: {sequence} is not above 5, the last that was accepted; number 0 is a heartbeat",
     )
     # It does not keep anything valid either.
     assert dataclasses.replace(authority.status(1.0), refusal="") == before

@@ -245,7 +245,7 @@ def test_a_request_that_replaced_the_one_that_was_seen_is_not_granted():
     seen = machine.number
     machine.draft("mute", 0.0, "Ann", 0.0)
     assert (seen, machine.number) == (7, 8)
-    with pytest.raises(ValueError, match="request 7 was replaced; the one at hand is 8: silent"):
+    with pytest.raises(ValueError, match="request 7 was replaced; the present request is 8: silent"):
         machine.submit("Ann", 0.0, seen)
     assert "request 8 waits for permission" in machine.submit("Ann", 0.0, 8)
     for number, words in ((seen, "request 7 was replaced"), (0, "number: must be that of the request")):

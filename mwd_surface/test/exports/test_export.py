@@ -198,7 +198,7 @@ def test_a_disk_that_refuses_leaves_the_old_file_and_no_piece_of_the_new(table, 
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(ExportError, match="not written: No space left"):
+    with pytest.raises(ExportError, match="could not be written: No space left"):
         export(table, "csv", tmp_path, "a")
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]

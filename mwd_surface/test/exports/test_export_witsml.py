@@ -115,7 +115,7 @@ def test_a_station_with_a_nan_is_left_out_with_its_reason_and_the_file_is_valid(
     broken = dataclasses.replace(path, azimuth=np.where(np.arange(path.md.size) == 3, np.nan, path.azimuth))
     root = checked(witsml(table_of(whole, broken, example.MADE)))
     assert len(root.findall(".//w:trajectoryStation", NS)) == path.md.size - 1
-    assert "station 3 (survey 3) left out" in text(root[0], "commonData/comments")
+    assert "station 3 (survey 3) omitted" in text(root[0], "commonData/comments")
 
 
 def test_stations_that_print_the_same_depth_are_not_written_twice():

@@ -24,7 +24,7 @@ def test_fields_of_a_message_are_set_from_a_table_and_read_back():
 
 
 def test_a_field_or_value_that_does_not_fit_is_named():
-    with pytest.raises(ValueError, match="operator: no such field; there are sequence"):
+    with pytest.raises(ValueError, match="operator: unknown field; the fields are sequence"):
         filled(JudgeSurvey.Request, {"operator": "A"})
     with pytest.raises(ValueError, match="sequence: 'x' is not of type uint32"):
         filled(JudgeSurvey.Request, {"sequence": "x"})

@@ -82,7 +82,7 @@ def test_fields_doubts_and_tags_are_those_of_messages_and_schema():
         ({"unit": "furlong"}, "signal distance: unit 'furlong'"),
         ({"source": "rumour"}, "signal distance: source 'rumour'"),
         ({"type": "Float"}, "signal distance: type 'Float'"),
-        ({"opcua": ""}, "signal distance: what goes to a rig"),
+        ({"opcua": ""}, "signal distance: a signal sent to a rig"),
     ],
 )
 def test_a_signal_that_no_protocol_can_send_is_refused(changes, message):

@@ -160,7 +160,7 @@ def test_another_well_or_an_impossible_north_is_reported(tmp_path):
     with SurveyStore(tmp_path) as store:
         store.save(tied)
     got = loaded(tmp_path, dataclasses.replace(WELL, name="other", north_reference="grid"))
-    assert "is of well 'Åsgard Ω-1', the configuration says 'other'" in got.messages[0]
+    assert "belongs to well 'Åsgard Ω-1', but the configuration names 'other'" in got.messages[0]
     assert "true north stays in force" in got.messages[1]
     assert got.surveys.well == dataclasses.replace(WELL, name="other")
 
