@@ -28,6 +28,7 @@ from mwd_estimation.core.rate_jumps import RateJumps
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.core.sensor_fault import GYRO, MAG
+from mwd_estimation.core.stamp_jitter import StampJitter
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_jumps import MOST_AHEAD, advances
 from mwd_estimation.core.track import Track, sample_arrays
@@ -101,6 +102,7 @@ class Estimate:
         self.bin_stage = BinStage(settings, self.field, self.watch.history, numbering)
         self._spikes = spike_filter.initial()
         self._jumps, self._precision_jumps = RateJumps(), RateJumps()
+        self._jitter = StampJitter()
         self._attitude = AttitudeStream(
             derivation.time_alignment_params(settings),
             derivation.interference_params(settings),
@@ -290,6 +292,10 @@ class Estimate:
         self._measure_delay(stretch, track, gyro[:, 0], later)
         self._attitude.leave_out_mag(stamps, (stretch.suspect | np.uint8(unusable)) & MAG != 0)
         samples = samples_of(stamps, gyro, accel, track, stretch.suspect)
+        # The tool has turned on, or not yet, by what the stamp is wrong.
+        turned = self._jitter.sigma(stamps) * np.abs(track.rotary_speed)
+        samples["turned"] = turned
+        samples["sigma_toolface"] = np.minimum(np.hypot(samples["sigma_toolface"], turned), np.pi)
         block = Block(samples, unusable, stretch.contaminated)
         rates = PrecisionRates(*self.bin_stage.precision.rates)
         output.interference, rejected = self._attitude.follow(

@@ -207,6 +207,23 @@ def test_some_wrong_rates_in_a_row_leave_the_angles_within_their_sigma(length, p
             assert (error[sigma > 0.0] <= 3.0 * sigma[sigma > 0.0]).all(), (axis, value, field)
 
 
+@pytest.mark.slow(5)
+@pytest.mark.fault_case(49)
+@pytest.mark.parametrize("jitter_s", [1e-4, 1e-3, 2e-3])
+def test_uneven_stamps_widen_the_toolface_of_a_turning_string_by_what_it_turns_meanwhile(jitter_s):
+    streams = dict(_sent())
+    imu = streams["imu"] = streams["imu"].copy()
+    errors = np.random.default_rng(1).normal(0.0, jitter_s, len(imu))
+    imu["stamp_ns"] += (1e9 * errors).astype(np.int64)
+    _, _, _, output = _output(streams, north=False)
+    turning = slice(300, round(100 * STILL_AFTER) - 100)
+    true = 0.06 * (1.0 + np.arange(len(imu))) - 6.0 * -errors
+    error = wrap_pi(output.attitude["gravity_toolface"] - true)[turning]
+    sigma = output.attitude["sigma_gravity_toolface"][turning]
+    assert (np.abs(error) > 3.0 * sigma).mean() < 0.02
+    assert np.median(sigma) < 6.0 * 6.0 * jitter_s + 0.002
+
+
 @pytest.mark.slow(10)
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_the_sign_of_zero_says_nothing(channel):

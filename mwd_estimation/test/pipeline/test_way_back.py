@@ -44,10 +44,10 @@ def seconds(samples):
     return (samples["stamp_ns"] - sent()[0]["imu/data_raw"]["stamp_ns"][0]) * 1e-9
 
 
-def estimated(streams, come=None):
+def estimated(streams, come=None, place=None):
     """Return the output for streams cut into seconds; come: times of arrival by topic, where other than the stamps."""
     field = sent()[1]
-    place = Place(
+    place = place or Place(
         field="fixed",
         total_nt=field.total * 1e9,
         dip_deg=np.degrees(field.dip),
@@ -202,6 +202,22 @@ def test_stamps_that_were_wrong_leave_no_trace(topic, off, one):
     samples["stamp_ns"][hit] += round(off * 1e9)
     output, pipeline = estimated(streams, {topic: time_s})
     assert_back(output, pipeline)
+
+
+def test_an_accelerometer_that_was_reversed_without_a_reference_points_down_again_while_the_string_turns():
+    streams = dict(sent()[0])
+    for topic in ("imu/data_raw", "gyro/data_raw"):
+        samples = streams[topic] = streams[topic].copy()
+        hit = (seconds(samples) >= BEGINS) & (seconds(samples) < ENDS)
+        samples["linear_acceleration"][hit] *= -1.0
+    output, pipeline = estimated(streams, place=Place(lat_deg=38.0))
+    found = [(one.code, bool(one.cleared_ns)) for one in output.health if one.unit == Unit.CONVENTIONAL]
+    assert found == [(FaultCode.POINTS_UP, False), (FaultCode.POINTS_UP, True)]
+    assert pipeline.sensor_faults == []
+    clean = healthy()[0].attitude
+    late = seconds(output.attitude) > ENDS + AFTER
+    error = np.abs(output.attitude["inclination"] - clean["inclination"])[late]
+    assert (error < 3.0 * np.hypot(output.attitude["sigma_inclination"], clean["sigma_inclination"])[late]).all()
 
 
 def test_a_rate_that_was_set_is_the_usual_one_after_half_a_minute():

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mwd_estimation.core import clip_flags
+from mwd_estimation.core.rate_jumps import RateJumps
 from mwd_estimation.core.track import Track
 from mwd_estimation.gravity import smoother as gravity_smoother
 from mwd_estimation.gravity.bounded.filter import Params
@@ -45,6 +46,7 @@ class ImuQueue:
         self._mount = mount or resolve(MountSettings())
         self._params = smooth
         self._smoother = gravity_smoother.Smoother(smooth) if smooth is not None else None
+        self._jumps = RateJumps()
         self._new: list[tuple[Samples, Stamps]] = []
         self._old: list[tuple[Samples, Stamps]] = []
 
@@ -88,8 +90,10 @@ class ImuQueue:
         if smoother is None:
             return Track.empty(0)
         samples = self._mount.imu_in_tool(samples)
-        gyro, accel = samples["angular_velocity"], samples["linear_acceleration"]
-        return smoother.push(samples["stamp_ns"], gyro, accel, clip_flags.of(samples))
+        stamps, accel = samples["stamp_ns"], samples["linear_acceleration"]
+        # As the estimator sees them.
+        gyro = self._jumps.without(stamps, np.ascontiguousarray(samples["angular_velocity"]))
+        return smoother.push(stamps, gyro, accel, clip_flags.of(samples))
 
     def _finished(self) -> Iterator[Imu]:
         if self._smoother is not None and self._params is not None and self._old:

@@ -150,6 +150,8 @@ class Blackboard(LoopInterface):
         variables = await self._inject(client)
         reader = _Depths(client, self.settings.resolve, {node.nodeid.to_string() for node in variables.values()})
         self._connected, self._since, self._reason = True, self._clock(), ""
+        # A blackboard that was exchanged may take a status.
+        self._bare = False
         sent: dict[str, VariableValue] = {}
         write_at = read_at = self._clock()
         while not stop.is_set():
