@@ -142,8 +142,8 @@ def alternating_chunks(path: Path) -> None:
 
 
 def long_parquet(path: Path) -> None:
-    """Attitude of 30 million equal rows in a few kilobytes."""
-    _parquet(path, 2_000_000, 15, "still")
+    """Attitude of eight million equal rows, half a gigabyte in memory, in some hundred kilobytes."""
+    _parquet(path, 2_000_000, 4, "still")
 
 
 def wide_parquet(path: Path) -> None:
