@@ -13,7 +13,10 @@ import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import openpyxl
+import pyarrow as pa
+import pyarrow.parquet as pq
 import zstandard
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
@@ -23,6 +26,7 @@ from rosbags.typesys import Stores, get_typestore
 from mwd_surface.bags.mcap.encode import channel_record, chunk_prefix, header_record, packed_record
 from mwd_surface.bags.mcap.records import MAGIC, Channel, ChunkHead
 
+GRAVITY = ("gravity_x", "gravity_y", "gravity_z")
 MANY = 64 * 2**20
 
 
@@ -121,6 +125,62 @@ def ros1_without_index(path: Path) -> None:
     at = data.index(b"index_pos=") + len("index_pos=")
     data[at : at + 8] = bytes(8)
     path.write_bytes(data)
+
+
+def alternating_chunks(path: Path) -> None:
+    """ROS 1 bag of two chunks whose messages alternate in time: a reader that holds one chunk unpacks 20 000 times."""
+    store = get_typestore(Stores.ROS1_NOETIC)
+    text, random = store.types["std_msgs/msg/String"], np.random.default_rng(0)
+    writer = Ros1Writer(path)
+    writer.set_compression(Ros1Writer.CompressionFormat.BZ2)
+    with writer:
+        connection = writer.add_connection("/a", "std_msgs/msg/String", typestore=store)
+        for half in (0, 1):
+            for k in range(10_000):
+                data = store.serialize_ros1(text(data=random.bytes(50).hex()), "std_msgs/msg/String")
+                writer.write(connection, 10**18 + (2 * k + half) * 1000, data)
+
+
+def long_parquet(path: Path) -> None:
+    """Attitude of eight million equal rows, half a gigabyte in memory, in some hundred kilobytes."""
+    _parquet(path, 2_000_000, 4, "still")
+
+
+def wide_parquet(path: Path) -> None:
+    """Attitude of a million rows, each with the same word of a megabyte."""
+    _parquet(path, 1_000_000, 1, "x" * 1_000_000)
+
+
+def _parquet(path: Path, rows: int, groups: int, word: str) -> None:
+    path.mkdir()
+    (path / "surveys.csv").write_text("sequence\n")
+    (path / "attitude.csv").unlink(missing_ok=True)
+    numbers = {name: pa.array(np.zeros(rows)) for name in ("inclination_deg", "azimuth_deg", "toolface_deg", *GRAVITY)}
+    status = pa.DictionaryArray.from_arrays(pa.array(np.zeros(rows, dtype=np.int32)), pa.array([word]))
+    table = pa.table({"stamp_ns": pa.array(np.zeros(rows, dtype=np.int64)), **numbers, "status": status})
+    with pq.ParquetWriter(path / "attitude.parquet", table.schema, compression="zstd") as writer:
+        for _ in range(groups):
+            writer.write_table(table)
+
+
+def long_line(path: Path) -> None:
+    """Attitude of one line of three gigabytes, which takes no room on the disk."""
+    path.mkdir()
+    (path / "surveys.csv").write_text("sequence\n")
+    with (path / "attitude.csv").open("wb") as file:
+        file.write(b"stamp_ns,inclination_deg,azimuth_deg,toolface_deg,gravity_x,gravity_y,gravity_z,status\n1")
+        file.truncate(3 * 10**9)
+
+
+def endless(path: Path) -> None:
+    """File of ten gigabytes that takes no room on the disk."""
+    with path.open("wb") as file:
+        file.truncate(10**10)
+
+
+def deep_json(path: Path) -> None:
+    """JSON nested 100 000 levels deep."""
+    path.write_text('{"a":' * 100_000)
 
 
 def packed_messages(path: Path) -> None:
@@ -246,4 +306,6 @@ MCAP = {"zeros": mcap_of_zeros, "records": mcap_of_records}
 ROS1 = {"bz2": ros1_bz2, "lz4": ros1_lz4, "without index": ros1_without_index}
 SHEETS = {"zeros": zeros_xlsx, "far row": far_row_xlsx, "wide": wide_xlsx, "entities": entities_xlsx}
 WAV = {"long": long_wav, "slow": slow_wav}
+RUNS = {"long Parquet": long_parquet, "wide Parquet": wide_parquet, "long line": long_line}
+FILES = {"endless": endless, "deep": deep_json}
 LISTS = {"curves.las": many_curves, "wide.csv": wide_row, "entities.xml": entities}

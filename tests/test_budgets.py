@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import resource
 import shutil
@@ -14,8 +15,10 @@ import pytest
 
 import bombs
 from mwd_sensors.core import budgets
-from project import ROOT
+from mwd_sensors.core.input_files import read_file
+from project import GOLDEN, ROOT
 
+BAG = str(GOLDEN / "stations" / "bag")
 MEMORY = 3 * 10**9
 """Address space of a command, bytes: libraries and compiled code take half of it, a bomb more than the rest."""
 
@@ -90,6 +93,50 @@ def test_ros_1_chunks_that_unpack_without_measure_end_in_a_sentence(kind, comman
     bombs.ROS1[kind](tmp_path / "a.bag")
     said = mwd(command, tmp_path / "a.bag")
     assert "unpacked" in said or "unpacks" in said
+
+
+@pytest.mark.slow(10)
+def test_ros_1_chunks_that_alternate_in_time_are_unpacked_once_each(tmp_path):
+    bombs.alternating_chunks(tmp_path / "a.bag")
+    # The time limit of `mwd` is the test: a chunk for each message takes minutes.
+    assert "has no topic" in mwd("inspect", tmp_path / "a.bag")
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("kind", bombs.RUNS)
+def test_results_of_runs_that_unpack_without_measure_end_in_a_sentence(kind, tmp_path):
+    bombs.RUNS[kind](tmp_path / "run")
+    assert "attitude" in mwd("compare", tmp_path / "run", tmp_path / "run")
+
+
+# Name: command, with {} for the file, that reads JSON, an observatory record, captured bytes or a table.
+READERS = {
+    "survey list": ("{}.json", ("export", "{}.json", "-f", "csv")),
+    "observatory": ("{}.min", ("process", BAG, "-o", "out", "--set", "place.observatory_file={}.min")),
+    "serial line": ("{}.bin", ("decode", "{}.bin", "--tool", "tool.yaml", "-o", "out")),
+    "calibration": ("{}.yaml", ("process", BAG, "-o", "out", "--calibration", "{}.yaml")),
+    "table of depths": ("{}.csv", ("process", BAG, "-o", "out", "--depths", "{}.csv")),
+}
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("kind", bombs.FILES)
+@pytest.mark.parametrize("reader", READERS)
+def test_files_that_are_endless_or_nested_without_end_end_in_a_sentence(reader, kind, tmp_path):
+    name, words = READERS[reader]
+    (tmp_path / "tool.yaml").write_text("pulse_width_s: 0.8\n")
+    bombs.FILES[kind](tmp_path / name.format("x"))
+    inside = {"out", "tool.yaml"}
+    mwd(*(tmp_path / word if word in inside else word.format(tmp_path / "x") for word in words))
+
+
+@pytest.mark.slow(10)
+@pytest.mark.parametrize("kind", bombs.FILES)
+def test_secrets_and_certificates_that_are_endless_end_in_a_sentence(kind, tmp_path):
+    bombs.FILES[kind](tmp_path / "secret")
+    for one in (budgets.SECRET, dataclasses.replace(budgets.CERTIFICATE, size=100_000)):
+        with pytest.raises(budgets.BudgetError, match="at most"):
+            read_file(tmp_path / "secret", one)
 
 
 @pytest.mark.slow(10)

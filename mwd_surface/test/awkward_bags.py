@@ -17,10 +17,14 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
-from mwd_sensors.core import wire
+from mwd_estimation.settings.estimator import EstimatorSettings
+from mwd_sensors.core import settings, wire
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.simulator.scenario import read
+from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.processing.bag_input import InputSettings
+from mwd_surface.processing.process import estimate
 from mwd_surface.runs import simulate
 
 SCENARIO = """
@@ -34,7 +38,10 @@ schedule:
   - {kind: drill, seconds: 12.0, rpm: 120.0, rop_m_h: 20.0}
   - {kind: still, seconds: 14.0, pumps: false}
 """
-PLACE = ("--lat", "58.4", "--lon", "1.88", "--date", "2026-03-01")
+DAY = "2026-03-01"
+#: The place as options of a command, and as settings of the estimator.
+PLACE = ("--lat", "58.4", "--lon", "1.88", "--date", DAY)
+PLACE_SETTINGS = {"place.field": "model", "place.lat_deg": 58.4, "place.lon_deg": 1.88, "survey.north": "true"}
 IMU, MAG = "/imu/data_raw", "/imu/mag"
 STORE = get_typestore(Stores.ROS2_JAZZY)
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
@@ -50,6 +57,22 @@ def sent(folder: Path) -> tuple[Samples, Samples]:
     from running_graph import samples_of
 
     return samples_of(folder / "sent", IMU), samples_of(folder / "sent", MAG)
+
+
+def surveys(path: Path, day: str = DAY, **given: object) -> list[tuple[object, ...]]:
+    """Return the surveys of a recording without what names them: time, verdict, angles, samples, covariance."""
+    with Bag(path) as bag:
+        estimator = settings.changed(EstimatorSettings(), PLACE_SETTINGS | {"place.date": day})
+        input_settings = settings.from_mapping(InputSettings, {"partial": True, **given})
+        summary = estimate(bag, estimator, input_settings, lambda _output: None)
+    found = [(survey, survey.station) for survey, _ in summary.surveys]
+    return [
+        (
+            *(survey.stamp_ns, one.verdict, one.inclination, one.azimuth, one.dip, survey.samples),
+            *one.covariance.ravel().tolist(),
+        )
+        for survey, one in found
+    ]
 
 
 def streams(imu: Samples, mag: Samples) -> list[Stream]:
@@ -190,6 +213,15 @@ def halves(imu: Samples) -> tuple[Samples, Samples]:
     gyro["linear_acceleration"] = 0.0
     accel["angular_velocity"] = 0.0
     return gyro, accel
+
+
+def mirrored(samples: Samples) -> Samples:
+    """Return samples as another unit reads them: the axes of each vector in reverse order."""
+    out = samples.copy()
+    for name in ("angular_velocity", "linear_acceleration", "magnetic_field"):
+        if name in (out.dtype.names or ()):
+            out[name] = samples[name][:, ::-1]
+    return out
 
 
 def mixed(parts: Mapping[int, Samples]) -> Samples:

@@ -73,7 +73,7 @@ class InputTopics:
         self._frame_at: dict[str, float] = {}
         self._foreign: dict[str, tuple[str, float]] = {}
         # Copies of samples, as from a second publisher, and when the last of them came.
-        self._repeated = {topic: RepeatedSamples(hold=topic == "imu/data_raw") for topic in _TYPES}
+        self._repeated = {topic: RepeatedSamples(hold=topic == "imu/data_raw") for topic in _UNITS.values()}
         self._repeated_at: dict[str, float] = {}
         self._covariances: dict[str, dict[str, str]] = {}
         self._noise = input_covariance.NoiseWatch()
@@ -152,7 +152,9 @@ class InputTopics:
 
     def _fresh(self, topic: str, samples: Samples) -> Samples:
         """Leave out samples that came before, as from a second publisher, by the rule of `mwd process`."""
-        repeated = self._repeated[topic]
+        repeated = self._repeated.get(topic)
+        if repeated is None:
+            return samples
         before = repeated.count
         _, fresh = repeated.take(samples["stamp_ns"], samples)
         if repeated.count > before:

@@ -5,6 +5,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mwd_estimation.core.sensor_fault import ACCEL, MAG, FaultCode
 from mwd_estimation.health import fault_debounce as debounce
@@ -118,3 +120,34 @@ def test_random_forces_over_the_range_are_noise_and_a_tone_of_the_same_size_is_n
     assert (FaultCode.NOISE, 3) in tool.half_second(put(slice(3, 6), tool.rng.uniform(-156.0, 156.0, (N, 3))))
     assert (FaultCode.NOISE, 3) not in tool.half_second(put(3, 130.0 * np.sin(0.3 * np.arange(N))))
     assert (FaultCode.NOISE, 3) not in tool.half_second(put(slice(3, 6), tool.rng.normal(0.0, 30.0, (N, 3))))
+
+
+def refused_by_the_gate(sensor, sizes, expected=5e-5, of=N):
+    """What is observed of the unit of a sensor whose readings of these sizes the gate refused, among so many."""
+    tool = Tool()
+    tool.half_second()
+    tool.checks["seen"] = NOTHING
+    place = 3 * sensor
+    tool.channels["n"][place : place + 3], tool.channels["not_finite"][place : place + 3] = of - len(sizes), len(sizes)
+    signals.judge_refused(tool.checks, tool.channels, sensor, np.sort(np.asarray(sizes, dtype=float)), expected, 0)
+    check = tool.checks[FaultCode.UNIT, place + signals.BY_GATE]
+    return check.seen, check.seen_which[0]
+
+
+@given(unit=st.integers(0, 4), field=st.floats(2.2e-5, 6.8e-5), share=st.integers(13, N), known=st.booleans())
+def test_a_field_in_another_unit_is_named_by_what_the_gate_refused(unit, field, share, known):
+    sizes = [field * 10.0 ** signals.FIELD_POWERS[unit]] * share
+    assert refused_by_the_gate(2, sizes, field if known else math.nan) == (FOR, unit + 1)
+
+
+@given(few=st.integers(0, N // 4), size=st.floats(1.0, 1e6))
+def test_a_few_absurd_readings_are_no_unit(few, size):
+    assert refused_by_the_gate(0, [size] * few)[0] != FOR
+    assert refused_by_the_gate(2, [size] * few)[0] != FOR
+
+
+def test_a_gyro_most_of_whose_readings_are_refused_is_in_another_unit_and_one_of_no_sample_shows_nothing():
+    assert refused_by_the_gate(0, [700.0] * 20) == (FOR, 1)
+    assert refused_by_the_gate(0, [], of=0)[0] == NOTHING
+    # Between the powers of ten of two units no unit is named.
+    assert refused_by_the_gate(2, [5e-5 * 10.0**5] * 40)[0] != FOR

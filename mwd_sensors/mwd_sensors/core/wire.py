@@ -25,7 +25,8 @@ Rows = NDArray[np.uint8]
 NANOSECONDS = 1_000_000_000
 LITTLE_ENDIAN_CDR = b"\x00\x01\x00\x00"
 _HEAD = int.from_bytes(LITTLE_ENDIAN_CDR, "little")
-_FRAME_AT = 16  # offset of the frame name: encapsulation 4, stamp 8, length of the frame name 4
+#: Offset of the frame name in a message: encapsulation 4, stamp 8, length of the frame name 4.
+FRAME_AT = 16
 _KINDS = {"float64": "<f8", "uint32": "<u4", "uint8": "u1", "bool": "?"}
 
 
@@ -131,19 +132,19 @@ class Layout:
         """
         if isinstance(rows, (bytes, bytearray, memoryview)):
             rows = np.frombuffer(rows, dtype=np.uint8)[None, :]
-        if rows.ndim != 2 or rows.shape[1] < _FRAME_AT + 1:
+        if rows.ndim != 2 or rows.shape[1] < FRAME_AT + 1:
             raise WireError(f"{self.type_name}: {rows.shape[-1]} bytes are too few for a message")
         samples = np.empty(len(rows), dtype=self.dtype if fields is None else self.dtype_of(fields))
         if len(rows) == 0:
             return samples
         if rows.strides[1] != 1:
             rows = np.ascontiguousarray(rows)
-        head = rows[:, :_FRAME_AT].view(_HEADER)[:, 0]
+        head = rows[:, :FRAME_AT].view(_HEADER)[:, 0]
         if (head["head"] != _HEAD).any():
             raise WireError(f"{self.type_name}: not little-endian CDR")
         lengths = head["length"]
         frame_bytes = int(lengths[0]) - 1
-        if (lengths != lengths[0]).any() or not 0 <= frame_bytes <= rows.shape[1] - _FRAME_AT - 1:
+        if (lengths != lengths[0]).any() or not 0 <= frame_bytes <= rows.shape[1] - FRAME_AT - 1:
             raise WireError(f"{self.type_name}: the frame names do not fit one layout")
         dtype = self.row_dtype(frame_bytes)
         # Some writers pad a message to a multiple of four; nothing else may follow.
@@ -169,9 +170,9 @@ def _row_dtype(layout: Layout, frame_bytes: int) -> np.dtype[np.void]:
     names, formats, offsets = (
         ["head", "sec", "nanosec", "length", "frame"],
         ["<u4", "<i4", "<u4", "<u4", f"V{frame_bytes + 1}"],
-        [0, 4, 8, 12, _FRAME_AT],
+        [0, 4, 8, 12, FRAME_AT],
     )
-    end = _FRAME_AT + frame_bytes + 1
+    end = FRAME_AT + frame_bytes + 1
     for name, kind, count in layout.fields:
         size = np.dtype(_KINDS[kind]).itemsize
         # Alignment counts from the end of the encapsulation header.
@@ -193,8 +194,8 @@ def frame_id(message: bytes) -> str:
         The bytes end inside the header.
     """
     length = int.from_bytes(message[12:16], "little")
-    name = bytes(message[_FRAME_AT : _FRAME_AT + length])
-    if len(message) < _FRAME_AT or length == 0 or len(name) != length:
+    name = bytes(message[FRAME_AT : FRAME_AT + length])
+    if len(message) < FRAME_AT or length == 0 or len(name) != length:
         raise WireError("the message ends inside its header")
     return name[:-1].decode(errors="replace")
 

@@ -233,6 +233,15 @@ class Bag:
         for group in self._stream.groups(wanted, start_ns, end_ns, lambda part: part):
             yield from self._in_order(group)
 
+    def use_frame(self, topic: str, frame: str) -> None:
+        """Read only messages of a topic in one frame as samples, because another unit publishes the topic too."""
+        self._decoder.frames[topic] = frame
+
+    @property
+    def frames_used(self) -> Mapping[str, str]:
+        """By topic, the frame whose messages alone are read as samples."""
+        return self._decoder.frames
+
     def decode(self, topic: str, data: bytes) -> Any:
         """
         A message as an object with the fields of its type.

@@ -10,15 +10,17 @@ the file was cut, is read through once for the messages that are there.
 from __future__ import annotations
 
 import bz2
+import heapq
 import struct
-from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections import OrderedDict, defaultdict
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping
 from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import lz4.frame
+from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader, ReaderError
 from rosbags.rosbag1.reader import Chunk, ChunkInfo, Header, IndexData, RecordType, decompressors, read_bytes
 
@@ -26,6 +28,8 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_surface.bags.topic_info import TopicInfo, ros2_types
 
+# A chunk may be unpacked so many times before a recording is refused.
+_AGAIN = 4
 _MAGIC = b"#ROSBAG V2.0\n"
 _BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {
     "bz2": bz2.BZ2Decompressor,
@@ -116,6 +120,51 @@ class _AnyReader(Reader):
             self.connections, self.chunk_infos, self.chunks, self.indexes = [], [], {}, {}
             self.bio = self.path.open("rb")
             self._index_by_reading()
+
+    def messages(
+        self, connections: Collection[Connection] = (), start: int | None = None, stop: int | None = None
+    ) -> Generator[tuple[Connection, int, bytes], None, None]:
+        """
+        Yield connection, time, ns, and the bytes of each message in order of time.
+
+        The reader of rosbags holds one chunk: where the messages of two chunks alternate, it unpacks a chunk for each.
+        Here the last chunks stay unpacked.
+
+        Raises
+        ------
+        BudgetError
+            More chunks than that overlap in time: they would be unpacked again and again.
+        """
+        file: BinaryIO = self.bio  # type: ignore[assignment]
+        known, held, work = {one.id: one for one in self.connections}, OrderedDict[int, BytesIO](), 0
+        for entry in heapq.merge(*(self.indexes[one.id] for one in connections or self.connections)):
+            if start is not None and entry.time < start:
+                continue
+            if stop is not None and entry.time >= stop:
+                return
+            if entry.chunk_pos not in held:
+                about = self.chunks[entry.chunk_pos]
+                file.seek(about.datapos)
+                held[entry.chunk_pos] = BytesIO(about.decompressor(read_bytes(file, about.datasize)))
+                work += held[entry.chunk_pos].getbuffer().nbytes
+                while len(held) > 1 and sum(one.getbuffer().nbytes for one in held.values()) > budgets.FREE:
+                    held.popitem(last=False)
+                if work > budgets.FREE + _AGAIN * max(sum(self._sizes.values()), self.path.stat().st_size):
+                    raise BudgetError("has chunks that overlap in time: they would be unpacked again and again")
+            held.move_to_end(entry.chunk_pos)
+            yield self._message_at(held[entry.chunk_pos], entry, known)
+
+    def _message_at(
+        self, chunk: BytesIO, entry: IndexData, known: Mapping[int, Connection]
+    ) -> tuple[Connection, int, bytes]:
+        """Return the message that an entry of the index points at."""
+        chunk.seek(entry.offset)
+        while (header := Header.read(chunk)).get_uint8("op") == RecordType.CONNECTION:
+            chunk.seek(struct.unpack("<L", read_bytes(chunk, 4))[0], 1)
+        if header.get_uint8("op") != RecordType.MSGDATA or header.get_uint32("conn") not in known:
+            raise ReaderError("the index points at no message")
+        data = read_bytes(chunk, struct.unpack("<L", read_bytes(chunk, 4))[0])
+        return known[header.get_uint32("conn")], entry.time, data
 
     def read_chunk(self) -> Chunk:
         """Read the head of a chunk; its records are unpacked within the budget."""

@@ -45,6 +45,8 @@ class SampleDecoder:
         self, topics: Mapping[str, TopicInfo], message_compression: bool, report: Callable[[str], None]
     ) -> None:
         self._topics, self._message_compression, self._report = topics, message_compression, report
+        #: By topic, the frame whose messages alone are decoded to samples; the others are those of another unit.
+        self.frames: dict[str, str] = {}
         # By type and schema: a merged recording may have topics with an older definition of a type.
         self._definitions: dict[tuple[str, str], Definitions] = {}
 
@@ -78,6 +80,10 @@ class SampleDecoder:
             if wanted is not None and name not in wanted:
                 continue
             mine = part if len(numbers) == 1 else part.at(part.channel == number)
+            if name in self.frames and not self._message_compression:
+                mine = _in_frame(mine, self.frames[name])
+                if not len(mine):
+                    continue
             if self._topics[name].type_name == burst.TYPE_NAME:
                 yield name, *self._from_bursts(name, mine, fields.get(wire.IMU.type_name))
                 continue
@@ -207,6 +213,18 @@ class SampleDecoder:
                     known.load(about.type_name)
             self._definitions[about.type_name, about.schema] = known
         return known
+
+
+def _in_frame(part: Part, frame: str) -> Part:
+    """Return the messages of a part whose header names a frame; CDR with the name behind the stamp."""
+    wanted = np.frombuffer(frame.encode() + b"\0", dtype=np.uint8)
+    end = wire.FRAME_AT + len(wanted)
+    part = part.at(part.size >= end)
+    if not len(part):
+        return part
+    heads = rows_at(part.data, part.offset, end)
+    lengths = heads[:, wire.FRAME_AT - 4 : wire.FRAME_AT].copy().view("<u4")[:, 0]
+    return part.at((lengths == len(wanted)) & (heads[:, wire.FRAME_AT :] == wanted).all(axis=1))
 
 
 def _with_fields(samples: Samples, layout: wire.Layout, some: tuple[str, ...] | None) -> Samples:

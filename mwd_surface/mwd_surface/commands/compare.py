@@ -47,7 +47,7 @@ def compare(
     """
     from mwd_surface.commands import terminal
     from mwd_surface.processing import compare as runs
-    from mwd_surface.processing import golden
+    from mwd_surface.processing import golden, run_folder
 
     if accept:
         if run_b is not None or limit:
@@ -60,6 +60,8 @@ def compare(
         raise ValueError(f"--output {output}: the plot must be .png")
     if run_b is None and not golden.is_golden(run_a):
         raise ValueError(f"{run_a} is not a golden folder; name the run to compare with")
+    if not run_folder.is_run(expected):
+        raise ValueError(f"{expected} holds no results to compare with; `mwd process {expected} -o DIR` makes them")
     with golden.processed(ours, expected) as run:
         limits = {**golden.limits_of(expected), **_limits(limit)}
         found = runs.compare(run, expected, limits)

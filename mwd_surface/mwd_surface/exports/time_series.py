@@ -135,7 +135,7 @@ def rows(
     if not written.topics:
         raise BagError(
             f"{bag.path} has neither attitude nor rig data" + (f" of {well}" if well else ""),
-            "`mwd process` computes the attitude of a recording",
+            "record the attitude, or the IMU that it is computed from",
         )
     waiting: dict[int, Row] = {}
     done = -(2**62)

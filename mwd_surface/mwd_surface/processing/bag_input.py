@@ -59,6 +59,7 @@ _AVERAGED, _AVERAGED_NS = 10, 5e7  # most samples, and longest time, ns, of a me
 # A smaller mean specific force is not gravity in any of the units m/s2, g and mg; the mean of a turning tool is larger.
 # The same limit as the lowest of `units`.
 _LEAST_GRAVITY = 0.3
+_IN_TURNS = 4  # changes of the frame of a topic that show two units
 _SAME_AT_LEAST = 10  # messages of one and the same time, before it counts as none
 
 
@@ -151,7 +152,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         found = there if alone else usual
         return found[0] if len(found) == 1 else None
 
-    return Topics(
+    topics = Topics(
         imu,
         named_topic(bag, given.mag_topic, wire.MAG) or beside(wire.MAG, MAG, alone=True),
         named_topic(bag, given.gyro_topic, wire.IMU) or beside(wire.IMU, PRECISION, PRECISION_BURST),
@@ -160,6 +161,22 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         accelerometer,
         Kind.GYRO if accelerometer else _kind(bag, imu),
     )
+    _use_first_frames(bag, [name for name in (imu, accelerometer, topics.mag, topics.precision) if name is not None])
+    return topics
+
+
+def _use_first_frames(bag: Bag, names: Sequence[str]) -> None:
+    """Leave out the second unit on a topic, as the live estimator does: the first frame is in force."""
+    seen: dict[str, list[str]] = {name: [] for name in names if bag.topics[name].type_name != burst.TYPE_NAME}
+    for count, (_, name, _, data) in enumerate(bag.messages(list(seen)) if seen else ()):
+        with contextlib.suppress(wire.WireError):
+            seen[name].append(wire.frame_id(data))
+        if count > _LOOKED_AT:
+            break
+    for name, frames in seen.items():
+        # A driver may change the name of its frame, but not again and again.
+        if sum(1 for one, other in itertools.pairwise(frames) if one != other) >= _IN_TURNS:
+            bag.use_frame(name, frames[0])
 
 
 def graph_namespaces(bag: Bag) -> list[str]:
@@ -221,6 +238,11 @@ def guesses(bag: Bag, topics: Topics, given: InputSettings) -> list[str]:
             )
         elif taken is not None and not named and not taken.endswith(usual):
             remarks.append(f"{taken} is taken for the {what}: the recording has no other")
+    remarks += [
+        f"{name} comes in several frames by turns: two units publish it, and only that of the frame {frame!r} is used"
+        for name, frame in bag.frames_used.items()
+        if name in topics.all
+    ]
     if topics.mag is None:
         others = [name for name in bag.topics if _has(bag, name, wire.MAG)]
         if others:

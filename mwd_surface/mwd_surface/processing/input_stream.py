@@ -81,7 +81,9 @@ class SampleStream:
         stamped = [name for name in self.names if bag.topics[name].gives in wire.LAYOUTS]
         self.without_time = unstamped(bag, stamped) if stamped else frozenset()
         self.undated: dict[str, int] = {}
-        self._repeated = {name: RepeatedSamples(hold=name == held) for name in stamped}
+        units = [name for name in stamped if bag.topics[name].gives in (wire.IMU.type_name, wire.MAG.type_name)]
+        self._repeated = {name: RepeatedSamples(hold=name == held) for name in units}
+        self._stamped = set(stamped)
         timed = [name for name in stamped if name not in self.without_time]
         self._clocks = _clocks(bag, timed) if given.stamps == "recording" else {}
 
@@ -97,11 +99,11 @@ class SampleStream:
         return [
             *([f"{names}: no time in the headers; the times of recording are used"] if names else []),
             *(
-                f"{name}: {count} samples came a second time, as from two publishers, and are left out"
+                f"{name}: {_samples(count)} a second time, as from two publishers, and left out"
                 for name, count in self.repeated.items()
             ),
             *(
-                f"{name}: {count} samples carry no time, although others do, and are left out"
+                f"{name}: {_samples(count)} without a time, although others have one, and left out"
                 for name, count in self.undated.items()
             ),
         ]
@@ -115,7 +117,7 @@ class SampleStream:
         """Return a block of the topics as it is to be used."""
         out = {}
         for name, (log_ns, samples) in block.items():
-            if name in self._repeated:
+            if name in self._stamped:
                 out[name] = self._timed(name, *self._once(name, *self._dated(name, log_ns, samples)))
             else:
                 out[name] = log_ns, samples
@@ -133,6 +135,8 @@ class SampleStream:
 
     def _once(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
         """Leave out samples that came before, as from a second publisher, by the rule of the live estimator."""
+        if name not in self._repeated:
+            return log_ns, samples
         return self._repeated[name].take(log_ns, samples, stamped=name not in self.without_time)
 
     def _timed(self, name: str, log_ns: Stamps, samples: Samples) -> tuple[Stamps, Samples]:
@@ -266,6 +270,10 @@ class RecordingStream:
     def _names_another(self, text: str) -> bool:
         """Whether a remark is about a topic that is not read."""
         return text.startswith("/") and text.partition(":")[0] in self._bag.topics.keys() - set(self._read)
+
+
+def _samples(count: int) -> str:
+    return "1 sample came" if count == 1 else f"{count} samples came"
 
 
 def _wells(bag: Bag, given: InputSettings) -> list[Topics]:

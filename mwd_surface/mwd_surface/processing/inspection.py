@@ -57,6 +57,9 @@ from mwd_surface.surveys.recorded_settings import with_a_model
 
 _UNIT_OPTIONS = ("accel_unit", "gyro_unit", "mag_unit")
 _PASSES = 6
+# Numbers of the sensors that measure a vector, and faults of one whose messages declare that they do not provide it.
+_SENSORS = {"angular_velocity": 0, "linear_acceleration": 1, "magnetic_field": 2}
+_MISSING = (FaultCode.DEAD, FaultCode.INVALID)
 _ASKEW = (
     "the unit is mounted askew: its mount follows from the axis that the string turns about, which does not show the "
     "scribe line; correct the toolface with --set tool.toolface_offset_deg, or give the whole mount"
@@ -251,7 +254,7 @@ def _read(
     rests = Rests(estimator.survey)
     reading = _Reading(given, estimator, {name: StreamTimes() for name in topics.all}, rests)
     stream = InputStream(bag, topics, given)
-    first = True
+    first, absent = True, set[int]()
     for block in stream.blocks():
         samples = {name: part[1] for name, part in block.items()}
         for name, (log_ns, _) in block.items():
@@ -259,7 +262,8 @@ def _read(
         for unit, layout in ((topics.imu, wire.IMU), (topics.mag, wire.MAG)):
             if unit is not None and unit in samples:
                 # Take out what covariances declare absent, as `mwd process` does.
-                samples[unit] = input_covariance.judge(samples[unit], layout.type_name).samples
+                samples[unit], notes = input_covariance.judge(samples[unit], layout.type_name)
+                absent |= {_SENSORS[vector] for vector, note in notes.items() if note == input_covariance.ABSENT}
         if topics.mag in samples and "mag" not in mount.unusable:
             mag = mount.mag_in_tool(gate.mag(samples[topics.mag]))
             monitor.push_mag(state, mag["stamp_ns"], mag["magnetic_field"])
@@ -279,7 +283,10 @@ def _read(
     reading.remarks = stream.remarks
     reading.problems = stream.problems + reading.rests.problems(topics.imu, given.gyro_unit)
     standing = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
-    reading.faults = [fault.in_unit_axes(mount.imu) for fault in standing]
+    reading.faults = [
+        dataclasses.replace(fault, declared=fault.code in _MISSING and fault.place // 3 in absent).in_unit_axes(mount.imu)
+        for fault in standing
+    ]
     return reading
 
 

@@ -79,6 +79,8 @@ def attitude(folder: Path) -> Iterator[Rows]:
                 "gravity": np.stack([_floats(table[name]) for name in GRAVITY], axis=1),
                 "status": table["status"].to_numpy(zero_copy_only=False),
             }
+    except budgets.BudgetError as error:
+        raise budgets.BudgetError(f"{file} {error}") from error
     except (pa.ArrowInvalid, pa.ArrowMemoryError, KeyError) as error:
         raise ValueError(f"{file} is not what `mwd process` writes: {str(error).splitlines()[0]}") from error
 

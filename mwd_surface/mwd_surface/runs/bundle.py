@@ -105,7 +105,7 @@ def newest_recording(folder: Path) -> Path | None:
     """The recording that was written last, at or below a folder; None where there is none."""
     if folder.is_file():
         return folder
-    files = [*_below(folder, "*.mcap"), *_below(folder, "*.db3")]
+    files = [row for ending in ("mcap", "db3", "mcap.zstd", "db3.zstd") for row in _below(folder, f"*.{ending}")]
     newest = max(files, key=lambda row: row[1].st_mtime, default=None)
     return None if newest is None else newest[0].parent
 

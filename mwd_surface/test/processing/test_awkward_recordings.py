@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import typer
-from awkward_bags import IMU, MAG
+from awkward_bags import IMU, MAG, surveys
 
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings, wire
@@ -21,46 +21,12 @@ from mwd_surface.processing.bag_input import InputSettings, find_topics
 from mwd_surface.processing.half_imu import Kind
 from mwd_surface.processing.input_stream import InputStream, RecordingStream
 from mwd_surface.processing.inspection import inspect
-from mwd_surface.processing.process import estimate
 from mwd_surface.runs import calibration_run
 
 pytestmark = pytest.mark.slow(1)
 
-PLACE = {
-    "place.field": "model",
-    "place.lat_deg": 58.4,
-    "place.lon_deg": 1.88,
-    "place.date": "2026-03-01",
-    "survey.north": "true",
-}
+PLACE = awkward.PLACE_SETTINGS | {"place.date": awkward.DAY}
 EPOCH_1980_NS = 315_964_800 * wire.NANOSECONDS
-
-
-@pytest.fixture(scope="module")
-def sent(tmp_path_factory):
-    """Streams of the IMU and the magnetometer of a sound tool."""
-    return awkward.streams(*awkward.sent(tmp_path_factory.mktemp("sent")))
-
-
-@pytest.fixture(scope="module")
-def expected(sent, tmp_path_factory):
-    """The surveys of the plain recording."""
-    return surveys(awkward.written(tmp_path_factory.mktemp("plain") / "bag", sent))
-
-
-def surveys(path, **given):
-    """The surveys of a recording, without what names them."""
-    with Bag(path) as bag:
-        input_settings = settings.from_mapping(InputSettings, {"partial": True, **given})
-        summary = estimate(bag, settings.changed(EstimatorSettings(), PLACE), input_settings, lambda _output: None)
-    return [
-        (survey.stamp_ns, survey.samples, survey.station.verdict, *survey.station.covariance.ravel(), *angles(survey))
-        for survey, _ in summary.surveys
-    ]
-
-
-def angles(survey):
-    return survey.station.inclination, survey.station.azimuth, survey.station.dip
 
 
 def without_metadata(path):

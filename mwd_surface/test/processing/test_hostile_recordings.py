@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings whose clocks, publishers or files go wrong midway: the sound surveys, or the option for them."""
 
+import functools
 import shutil
 from types import SimpleNamespace
 
@@ -16,35 +17,16 @@ from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_sensors.core import settings as parameters
 from mwd_sensors.core import wire
 from mwd_surface.bags.bag_reader import Bag
-from mwd_surface.processing.bag_input import InputSettings, OptionNeededError, find_topics
+from mwd_surface.bags.bag_writer import BagWriter
+from mwd_surface.processing.bag_estimate import BagEstimate
+from mwd_surface.processing.bag_input import FIELDS, InputSettings, OptionNeededError, find_topics
 from mwd_surface.processing.input_stream import InputStream
-from mwd_surface.processing.process import estimate
 
 pytestmark = pytest.mark.slow(1)
 
-PLACE = {"place.field": "model", "place.lat_deg": 58.4, "place.lon_deg": 1.88, "survey.north": "true"}
+# The day of the field is that of the recording.
+surveys = functools.partial(awkward.surveys, day="")
 SECOND = wire.NANOSECONDS
-
-
-@pytest.fixture(scope="module")
-def sent(tmp_path_factory):
-    """Streams of the IMU and the magnetometer of a sound tool."""
-    return awkward.streams(*awkward.sent(tmp_path_factory.mktemp("sent")))
-
-
-@pytest.fixture(scope="module")
-def expected(sent, tmp_path_factory):
-    """The surveys of the plain recording."""
-    return surveys(awkward.written(tmp_path_factory.mktemp("plain") / "bag", sent))
-
-
-def surveys(path, **wanted):
-    """Stamp, verdict, inclination and azimuth of the surveys of a recording."""
-    with Bag(path) as bag:
-        changed = parameters.changed(EstimatorSettings(), PLACE)
-        summary = estimate(bag, changed, parameters.from_mapping(InputSettings, wanted), lambda _output: None)
-    stations = [(survey.stamp_ns, survey.station) for survey, _ in summary.surveys]
-    return [(at, one.verdict, one.inclination, one.azimuth) for at, one in stations]
 
 
 def read_samples(path, name, **wanted):
@@ -146,6 +128,48 @@ def test_the_live_estimator_takes_the_samples_that_processing_takes(late_ms, own
         assert live[name].tobytes() == processed[name].tobytes()
 
 
+@pytest.mark.parametrize("by_s", [-2.0, 2.0])
+def test_a_magnetometer_that_is_off_by_seconds_for_a_while_is_not_paired_there_and_named(
+    by_s, sent, expected, tmp_path
+):
+    (_, layout, imu, log_ns), (_, field, mag, mag_ns) = sent
+    path = awkward.written(tmp_path / "bag", [(IMU, layout, imu, log_ns), (MAG, field, mag, mag_ns)])
+    with Bag(path) as bag:
+        estimator = parameters.changed(EstimatorSettings(), awkward.PLACE_SETTINGS)
+        run = BagEstimate(bag, estimator, InputSettings())
+        taken = []
+        for k, block in enumerate(bag.blocks(run.topics.all, block_messages=900, fields=FIELDS)):
+            if MAG in block and k % 2:
+                block[MAG][1]["stamp_ns"] += round(by_s * SECOND)
+            samples = {name: part[1] for name, part in block.items()}
+            run._leave_out_skewed(samples, block)
+            taken.append(MAG in samples)
+    assert taken == [k % 2 == 0 for k in range(len(taken))]
+    (said,) = [text for text in run._summary.warnings if "seconds" in text]
+    assert said.startswith(f"{MAG}: stamps are seconds {'ahead of' if by_s > 0 else 'behind'} those of {IMU}")
+
+
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(which=st.sampled_from([0, 1]), lag_ms=st.integers(1, 30), first=st.booleans())
+def test_a_second_unit_in_another_frame_is_left_out_as_live(which, lag_ms, first, sent, tmp_path):
+    name, layout, samples, log_ns = sent[which]
+    rows = [(int(at), "imu_link", row) for at, row in zip(log_ns, samples, strict=True)]
+    later = log_ns + lag_ms * 1_000_000 * (1 if first else -1)
+    rows += [(int(at), "spare_link", row) for at, row in zip(later, awkward.mirrored(samples), strict=True)]
+    shutil.rmtree(tmp_path / "two", ignore_errors=True)
+    with BagWriter(tmp_path / "two") as bag:
+        topic = bag.topic(name, layout.type_name)
+        for at, frame, row in sorted(rows[:2000] + rows[len(log_ns) : len(log_ns) + 2000], key=lambda one: one[0]):
+            bag.write(topic, layout.encode(np.array([row]), frame)[0].tobytes(), at)
+        if which == 1:
+            _, layout, imu, at = sent[0]
+            bag.write_rows(bag.topic(IMU, layout.type_name), layout.encode(imu, "imu_link"), at)
+    expected = samples[:2000] if first else awkward.mirrored(samples)[:2000]
+    found = read_samples(tmp_path / "two", name)
+    vector = "angular_velocity" if which == 0 else "magnetic_field"
+    assert np.array_equal(found[vector], expected[vector])
+
+
 def test_a_coarse_sensor_that_repeats_itself_loses_no_sample(sent, tmp_path):
     imu, mag = sent
     samples = awkward.changed(imu[2], angular_velocity=0.0, linear_acceleration=np.round(imu[2]["linear_acceleration"]))
@@ -159,7 +183,7 @@ def test_samples_before_the_clock_has_a_time_are_left_out(sent, tmp_path):
         samples["stamp_ns"][:100] = 0
     path = awkward.written(tmp_path / "bag", early)
     assert np.array_equal(read_samples(path, IMU)["stamp_ns"], sent[0][2]["stamp_ns"][100:])
-    assert [verdict for _, verdict, _, _ in surveys(path)] == ["accept"] * 2
+    assert [one[1] for one in surveys(path)] == ["accept"] * 2
 
 
 def test_a_clock_that_was_never_set_is_refused_where_the_field_needs_the_day(sent, expected, tmp_path):
