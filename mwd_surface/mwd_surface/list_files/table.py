@@ -85,7 +85,7 @@ def read_bytes(path: Path) -> bytes:
     Raises
     ------
     ListFileError
-        It is missing, no regular file, or too large.
+        It is missing, not a regular file, or too large.
     """
     try:
         return read_file(path, budgets.LIST)

@@ -99,7 +99,7 @@ def test_a_date_in_a_column_of_its_own_counts(tmp_path):
 
 @pytest.mark.parametrize(
     ("cell", "said"),
-    [("Bad", "word in place of a number, such as 'Bad'"), ("-999.25", "null value -999.25"), ("", "no numbers")],
+    [("Bad", "word in place of a number, such as 'Bad'"), ("-999.25", "null value -999.25"), ("", "not numbers")],
 )
 def test_a_cell_without_a_pressure_is_a_missing_sample(tmp_path, cell, said):
     cells = [cell if k % 10 == 3 else f"{p:.3f}" for k, p in enumerate(PRESSURE)]
