@@ -20,8 +20,8 @@ def decode(
     file: Annotated[
         Path,
         typer.Argument(
-            help="Table with time and pressure or voltage (CSV, TXT), WAV, or a recording; for a tool on a serial line, a"
-            " recording or the captured bytes."
+            help="Table with time and pressure or voltage (CSV, TXT), WAV, or a recording; for a tool on a serial line,"
+            " a recording or the captured bytes."
         ),
     ],
     tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: words and code of the tool.")],
