@@ -65,7 +65,7 @@ def test_a_line_and_an_error_of_the_disk_are_still_named(tmp_path):
     file.write_text("md_m,inc_deg,azi_deg\n0,0,0\nx,1,2\n")
     assert "line 3" in str(PlanMonitor.read(PlanSettings(file=str(file)), "true"))
     assert "No such file" in str(PlanMonitor.read(PlanSettings(file=str(tmp_path / "none.csv")), "true"))
-    assert "no regular file" in without_contents("x", OSError(22, "is no regular file"))
+    assert "not a regular file" in without_contents("x", OSError(22, "is not a regular file"))
 
 
 def plan(file):

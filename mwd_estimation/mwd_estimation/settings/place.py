@@ -67,14 +67,14 @@ class Place:
     date: str = setting("", "Day of the model, YYYY-MM-DD; empty: the day of the first sample.", expert=True)
     total_nt: float = setting(
         0.0,
-        "Strength of the fixed field; 0: not given, a fixed field is refused.",
+        "Strength of the fixed field, which needs dip_deg too; 0: not given.",
         unit="nT",
         low=0.0,
         high=75000.0,
     )
     dip_deg: float | None = setting(
         None,
-        "Dip of the fixed field, positive below the horizontal; nan: not given, a fixed field is refused.",
+        "Dip of the fixed field, positive below the horizontal; nan: not given.",
         unit="deg",
         low=-90.0,
         high=90.0,

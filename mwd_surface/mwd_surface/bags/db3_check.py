@@ -22,7 +22,7 @@ def check_database(path: Path) -> None:
     Raises
     ------
     OSError
-        It is no regular file.
+        It is not a regular file.
     FormatError
         It is no database, or one of its tables is not a plain one.
     """

@@ -20,8 +20,8 @@ def decode(
     file: Annotated[
         Path,
         typer.Argument(
-            help="CSV (time_s,pressure_pa[,pressure_2_pa] or time_s,voltage_v), WAV, or a recording; for a tool on a"
-            " serial line, a recording or the captured bytes."
+            help="Table with time and pressure or voltage (CSV, TXT), WAV, or a recording; for a tool on a serial line,"
+            " a recording or the captured bytes."
         ),
     ],
     tool: Annotated[Path, typer.Option("--tool", help="Tool configuration, YAML: words and code of the tool.")],
@@ -35,6 +35,13 @@ def decode(
     ] = None,
     gauge: Annotated[int, typer.Option(help="Number of the pressure gauge: 1 or 2.")] = 1,
     topic: Annotated[str, typer.Option(help="Topic of a recording that has several pressures.")] = "",
+    columns: Annotated[
+        str,
+        typer.Option(
+            help="Columns of a table by name or number, with the unit that the file does not give, for example"
+            " time_s=1,pressure_bar=2."
+        ),
+    ] = "",
 ) -> None:
     """
     Decode the signal of an MWD tool: pulses or a carrier in standpipe pressure, a carrier in the earth, serial frames.
@@ -61,7 +68,7 @@ def decode(
     if wired:
         read = pressure_files.read_bytes(file, configuration.serial.baud)
     else:
-        read = pressure_files.read(file, gauge, topic, configuration.link)
+        read = pressure_files.read(file, gauge, topic, configuration.link, columns)
     for note in read.notes:
         terminal.warn(f"{file.name}: {note}")
     if wired and strokes:

@@ -21,6 +21,7 @@ def doctor(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for recordings, checked for space.")] = Path(
         "runs"
     ),
+    columns: Annotated[str, typer.Option(help="Columns of FILE by name or number, as in `mwd decode`.")] = "",
 ) -> None:
     """
     Check this machine, or a file of standpipe pressure, and suggest remedies.
@@ -44,7 +45,7 @@ def doctor(
         from mwd_surface.runs.pressure_doctor import examine_pressure
 
         configuration = tool_configuration.read(tool) if tool is not None else None
-        results = examine_pressure(pressure_files.read(file), configuration)
+        results = examine_pressure(pressure_files.read(file, columns=columns), configuration)
         _show(results)
     else:
         results = examine(os.environ, output)

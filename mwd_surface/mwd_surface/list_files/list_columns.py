@@ -330,7 +330,7 @@ class Given:
             *((word, CONFIRMABLE, "confirm") for word in self.confirm),
         ):
             if value and value not in known:
-                raise ValueError(f"{what}: {value!r} is none of {', '.join(known)}")
+                raise ValueError(f"unknown {what} {value!r}; choose one of {', '.join(known)}")
 
 
 def columns_of(text: str) -> dict[str, str]:
@@ -355,7 +355,7 @@ def columns_of(text: str) -> dict[str, str]:
 @dataclasses.dataclass(frozen=True)
 class Column:
     """
-    One column: its number, name and quantity ("" where it is none of ours).
+    One column: its number, name and quantity ("" where it is not one that is read).
 
     unit, north: as it says, "" where it says none. strange: words that were not understood.
     """

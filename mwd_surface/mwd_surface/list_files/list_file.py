@@ -73,6 +73,7 @@ _PROJECTION = re.compile(
 )
 _GERMAN = re.compile("neigung|richtung|teufe|tiefe|bohrloch|inklination", re.IGNORECASE)
 _START_ROWS = ("tie-on", "assumed")  # in the column "station" of our exports: a row that is not a survey
+_WORD = re.compile(r"[^\W\d_]{3,}")  # at the beginning of a cell that is not a mistyped number
 _PROJECTED_ROWS = 3  # largest number of rows after a note that announces a projection
 # Distance of the first station from its wellhead above which a convergence of 3 deg moves it by half a metre, m.
 _OFFSET = 10.0
@@ -260,7 +261,7 @@ class _Reader:
             else:
                 kept.append(row)
                 marked = marked + 1 if projected else 0
-        while len(kept) > 1 and str(kept[-1].cells[depth] if depth < len(kept[-1].cells) else "")[:1].isalpha():
+        while len(kept) > 1 and _WORD.match(str(kept[-1].cells[depth] if depth < len(kept[-1].cells) else "").strip()):
             # Figures of the whole hole, such as its closure, in the columns of a station; above the end it is a typo.
             notes.append(kept.pop())
         below = len(kept) - announced if announced else 0
@@ -271,7 +272,7 @@ class _Reader:
             del kept[len(kept) - count :]
         if notes:
             quoted = "; ".join(repr(" ".join(str(c) for c in row.cells if str(c))[:60]) for row in notes[:_FEW])
-            text = f"{self.name}: {len(notes)} rows that are no stations are left out: {quoted}"
+            text = f"{self.name}: {len(notes)} rows that are not stations are left out: {quoted}"
             self._say(RemarkKind.ROWS_LEFT_OUT, text, rows=float(len(notes)))
         return kept
 
@@ -543,7 +544,7 @@ class _Reader:
             said = {what: str(cells[k]).strip() for what, cells in texts.items()}
             numbers = {what: float(v[k]) for what, v in values.items() if math.isfinite(v[k])}
             if said.get("station") == "projected":
-                # Our own exports end with a projection to the bit, which is no station.
+                # Our own exports end with a projection to the bit, which is not a station.
                 continue
             if said.get("in_use", "").lower() == "no":
                 unused += 1

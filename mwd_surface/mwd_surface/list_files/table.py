@@ -59,7 +59,7 @@ class Table:
 
     name: of the file. at: place of the names. names, units: of each column; a unit stands here where the file has it
     apart from the name, else "". rows: below the names. head: lines above the names and comments. remarks: rows that
-    were left out.
+    were left out. separator: between the cells of a text, " " or "  " for spaces; "" for other files.
     """
 
     name: str
@@ -69,6 +69,7 @@ class Table:
     rows: tuple[Row, ...]
     head: tuple[str, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    separator: str = ""
 
     def columns(self) -> dict[str, list[str]]:
         """Return the columns as text by name, numbers with a decimal point; short rows are filled with empty cells."""
@@ -84,7 +85,7 @@ def read_bytes(path: Path) -> bytes:
     Raises
     ------
     ListFileError
-        It is missing, no regular file, or too large.
+        It is missing, not a regular file, or too large.
     """
     try:
         return read_file(path, budgets.LIST)
@@ -258,7 +259,7 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
                 if separator == WIDE:
                     spaced = _spaced(candidates, name, is_header)
                     if spaced is not None:
-                        return _assembled(name, *spaced, is_unit, comments)
+                        return dataclasses.replace(_assembled(name, *spaced, is_unit, comments), separator=WIDE)
                 grid, faults = _parted(candidates, separator, name)
                 where = _header_in(grid, is_header)
                 if where is not None:
@@ -266,11 +267,14 @@ def _text_table(text: str, name: str, is_header: Header | None, is_unit: Header 
                         if k >= sum(where):
                             raise fault
                     names = _stacked(grid[where[0] : sum(where)])
-                    return _assembled(name, grid, where, names, is_unit, comments)
-    grid, faults = _parted(lines, _most(lines[0][1]), name)
+                    table = _assembled(name, grid, where, names, is_unit, comments)
+                    return dataclasses.replace(table, separator=separator)
+    separator = _most(lines[0][1])
+    grid, faults = _parted(lines, separator, name)
     if faults and is_header is None:
         raise next(iter(faults.values()))
-    return _assembled(name, grid, (0, 1), [str(cell) for cell in grid[0].cells], is_unit, comments)
+    table = _assembled(name, grid, (0, 1), [str(cell) for cell in grid[0].cells], is_unit, comments)
+    return dataclasses.replace(table, separator=separator)
 
 
 def _parted(lines: Sequence[tuple[int, str]], separator: str, name: str) -> tuple[list[Row], dict[int, ListFileError]]:

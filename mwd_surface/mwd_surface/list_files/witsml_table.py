@@ -57,7 +57,7 @@ def witsml_table(text: str, name: str) -> Table:
     rows, projected = [], 0
     for station in _children(trajectory, "trajectorystation"):
         kind = _text(station, "typetrajstation")
-        # A projection to the bit is no station.
+        # A projection to the bit is not a station.
         if kind.lower() in _PROJECTIONS:
             projected += 1
             continue

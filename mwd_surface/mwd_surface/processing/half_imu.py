@@ -3,7 +3,7 @@
 Inertial data that come in halves: a gyro and an accelerometer on two topics, or in turns on one, joined by time.
 
 Drivers send a vector that a message does not carry as zeros, as no numbers, or with a covariance that begins with -1
-(REP-145). A specific force of exactly zero is no measurement. The accelerometer is interpolated to the times of the
+(REP-145). A specific force of exactly zero is not a measurement. The accelerometer is interpolated to the times of the
 gyro, so that equal times give the very numbers of a whole message.
 """
 

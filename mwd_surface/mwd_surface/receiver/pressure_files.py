@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Standpipe pressure from files: CSV, WAV, or a recording with PressureBurst or FluidPressure."""
+"""Standpipe pressure from files: a table, WAV, or a recording with PressureBurst or FluidPressure."""
 
 from __future__ import annotations
 
 import dataclasses
 import io
-import math
 import struct
 import warnings
 from pathlib import Path
@@ -16,14 +15,10 @@ from scipy.io import wavfile
 from mwd_sensors.core import budgets
 from mwd_sensors.core.arrays import Array
 from mwd_sensors.core.budgets import BudgetError
-from mwd_sensors.core.input_files import check_regular, read_file
+from mwd_sensors.core.input_files import read_file
 from mwd_sensors.telemetry.serial_frames import BITS_PER_BYTE
 
-_LONGEST_HEADER = 20_000
-_TIME, _VOLTAGE = "time_s", "voltage_v"
-# Units that a CSV may append to the name of a column, with their SI values.
-_TIMES = {"s": 1.0, "ms": 1e-3}
-_PRESSURES = {"pa": 1.0, "kpa": 1e3, "mpa": 1e6, "bar": 1e5, "psi": 6894.757293168}
+_TABLES = (".csv", ".txt", ".dat", ".asc", ".tsv")
 # WAV samples are fractions of full scale; this full-scale pressure keeps them far above any rounding.
 _WAV_FULL_SCALE = 1.0e7
 # Longest pause of a recording; a longer one means that the clock was set.
@@ -49,22 +44,23 @@ class PressureFile:
     strokes: dict[int, Array] = dataclasses.field(default_factory=dict)
 
 
-def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse") -> PressureFile:
+def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse", columns: str = "") -> PressureFile:
     """
     Read pressure from a file.
 
     Parameters
     ----------
     path : Path
-        `.csv` with columns time_s (or time_ms), pressure_pa (or _kpa, _mpa, _bar, _psi; or voltage_v) and for a
-        second gauge pressure_2_pa, where an empty cell is a missing sample; `.wav`, PCM or float, a channel for each
-        gauge; any other file is read as a recording.
+        A table with columns of time and pressure (`pressure_table`); `.wav`, PCM or float, a channel for each gauge;
+        or a recording.
     gauge : int
         1 or 2.
     topic : str
         Topic to read from a recording that has several pressure topics.
     link : str
         mud_pulse or em: the link to read from a recording.
+    columns : str
+        Columns of a table, as `pressure_table.columns_of` reads them.
 
     Raises
     ------
@@ -79,8 +75,11 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse") -
         raise ValueError(f"--gauge {gauge}: 1 or 2")
     suffix = path.suffix.lower()
     strokes: dict[int, Array] = {}
-    if suffix == ".csv":
-        time, pressure, origin = _csv(path, gauge)
+    said: tuple[str, ...] = ()
+    if suffix in _TABLES:
+        from mwd_surface.receiver import pressure_table
+
+        time, pressure, origin, said = pressure_table.read_pressure(path, gauge, pressure_table.columns_of(columns))
     elif suffix == ".wav":
         time, pressure, origin = _wav(path, gauge)
     else:
@@ -88,7 +87,7 @@ def read(path: Path, gauge: int = 1, topic: str = "", link: str = "mud_pulse") -
 
         second = "standpipe_2" if gauge == 2 else ""
         time, pressure, strokes, origin = recorded_link.read(path, link, topic or second)
-    notes = _notes(time, pressure)
+    notes = (*said, *_notes(time, pressure))
     known = np.isfinite(time) & np.isfinite(pressure)
     time, pressure = time[known], pressure[known]
     rises = time > np.maximum.accumulate(np.append(-np.inf, time))[:-1]
@@ -140,8 +139,12 @@ def read_strokes(path: Path) -> dict[int, Array]:
     OSError
         The file cannot be read.
     """
-    table = _columns(path, ("pump", _TIME))
-    return {int(pump): np.sort(table[table[:, 0] == pump, 1]) for pump in np.unique(table[:, 0])}
+    from mwd_surface.receiver import pressure_table
+
+    pumps, times = pressure_table.read_numbers(path, {})
+    if not (np.isfinite(pumps).all() and np.isfinite(times).all()):
+        raise ValueError(f"{path}: not all rows are numbers of a pump and times")
+    return {int(pump): np.sort(times[pumps == pump]) for pump in np.unique(pumps)}
 
 
 def read_bytes(path: Path, baud: int) -> PressureFile:
@@ -162,81 +165,6 @@ def read_bytes(path: Path, baud: int) -> PressureFile:
         return PressureFile(time, octets, origin, ())
     data = np.frombuffer(read_file(path, budgets.SERIAL), dtype=np.uint8).astype(float)
     return PressureFile((np.arange(len(data)) + 1.0) * BITS_PER_BYTE / baud, data, "begin of the bytes", ())
-
-
-def _csv(path: Path, gauge: int) -> tuple[Array, Array, str]:
-    names, _ = _header(path)
-    time, time_unit = _in_unit(path, names, "time", _TIMES)
-    if _VOLTAGE in names:
-        value, unit = _VOLTAGE, 1.0
-    else:
-        value, unit = _in_unit(path, names, "pressure" if gauge == 1 else "pressure_2", _PRESSURES)
-    table = _columns(path, (time, value))
-    return table[:, 0] * time_unit, table[:, 1] * unit, f"{time} of the file"
-
-
-def _in_unit(path: Path, names: list[str], quantity: str, units: dict[str, float]) -> tuple[str, float]:
-    """Return the name of a quantity's column and the SI value of its unit."""
-    for unit, factor in units.items():
-        if f"{quantity}_{unit}" in names:
-            return f"{quantity}_{unit}", factor
-    raise ValueError(_no_column(path, names, f"{quantity}_{next(iter(units))}", f"; units: {', '.join(units)}"))
-
-
-def _no_column(path: Path, names: list[str], name: str, more: str = "") -> str:
-    return (
-        f"{path}: no column {name}; it has {', '.join(names)}; the first row names the columns, as"
-        f" time_s,pressure_pa{more}"
-    )
-
-
-def _header(path: Path) -> tuple[list[str], str]:
-    """Return the column names in lower case, and the delimiter: comma, semicolon or tab."""
-    try:
-        check_regular(path, budgets.PRESSURE)
-        with path.open(encoding="utf-8-sig") as file:
-            first = file.readline(_LONGEST_HEADER + 1)
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: no text in UTF-8; export it as CSV UTF-8") from error
-    if len(first) > _LONGEST_HEADER:
-        raise ValueError(f"{path}: its first line has more than {_LONGEST_HEADER} characters; it must name the columns")
-    between = max(",;\t", key=first.count)
-    return [name.strip().strip('"').lower() for name in first.split(between)], between
-
-
-def _columns(path: Path, wanted: tuple[str, str]) -> Array:
-    """Read two columns of a CSV; shape (n, 2)."""
-    names, between = _header(path)
-    for name in wanted:
-        if name not in names:
-            raise ValueError(_no_column(path, names, name))
-    columns = [names.index(name) for name in wanted]
-    with path.open(encoding="utf-8-sig") as file:
-        file.readline()
-        try:
-            with warnings.catch_warnings():
-                # A table without rows is refused later, where the samples are counted.
-                warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
-                table = np.loadtxt(
-                    file,
-                    delimiter=between,
-                    usecols=columns,
-                    ndmin=2,
-                    converters=_number,
-                    quotechar='"',
-                    max_rows=(budgets.PRESSURE.records or 0) + 1,
-                )
-                budgets.PRESSURE.check("records", len(table))
-                return table.reshape(-1, len(wanted))
-        except BudgetError as error:
-            raise ValueError(f"{path}: {error}") from error
-        except ValueError as error:
-            raise ValueError(f"{path}: not all rows are numbers: {error}") from error
-
-
-def _number(cell: str) -> float:
-    """Return the number in a cell; NaN if the cell is empty."""
-    return float(cell) if cell.strip() else math.nan
 
 
 def _wav(path: Path, gauge: int) -> tuple[Array, Array, str]:

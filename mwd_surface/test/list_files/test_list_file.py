@@ -190,7 +190,7 @@ def test_columns_units_and_north_can_be_named():
     np.testing.assert_allclose(np.degrees([got.inclination[1], got.azimuth[1]]), [90.0, 45.0])
     assert got.north == "grid"
     for wrong in ({"columns": {"dept": "TDEP"}}, {"length_unit": "rod"}, {"angle_unit": "mil"}, {"north": "up"}):
-        with pytest.raises(ValueError, match="is none of"):
+        with pytest.raises(ValueError, match="choose one of"):
             Given(**wrong)
 
 
