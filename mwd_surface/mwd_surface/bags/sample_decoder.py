@@ -25,7 +25,6 @@ from mwd_surface.bags.topic_info import FORCE, RATE
 Fields = Mapping[str, tuple[str, ...]]
 
 _MAX_MESSAGE_BYTES = 64 * 1024 * 1024
-_MOST_SLACK = 64  # bytes
 
 
 class SampleDecoder:
@@ -249,16 +248,17 @@ def _without_slack(store: Any, data: bytes, type_name: str) -> Any:
     Decode a message with unused bytes behind it.
 
     The middleware counts the alignment of the items of each sequence into the size of a message, also of empty ones,
-    which have none: four bytes a sequence stay unused behind the last field.
+    which have none: four bytes a sequence stay unused behind the last field. Each sequence has a count of four bytes,
+    so that there are never more unused bytes than used ones.
 
     Raises
     ------
     SerdeError
         It is not of the type.
     """
-    for slack in range(4, min(len(data), _MOST_SLACK) + 1, 4):
-        try:
-            return store.deserialize_cdr(data[:-slack], type_name)
-        except SerdeError:
-            continue
-    raise SerdeError(f"it is not a {type_name}")
+    definition = store.get_msgdef(type_name)
+    read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
+    message, end = read(data[4:], 0, definition.cls, store)
+    if len(data) - 4 > 2 * end:
+        raise SerdeError(f"it is not a {type_name}")
+    return message

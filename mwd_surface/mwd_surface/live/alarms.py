@@ -161,7 +161,7 @@ class AlarmBook:
         operator_name = printable(operator_name)
         if alarm_id and alarm_id not in self._alarms:
             return False, f"there is no alarm {alarm_id!r}; there are {', '.join(self._alarms) or 'none'}"
-        wanted = [alarm_id] if alarm_id else [k for k, a in self._alarms.items() if not a.acknowledged]
+        wanted = [k for k, a in self._alarms.items() if not a.acknowledged and alarm_id in (k, "")]
         if not wanted:
             return True, "there is nothing to acknowledge"
         for key in wanted:

@@ -154,7 +154,7 @@ class LiveWell:
         self._link = LinkMonitor(context, settings.link.source, on_gauge=self.inputs.on_gauge)
         self._clearance = ClearanceMonitor(context, plan)
         self._advice = AdviceMonitor(context)
-        self._said = SaidByTheSurface(context, self.inputs, book, self.diagnostics.survey_ended, said)
+        self._said = SaidByTheSurface(context, book, self.diagnostics.survey_ended, self._use_depth_by_hand, said)
         self._shown_alarms: tuple[int, tuple[str, ...]] = (-1, ())
         self._waiting: list[Message] = []
         self._in_cell = False
@@ -199,8 +199,12 @@ class LiveWell:
 
     def on_depth_by_hand(self, bit_depth: float) -> None:
         """Accept a bit depth that a person has set, m; the list of inputs shows and tells it at once."""
-        self.inputs.on_depth_by_hand(bit_depth)
+        self._use_depth_by_hand(bit_depth)
         self.inputs.update(self.clock.now)
+
+    def _use_depth_by_hand(self, bit_depth: float) -> None:
+        self.inputs.on_depth_by_hand(bit_depth)
+        self.slides.on_depth_by_hand()
 
     def put(self, topic: str, data: bytes, arrived_ns: int) -> None:
         """Hand in a serialised message of a topic, relative to the well, with its time of arrival, ns."""

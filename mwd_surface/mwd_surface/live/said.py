@@ -15,7 +15,6 @@ from mwd_surface.control.set_point import LeaseLimits, Mode
 from mwd_surface.control.status import Achieved, ControlState, ControlStatus, Reaction
 from mwd_surface.downlink.status import DownlinkStatus
 from mwd_surface.live.alarms import Alarm, Event
-from mwd_surface.live.input_monitor import InputMonitor
 from mwd_surface.live.inputs import HAND, Clock, InputState, InputTable, Role
 from mwd_surface.live.survey_book import SurveyBook, outcome
 from mwd_surface.live.well_context import WellContext
@@ -46,12 +45,12 @@ class SaidByTheSurface:
     Parameters
     ----------
     context : WellContext
-    inputs : InputMonitor
-        Takes the depth that a person had set.
     book : SurveyBook
-        Takes the survey list.
+        Takes the survey list, and the depth that a person had set.
     on_outcome : callable
         Called with the outcome of a survey, in words, once the list shows it.
+    on_depth_by_hand : callable
+        Called with the depth that a person had set, m.
     topics : collection of str
         Those of `SAID` that come as messages.
 
@@ -68,17 +67,17 @@ class SaidByTheSurface:
     def __init__(
         self,
         context: WellContext,
-        inputs: InputMonitor,
         book: SurveyBook,
         on_outcome: Callable[[str], None],
+        on_depth_by_hand: Callable[[float], None],
         topics: Collection[str] = (),
     ) -> None:
-        self._clock, self._live, self._inputs, self._book = context.clock, context.live, inputs, book
+        self._clock, self._live, self._book = context.clock, context.live, book
         self._events: deque[Event] = deque(maxlen=_MOST_EVENTS)
         self.shown_ns = self._clock.now_ns
         self._alarms: tuple[tuple[Alarm, ...], int, tuple[str, ...]] | None = None
         self._by_hand_ns: int | None = None
-        self._on_outcome = on_outcome
+        self._on_outcome, self._on_depth_by_hand = on_outcome, on_depth_by_hand
         self._awaited: Survey | None = None
         every: dict[str, Callable[[Any], None]] = {
             "alarms": self._on_alarms,
@@ -147,7 +146,7 @@ class SaidByTheSurface:
         # A depth is told at the moment at which it is set; a recording that begins later has its age.
         known = self._by_hand_ns is not None and abs(set_ns - self._by_hand_ns) <= _AGAIN_NS
         if hand.data_age == 0.0 or not known:
-            self._inputs.on_depth_by_hand(hand.bit_depth)
+            self._on_depth_by_hand(hand.bit_depth)
             self._book.depth.set_by_hand(set_ns, hand.bit_depth)
         self._by_hand_ns = set_ns
 

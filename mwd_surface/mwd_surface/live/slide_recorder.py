@@ -75,6 +75,10 @@ class SlideRecorder:
         )
         self._keep(stretch)
 
+    def on_depth_by_hand(self) -> None:
+        """Count no hole for the step of a depth that a person has set."""
+        self._sheet.forget_depth()
+
     def finish(self) -> None:
         """End the current interval; the next start continues from there."""
         self._keep(self._sheet.finish())

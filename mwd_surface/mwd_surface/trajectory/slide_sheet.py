@@ -208,6 +208,10 @@ class SlideSheet:
             return ended
         return None
 
+    def forget_depth(self) -> None:
+        """Count no hole between the last reading and the next one, because a person has corrected the depth."""
+        self._depth = None
+
     @property
     def stretches(self) -> tuple[Stretch, ...]:
         """All stretches, with the present one last."""

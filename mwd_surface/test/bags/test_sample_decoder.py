@@ -148,3 +148,19 @@ def test_a_message_that_claims_to_be_enormous_is_refused_without_unpacking_it():
     bench = Bench(compressed=True)
     assert bench.decoder.unzipped(zstandard.ZstdCompressor().compress(bytes(2**27))) is None
     assert "claims more than" in bench.given[0]
+
+
+def test_a_message_of_many_sequences_has_unused_bytes_for_each_of_them():
+    """The middleware counts the alignment of the items of each sequence, also of empty ones."""
+    kind = "diagnostic_msgs/msg/DiagnosticArray"
+    decoder = SampleDecoder({"/diagnostics": TopicInfo("/diagnostics", kind, 0)}, False, [].append)
+    types = STORE.types
+    status = types["diagnostic_msgs/msg/DiagnosticStatus"]
+    header = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](1, 2), "")
+    rows = [status(level=0, name=f"node {k}", message="", hardware_id="", values=[]) for k in range(100)]
+    data = bytes(STORE.serialize_cdr(types[kind](header, rows), kind))
+    for unused in (0, 4, 4 * len(rows)):
+        found = decoder.decode("/diagnostics", data + bytes(unused))
+        assert [one.name for one in found.status] == [one.name for one in rows]
+    with pytest.raises(BagError):
+        decoder.decode("/diagnostics", data + bytes(2 * len(data)))

@@ -70,7 +70,8 @@ const LINK_LASTS = 5; // s; the receiver reports its state once per second
 
 function telemetryPill(link, now) {
   if (now - link.since > LINK_LASTS) return ["link", "stale", `${link.name}: receiver silent ${units.age(now - link.since)}`];
-  const [kind, words] = LINK[link.state] || ["idle", link.state];
+  // A link that is locked has a reason to give until its first words have come.
+  const [kind, words] = link.state === "locked" && link.reason ? ["info", link.reason] : LINK[link.state] || ["idle", link.state];
   return ["link", kind, `${link.name}: ${words}`];
 }
 
