@@ -119,7 +119,7 @@ def test_what_a_user_gives_wins_over_what_the_run_computes_or_is_refused(node, n
         )
         how = {"params": file}
     if f"{node}.{name}" in OF_OPTIONS:
-        with pytest.raises(SettingsError, match="mwd run|argument"):
+        with pytest.raises(SettingsError, match=r"mwd run|argument"):
             give_parameters(made, "w", **how)
     else:
         give_parameters(made, "w", **how)
