@@ -473,7 +473,8 @@ def test_a_magnetometer_in_a_frame_of_its_own_is_not_reported_as_one_that_never_
     assert "'imu_link'" in apart.unusable["mag"]
     imu = wire.IMU.empty(1500)
     imu["stamp_ns"] = np.arange(1500) * 10_000_000
-    imu["linear_acceleration"] = np.array([-9.0, 1.0, 3.7]) + np.random.default_rng(1).normal(scale=0.01, size=(1500, 3))
+    noise = np.random.default_rng(1).normal(scale=0.01, size=(1500, 3))
+    imu["linear_acceleration"] = np.array([-9.0, 1.0, 3.7]) + noise
     named = {}
     for mount in (resolve(plain.tool.mount), apart):
         pipeline = Pipeline(plain, None, mount)
