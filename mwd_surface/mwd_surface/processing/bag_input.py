@@ -140,11 +140,9 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
     named_accelerometer = named_topic(bag, given.accel_topic, wire.IMU)
     imu = named_topic(bag, given.imu_topic, wire.IMU) or _imu_of(bag, named_accelerometer)
     # An estimator of ours took each message for a whole reading: zeros in it are a fault of the sensor.
-    used_live = not named_accelerometer and namespace_of(bag, imu) in graph_namespaces(bag)
-    if not used_live:
-        imu, accelerometer = (imu, named_accelerometer) if named_accelerometer else _halves(bag, imu)
-    else:
-        accelerometer = None
+    used_live, accelerometer = namespace_of(bag, imu) in graph_namespaces(bag), named_accelerometer
+    if not used_live and accelerometer is None:
+        imu, accelerometer = _halves(bag, imu)
     relative = next((name for name in (IMU, IMU_BURST) if imu.endswith(name)), None)
     namespace = imu.removesuffix(relative) if relative is not None else None
 
