@@ -10,7 +10,7 @@ from mwd_estimation.pipeline.pipeline import Pipeline
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.static_survey import Refusal
 from mwd_estimation.survey.survey_message import survey_fields
-from mwd_sensors.core import settings, wire
+from mwd_sensors.core import input_covariance, settings, wire
 from mwd_sensors.core.mount import PRESETS
 from mwd_sensors.simulator.sonde import Sonde
 from mwd_surface.bags.bag_writer import BagWriter
@@ -54,6 +54,7 @@ class LiveGraph:
             self.bag.definitions.load(name)
         self.store, self.now_ns, self.newest_ns = self.bag.definitions.typestore, 0, 0
         self.depth = 1000.0
+        self._noise, self._noises = input_covariance.NoiseWatch(), 0
 
     def run(self, actions=(), step_s=0.2):
         """Drill; actions: (seconds, callable of this graph). Returns the list at the end."""
@@ -95,6 +96,10 @@ class LiveGraph:
             self.bag.write_rows(channel, layout.encode(kept, frame), kept["stamp_ns"])
 
     def _estimate(self, block):
+        block = {name: self._taken_as_stated(name, samples) for name, samples in block.items()}
+        if len(self._noise.noise) != self._noises:
+            self._noises = len(self._noise.noise)
+            self.pipeline.set_noise(self._noise.noise)
         for name, push in BESIDE.items():
             if name in block and len(block[name]):
                 self._count(name, block[name])
@@ -113,6 +118,15 @@ class LiveGraph:
             if not isinstance(result, Refusal):
                 self._on_survey(result)
         self.revisions.finish()
+
+    def _taken_as_stated(self, name, samples):
+        """What covariances say of samples, as the node takes it."""
+        if name not in ("imu/data_raw", "imu/mag", "gyro/data_raw") or not len(samples):
+            return samples
+        type_name = wire.SONDE_TOPICS[name].type_name
+        if name != "gyro/data_raw":
+            self._noise.take(samples, type_name)
+        return input_covariance.judge(samples, type_name)[0]
 
     def _count(self, name, samples):
         stamps = samples["stamp_ns"]

@@ -234,7 +234,7 @@ class InputTopics:
             for unit, sentence in units.items():
                 # A unit that never came is reported as such.
                 if unit == "imu" or self.received(_UNITS[unit]):
-                    level = ERROR if unit == "imu" else WARN
+                    level = ERROR if units is mount.unusable else WARN
                     what, _, remedy = sentence.partition(": ")
                     found.append(Diagnostic(f"mount of {_UNITS[unit]}", level, f"{words}: {what}", remedy))
         return tuple(found)

@@ -89,6 +89,7 @@ class Pipeline:
     def _begin_anew(self, mag_late_ns: int = 0) -> None:
         mat_tu = self.mount.imu
         self._estimate = Estimate(self._with_noise, self._given, self.counters, self._numbering, mat_tu, mag_late_ns)
+        self._estimate.watch.expect_mag(expected="mag" not in self.mount.unusable)
 
     def push_mag(self, samples: Samples) -> None:
         """Take magnetic samples, dtype of `wire.MAG`, in axes of the unit; left out where its mount is not known."""
@@ -149,6 +150,7 @@ class Pipeline:
     def set_mount(self, mount: Mount) -> None:
         """Turn samples like this from now on; with other axes of the conventional unit the estimate begins anew."""
         before, self.mount = self.mount, mount
+        self._estimate.watch.expect_mag(expected="mag" not in mount.unusable)
         if not np.array_equal(before.imu, mount.imu):
             self.reset()
 

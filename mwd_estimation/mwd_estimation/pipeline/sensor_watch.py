@@ -56,7 +56,7 @@ class SensorWatch:
     def __init__(self, settings: EstimatorSettings, mat_tu: Array) -> None:
         self._mat_tu = mat_tu
         self._params = derivation.health_params(settings)
-        self._mag_lag_ns = self._params.mag_lag_ns
+        self._mag_lag_ns, self._mag_expected = self._params.mag_lag_ns, self._params.mag_expected
         self._state = monitor.initial()
         self.history = FaultHistory()
         self._contaminated = self._drifted = False
@@ -74,6 +74,10 @@ class SensorWatch:
     def known(self) -> dict[str, int]:
         """Conditions of units, axes and signs: UNKNOWN, OK or FAULT of `health.fault_debounce`."""
         return monitor.known(self._state)
+
+    def expect_mag(self, *, expected: bool) -> None:
+        """Say whether magnetic samples are to come: where their mount is not known they are left out on purpose."""
+        self._params = self._params._replace(mag_expected=self._mag_expected and expected)
 
     def set_reference(self, reference: Reference | None) -> None:
         """Judge force and field against this from now on."""

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from mwd_estimation.core.reason_text import text, texts
 from mwd_estimation.core.reasons import ReasonCode
 from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.core.sensor_fault import FaultCode
 from mwd_estimation.core.status import Status
 from mwd_estimation.core.time_jumps import MOST_AHEAD
 from mwd_estimation.core.track import Track
@@ -26,6 +27,7 @@ from mwd_estimation.survey.survey_settings import SurveySettings
 from mwd_sensors.core import input_covariance, wire
 from mwd_sensors.core.constants import STANDARD_GRAVITY
 from mwd_sensors.core.frames import mat_nt, wrap_pi
+from mwd_sensors.core.mount import resolve
 from mwd_sensors.core.settings import changed
 
 START = 1_700_000_000 * 10**9
@@ -462,3 +464,20 @@ def test_the_memory_of_the_estimator_does_not_grow_from_survey_to_survey(monkeyp
     assert surveys >= 31
     # After ten minutes its histories are full: of 72 h, at one survey every 30 s, no more than 20 MB.
     assert (sizes[-1] - sizes[21]) / 10 * 72 * 120 < 20e6
+
+
+def test_a_magnetometer_in_a_frame_of_its_own_is_not_reported_as_one_that_never_came():
+    plain = EstimatorSettings()
+    apart = resolve(plain.tool.mount, {"imu": "imu_link", "mag": "mag_link"})
+    assert "'mag_link'" in apart.unusable["mag"]
+    assert "'imu_link'" in apart.unusable["mag"]
+    imu = wire.IMU.empty(1500)
+    imu["stamp_ns"] = np.arange(1500) * 10_000_000
+    noise = np.random.default_rng(1).normal(scale=0.01, size=(1500, 3))
+    imu["linear_acceleration"] = np.array([-9.0, 1.0, 3.7]) + noise
+    named = {}
+    for mount in (resolve(plain.tool.mount), apart):
+        pipeline = Pipeline(plain, None, mount)
+        named[bool(mount.unusable)] = {fault.code for fault in pipeline.push_imu(imu.copy()).health}
+    assert FaultCode.NEVER_CAME in named[False]
+    assert FaultCode.NEVER_CAME not in named[True]

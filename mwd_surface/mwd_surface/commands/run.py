@@ -19,9 +19,9 @@ from mwd_surface.commands.run_options import (
     Set,
     SingleProcess,
     Token,
+    give_parameters,
     page_secret,
     parameter_file,
-    set_parameters,
 )
 from mwd_surface.commands.scenario import scenario_names
 
@@ -113,17 +113,25 @@ def run(
     elif plan_set:
         raise ValueError("--plan-set: there is no --plan to read")
     parameters["surface"] |= page_secret(token, folder)
+    parameters["sonde"]["exit_at_end"] = not (single_process and hold)
     from_true_north = dict(parameters["surface"])
-    set_parameters(parameters, changes)
+    words = parameter_file(params)
+    given: dict[str, Any] = {"--port": port, "--method": method, "--seed": seed, "--plan": plan and str(plan.resolve())}
+    given |= {"--rate": None if rate == 1.0 else rate, "--no-record": False if no_record else None}
+    given |= {"--token": parameters["surface"].get("page.token_file")}
+    asked = {option: value for option, value in given.items() if value is not None}
+    give_parameters(parameters, namespace, changes=changes, params=params, options=asked)
+    wanted_port = parameters["surface"].pop("page.port", 0) or port
     if parameters["surface"].get("well.north_reference", "true") != "true":
         # A scenario describes the hole from true north; without a tie-on, the path reports that it is assumed.
         for tied in [name for name in from_true_north if name.startswith(launch_plan.TIE_ON)]:
             if parameters["surface"][tied] == from_true_north[tied]:
                 del parameters["surface"][tied]
-    options = RunOptions(port, not no_rig, hold, parameter_file(params), single_process)
+    options = RunOptions(wanted_port, not no_rig, hold, words, single_process)
     run_graph(story.name, namespace, parameters, folder, options)
-    truth = folder / "truth.csv" if story.telemetry is not None else None
-    for bag in recordings_named(folder / namespace.replace("/", "_") / "bags", name):
+    truth = Path(parameters["sonde"]["truth_file"]) if story.telemetry is not None else None
+    recorded_in, recorded = folder / namespace.replace("/", "_") / "bags", parameters["surface"]["record.enabled"]
+    for bag in recordings_named(recorded_in, parameters["surface"]["record.name"]) if recorded else ():
         _conclude(console, bag, truth)
     console.print(f"surveys and logs: {folder}", markup=False)
 

@@ -48,12 +48,11 @@ def run_graph(
     console, logs = terminal.output(), folder / "logs"
     own_domain, page_port = launch_plan.own_domain(os.environ), launch_plan.page_port(options.port)
     with own_domain as domain, page_port as page, contextlib.ExitStack() as held, _Interrupts() as interrupts:
-        interfaces = {} if not options.rig else held.enter_context(launch_plan.rig_parameters())
-        parameters["surface"] |= {**interfaces, "page.port": page}
+        given = parameters["surface"]
+        interfaces = {} if not options.rig else held.enter_context(launch_plan.rig_parameters(given))
+        parameters["surface"] = {**interfaces, "page.port": page, **given}
         last = "sonde"
         if options.single_process:
-            # The simulated tool ends its process, including the page.
-            parameters["sonde"]["exit_at_end"] = not options.hold
             parameters, options, last = _in_one_process(parameters, namespace, folder, options)
         words = {
             node: launch_plan.node_words(node, namespace, given, options.words) for node, given in parameters.items()

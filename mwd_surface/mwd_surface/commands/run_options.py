@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,6 +43,134 @@ Params = Annotated[
 ]
 
 
+# Parameters that follow from an option of `mwd run`, which alone may set them: the option, or what to do.
+OF_OPTIONS = {
+    "surface.folder": "mwd run keeps recording, lists and logs in one folder: name it with -o",
+    "surface.serve_page": "mwd run follows the graph over its page: start the nodes by a launch file to have none",
+    "sonde.scenario": "everything else follows from the scenario: name it as the argument of mwd run",
+}
+# Parameters that an option of `mwd run` sets too.
+_ALSO = {
+    "surface.page.port": "--port",
+    "surface.plan.file": "--plan",
+    "surface.page.token_file": "--token",
+    "surface.record.enabled": "--no-record",
+    "estimator.gravity.method": "--method",
+    "sonde.rate": "--rate",
+    "sonde.seed": "--seed",
+}
+
+
+def give_parameters(
+    parameters: dict[str, dict[str, Any]],
+    namespace: str,
+    *,
+    changes: Sequence[str] | None = None,
+    params: Path | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> None:
+    """
+    Put the parameters that a user gives in the place of those that `mwd run` computes: --set wins over --params.
+
+    parameters : of each node by its name, as computed; changed. namespace : of the well. options : values of those
+    options that were given, by their name.
+
+    Raises
+    ------
+    SettingsError
+        As `set_parameters`; a parameter that only an option sets, or that an option sets to another value.
+    """
+    from mwd_sensors.core.settings import SettingsError
+
+    given: dict[str, dict[str, Any]] = {node: {} for node in parameters}
+    in_file = [] if params is None else [f"{node}.{name}" for node, name in _take_file(given, params, namespace)]
+    set_parameters(given, changes)
+    for node, table in given.items():
+        for name, value in table.items():
+            full = f"{node}.{name}"
+            where = f"{full} in {params}" if full in in_file else f"--set {full}"
+            if full in OF_OPTIONS and not (full == "surface.serve_page" and value):
+                raise SettingsError(f"{where}: {OF_OPTIONS[full]}")
+            option = _ALSO.get(full, "")
+            if option in (options or {}) and (options or {})[option] != value:
+                raise SettingsError(f"{where} and {option} contradict each other: give one of them")
+        parameters[node] |= table
+
+
+def _take_file(given: dict[str, dict[str, Any]], params: Path, namespace: str) -> list[tuple[str, str]]:
+    """Take the values of a parameter file for the nodes; return which parameters of ours it has."""
+    from mwd_sensors.core import settings
+
+    usual, found = _usual(), []
+    for node in given:
+        if node in usual:
+            known = settings.flat(usual[node])
+            table = {k: v for k, v in file_parameters(params, f"/{namespace}/{node}").items() if k in known}
+            checked = settings.flat(settings.changed(usual[node], table))
+            given[node] |= {name: checked[name][0] for name in table}
+            found += [(node, name) for name in table]
+    return found
+
+
+def file_parameters(params: Path, node: str) -> dict[str, Any]:
+    """
+    Return what a ROS parameter file has for a node, by its full name; later sections win, as in ROS.
+
+    A section names a node, or several with `*` for one part of the name and `**` for any number of parts.
+
+    Raises
+    ------
+    ValueError
+        The file is not YAML of that form.
+    """
+    import yaml
+
+    try:
+        sections = yaml.safe_load(params.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{params}: not a parameter file: {error}") from error
+    found: dict[str, Any] = {}
+    for path, table in _sections(sections if isinstance(sections, dict) else {}):
+        if _matches(path, node.strip("/").split("/")):
+            found |= dict(_flat(table))
+    return found
+
+
+def _sections(table: Mapping[Any, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[list[str], Mapping[Any, Any]]]:
+    for key, value in table.items():
+        if key == "ros__parameters" and isinstance(value, dict):
+            yield [part for part in "/".join(path).split("/") if part], value
+        elif isinstance(value, dict):
+            yield from _sections(value, (*path, str(key)))
+
+
+def _matches(pattern: Sequence[str], parts: Sequence[str]) -> bool:
+    if not pattern:
+        return not parts
+    if pattern[0] == "**":
+        return any(_matches(pattern[1:], parts[k:]) for k in range(len(parts) + 1))
+    return bool(parts) and pattern[0] in ("*", parts[0]) and _matches(pattern[1:], parts[1:])
+
+
+def _flat(table: Mapping[Any, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{before}{key}.")
+        else:
+            yield f"{before}{key}", value
+
+
+def _usual() -> dict[str, Any]:
+    """Return the settings of the nodes that take parameters."""
+    from mwd_estimation.settings.estimator import EstimatorSettings
+    from mwd_sensors.nodes.sonde import SondeSettings
+    from mwd_surface.nodes.receiver_settings import ReceiverSettings
+    from mwd_surface.nodes.settings import SurfaceSettings
+
+    usual = {"estimator": EstimatorSettings(), "surface": SurfaceSettings(), "sonde": SondeSettings()}
+    return {**usual, "receiver": ReceiverSettings()}
+
+
 def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] | None) -> None:
     """
     Add the parameters of --set to those of the nodes.
@@ -54,13 +182,10 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
     SettingsError
         No node has the parameter (similar names are listed), several have it, or its value is not allowed.
     """
-    from mwd_estimation.settings.estimator import EstimatorSettings
     from mwd_sensors.core import settings
-    from mwd_sensors.nodes.sonde import SondeSettings
     from mwd_surface.commands.reference_options import assignments
-    from mwd_surface.nodes.settings import SurfaceSettings
 
-    usual: dict[str, Any] = {"estimator": EstimatorSettings(), "surface": SurfaceSettings(), "sonde": SondeSettings()}
+    usual = _usual()
     known = {node: settings.flat(one) for node, one in usual.items()}
     changes: dict[str, dict[str, Any]] = {}
     for name, value in assignments(given).items():
@@ -68,7 +193,8 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
         if node in known:
             changes.setdefault(node, {})[rest] = value
             continue
-        owners = [owner for owner, table in known.items() if name in table]
+        # The receiver has parameters of the same names: what is set of it names it.
+        owners = [owner for owner, table in known.items() if name in table and owner != "receiver"]
         if len(owners) > 1:
             raise settings.SettingsError(
                 f"{name}: both {' and '.join(owners)} have it; write for example {owners[0]}.{name}"
@@ -79,6 +205,8 @@ def set_parameters(parameters: dict[str, dict[str, Any]], given: Sequence[str] |
         changes.setdefault(owners[0], {})[name] = value
     for node, table in changes.items():
         checked = settings.flat(settings.changed(usual[node], table))
+        if node not in parameters:
+            raise settings.SettingsError(f"--set {node}: this run has no node {node}")
         parameters[node] |= {name: checked[name][0] for name in table}
 
 
@@ -110,7 +238,7 @@ def page_secret(token: str | None, folder: Path) -> dict[str, Any]:
 
 def parameter_file(params: Path | None) -> list[str]:
     """
-    Return the ROS arguments for a parameter file; the parameters of the node itself have priority over it.
+    Return the ROS arguments for a parameter file, ahead of the parameters of the node itself.
 
     Raises
     ------

@@ -50,8 +50,14 @@ FIELDS = {
     wire.TEMPERATURE.type_name: ("temperature",),
     wire.RIG_STATE.type_name: ("bit_depth", "valid"),
 }
-# Results of the estimator that show which namespaces are wells of ours, and its IMU topic there.
-_RESULTS = {"attitude": "mwd_msgs/msg/Attitude", "gravity": "mwd_msgs/msg/Gravity", "survey": "mwd_msgs/msg/Survey"}
+# Results of a graph that show which namespaces are wells of ours, and the IMU topic of its estimator there.
+_RESULTS = {
+    "attitude": "mwd_msgs/msg/Attitude",
+    "gravity": "mwd_msgs/msg/Gravity",
+    "survey": "mwd_msgs/msg/Survey",
+    "surveys": "mwd_msgs/msg/SurveyList",
+    "used_samples": "mwd_msgs/msg/UsedSamples",
+}
 _ORIENTED = "imu/data"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _LOOKED_AT = 2000  # messages, of all topics together, before frames and times count as seen
@@ -134,7 +140,10 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         _name_vector(bag, name, quantity)
     named_accelerometer = named_topic(bag, given.accel_topic, wire.IMU)
     imu = named_topic(bag, given.imu_topic, wire.IMU) or _imu_of(bag, named_accelerometer)
-    imu, accelerometer = (imu, named_accelerometer) if named_accelerometer else _halves(bag, imu)
+    # An estimator of ours took each message for a whole reading: zeros in it are a fault of the sensor.
+    used_live, accelerometer = namespace_of(bag, imu) in graph_namespaces(bag), named_accelerometer
+    if not used_live and accelerometer is None:
+        imu, accelerometer = _halves(bag, imu)
     relative = next((name for name in (IMU, IMU_BURST) if imu.endswith(name)), None)
     namespace = imu.removesuffix(relative) if relative is not None else None
 
@@ -159,7 +168,7 @@ def find_topics(bag: Bag, given: InputSettings) -> Topics:
         named_topic(bag, given.temperature_topic, wire.TEMPERATURE) or beside(wire.TEMPERATURE, TEMPERATURE),
         named_topic(bag, given.rig_topic, wire.RIG_STATE) or beside(wire.RIG_STATE, RIG, alone=True),
         accelerometer,
-        Kind.GYRO if accelerometer else _kind(bag, imu),
+        Kind.GYRO if accelerometer else Kind.WHOLE if used_live else _kind(bag, imu),
     )
     _use_first_frames(bag, [name for name in (imu, accelerometer, topics.mag, topics.precision) if name is not None])
     return topics

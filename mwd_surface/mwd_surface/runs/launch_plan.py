@@ -177,17 +177,28 @@ def page_port(wanted: int | None) -> Iterator[int]:
 
 
 @contextlib.contextmanager
-def rig_parameters() -> Iterator[dict[str, Any]]:
+def rig_parameters(given: Mapping[str, Any] | None = None) -> Iterator[dict[str, Any]]:
     """
     Parameters of the surface that switch on WITS, OPC UA and Modbus on this machine alone.
 
-    Each has the first free port from its usual one on, held until the block ends. One whose package is not installed,
-    or for which no port is free, stays off.
+    Each has the first free port from its usual one on, or the one in `given`, held until the block ends. One that
+    `given` switches off, whose package is not installed, or for which no port is free, stays off.
+
+    Raises
+    ------
+    ValueError
+        A port in `given` is taken.
     """
     parameters: dict[str, Any] = {}
+    given = given or {}
     with contextlib.ExitStack() as held:
         for name, (first, package) in _RIG_PORTS.items():
-            port = held.enter_context(_free_port(first, _PORTS))
+            if not given.get(f"rig.{name}.enabled", True):
+                continue
+            wanted = int(given.get(f"rig.{name}.port", 0))
+            port = held.enter_context(_free_port(wanted, 1) if wanted else _free_port(first, _PORTS))
+            if wanted and port is None:
+                raise ValueError(f"rig.{name}.port {wanted}: something listens there already; give another one")
             if port is not None and (not package or importlib.util.find_spec(package) is not None):
                 parameters |= {f"rig.{name}.enabled": True, f"rig.{name}.port": port}
         yield parameters
