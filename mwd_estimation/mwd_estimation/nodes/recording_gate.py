@@ -17,6 +17,7 @@ from mwd_msgs.msg import RecorderStatus, SampleCount
 
 from mwd_sensors.core import wire
 from mwd_sensors.core.arrays import Samples
+from mwd_sensors.core.foreign_text import printable
 from mwd_sensors.ros import qos
 from mwd_sensors.ros.lifecycle_node import GraphNode
 from mwd_sensors.ros.time_stamps import stamp
@@ -89,9 +90,9 @@ class RecordingGate:
         if lacking and now - self._since < _LONGEST_S:
             return {topic: samples[:0] for topic, samples in taken.items()}
         if lacking:
-            self._node.get_logger().warning(
-                f"the recorder receives nothing of {', '.join(lacking)}: the recording will lack samples that are used"
-            )
+            names = ", ".join(lacking)
+            text = f"the recorder receives nothing of {names}: the recording will lack samples that are used"
+            self._node.get_logger().warning(printable(text))
         self._open = True
         waiting, self._waiting = self._waiting, {}
         return {topic: samples[samples["stamp_ns"] >= begin_ns] for topic, samples in waiting.items()}

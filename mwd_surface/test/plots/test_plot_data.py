@@ -106,7 +106,7 @@ def test_a_run_without_rest_says_so_instead_of_an_allan_plot():
 @pytest.mark.parametrize(
     ("what", "options", "sentence"),
     [
-        (("sensor",), {}, "no such word; one of sensors"),
+        (("sensor",), {}, "use one of sensors"),
         (("sensors",), {"start_s": 500.0}, "the recording ends after"),
         (("sensors",), {"topics": ["imu/dta"]}, "has no topic imu/dta; it has /w1/imu/data_raw"),
         (("surveys",), {"topics": ["/w1/imu/mag"]}, "has nothing to draw for surveys; it has /w1/imu/data_raw"),
