@@ -129,8 +129,7 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
         source=source,
         remark=revision_doubt(record, path.north) or _remark(s, source, path.north),
         assumption="; ".join(sentences(path.assumptions)),
-        assumed=(_PLACE if path.assumed else frozenset())
-        | (_CURVATURE if path.kind[k - 1] == ASSUMED else frozenset()),
+        assumed=_assumed(path, k),
     )
 
 
