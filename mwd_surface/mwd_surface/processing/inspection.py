@@ -284,7 +284,9 @@ def _read(
     reading.problems = stream.problems + reading.rests.problems(topics.imu, given.gyro_unit)
     standing = [fault for fault in monitor.faults(state) if fault.code != FaultCode.NEVER_CAME]
     reading.faults = [
-        dataclasses.replace(fault, declared=fault.code in _MISSING and fault.place // 3 in absent).in_unit_axes(mount.imu)
+        dataclasses.replace(fault, declared=fault.code in _MISSING and fault.place // 3 in absent).in_unit_axes(
+            mount.imu
+        )
         for fault in standing
     ]
     return reading
