@@ -95,7 +95,7 @@ def other(node, name, value):
         return not value
     if isinstance(value, int | float):
         return type(value)(value + 1)
-    words = {"gravity.method": "mahony", "place.field": "fixed", "link.source": "mud_pulse"}
+    words = {"gravity.method": "mahony", "tool.string": "short", "place.field": "fixed", "link.source": "mud_pulse"}
     return words.get(name, "2026-04-01" if name == "place.date" else f"{value}_2")
 
 
