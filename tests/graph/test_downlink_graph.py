@@ -112,7 +112,7 @@ def test_the_terminal_refuses_asks_and_grants_in_words(run):
     assert nobody[0] == 1
     assert "named person" in nobody[1]
     assert other[0] == 1
-    assert "request 9 was replaced; the one at hand is 1" in other[1]
+    assert "request 9 was replaced; the present request is 1" in other[1]
     assert granted[0] == 0
 
 

@@ -337,7 +337,7 @@ class BagEstimate:
             )
         if not self._list.as_live:
             refuse_wrong_unit(self.topics, summary.faults)
-        refuse(self._rests.problems(self.topics.imu, self._given.gyro_unit))
+            refuse(self._rests.problems(self.topics.imu, self._given.gyro_unit))
         now = pipeline.revisions()
         revised = [
             (dataclasses.replace(now[survey.sequence], status=survey.status, revision=1), depth)
