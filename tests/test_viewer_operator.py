@@ -4,6 +4,7 @@
 import concurrent.futures
 import dataclasses
 import logging
+import math
 import random
 from types import SimpleNamespace
 
@@ -122,7 +123,7 @@ def attitude(second, step):
 
 def judged(surface, action, number):
     """Accept or reject a survey as a person does."""
-    usual = {"operator_name": "Ann", "reason": "seen", "measured_depth": -1.0, "replace": False}
+    usual = {"operator_name": "Ann", "reason": "seen", "measured_depth": math.nan, "replace": False}
     answer = SimpleNamespace(success=None, message="")
     getattr(surface.surveys, action)(SimpleNamespace(sequence=number, **usual), answer)
     assert answer.success, answer.message

@@ -117,7 +117,7 @@ def test_a_second_controller_waits_its_turn_and_neither_overwrites_the_other(con
 def test_nobody_but_the_owner_is_obeyed_whatever_he_has_read(contested):
     said = contested["intruder"].splitlines()
     assert [line[:8] for line in said] == ["asked: 0", "asked: 0", "released"]
-    assert all("first is another's name" in line for line in said[:2])
+    assert all("first is the name of another controller" in line for line in said[:2])
     assert "only first can give it back" in said[2]
     assert "control/command not taken: seal: " in contested["log"]
     assert "rig/command not obeyed: lease: 1 has ended" in contested["rig"]

@@ -31,7 +31,7 @@ def test_services_parameters_and_topics_are_reached_by_the_end_of_their_names(tm
         assert "no samples arrive from the sonde" in text
         assert status == 1
         text, status = mwd(graph, "call", "take_survey", "duratoin=4")
-        assert "no such field; there are duration" in text
+        assert "the fields are duration" in text
         assert status == 2
         assert "did you mean /w1/take_survey" in mwd(graph, "call", "take_survy")[0]
         assert (

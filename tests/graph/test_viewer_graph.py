@@ -9,6 +9,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
 
@@ -88,7 +89,8 @@ def test_the_viewer_shows_what_the_page_showed(run):
     compared = 0
     with Bag(path) as bag:
         named = named_plan(bag)
-        player = Player(bag, namespace_of(bag), plan=named and read_plan(named))
+        plan = read_plan(Path(named.file), given=named.given()) if named.file else None
+        player = Player(bag, namespace_of(bag), plan=plan)
         page = StateJson(player.well.live.settings)
         for state in states:
             at = told(state)

@@ -4,10 +4,11 @@ Leave out copies of samples on a topic, as sent by a second publisher, in the li
 
 A copy of a sample has the same readings. If it has the same stamp too, it is a copy without doubt. A second publisher
 with its own stamps is recognised when nearly all readings of the last messages came exactly twice; the readings of a
-coarse sensor repeat too, but not exactly twice each. The rule uses only a sample and the messages before it, in the
-order of arrival, so that the result does not depend on how a stream is cut into blocks. After the first repeated
-reading, the samples of an IMU are held back until it is known whether all readings repeat, because copies would disturb
-the estimate of its sample rate.
+coarse sensor repeat too, but not exactly twice each. If the time of a topic goes back by more than two seconds, a
+recording loops or was sought; earlier messages are then forgotten, and the same samples are not copies. The rule uses
+only a sample and the messages before it, in the order of arrival, so that the result does not depend on how a stream is
+cut into blocks. After the first repeated reading, the samples of an IMU are held back until it is known whether all
+readings repeat, because copies would disturb the estimate of its sample rate.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ WATCHED, COPIES = 80, 36
 _FRESH, _COPY, _SUSPECT = 0, 1, 2
 _UNKNOWN, _BY_CHANCE, _ALL_TWICE = 0, 1, 2
 _BUCKETS = 4096  # size of the table of hashes, a power of two
+_BACK_NS = 2_000_000_000  # the copies of a second publisher come with less delay
 _MIX = -7046029254386353131  # 2^64 divided by the golden ratio, as a signed number
 
 
@@ -40,6 +42,7 @@ class State:
     """Hashes of the last messages of a topic, in a table with a chain for each bucket."""
 
     count: int  #: number of messages so far
+    last_ns: int  #: stamp of the last message
     numbers: Annotated[Hashes, REMEMBERED]  #: hash of the readings of message k, at index k modulo REMEMBERED
     stamped: Annotated[Hashes, REMEMBERED]  #: hash of readings and stamp
     before: Annotated[Hashes, REMEMBERED]  #: number (from 1) of the previous message in the same bucket; 0: none
@@ -128,6 +131,9 @@ def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDAr
     """Fill `kind`, shape (n,), with whether each sample is fresh, a copy or a suspect; numbers: shape (n, k)."""
     bits = numbers.view(np.int64)
     for k in range(len(bits)):
+        if s.count > 0 and stamp_ns[k] < s.last_ns - _BACK_NS:
+            _forget(s)
+        s.last_ns = stamp_ns[k]
         own = 0
         for c in range(bits.shape[1]):
             own = _mixed(own, bits[k, c])
@@ -162,6 +168,14 @@ def _judge(s: State, numbers: Array, stamp_ns: Stamps, stamped: bool, kind: NDAr
             kind[k] = _SUSPECT
         else:
             kind[k] = _FRESH
+
+
+@compiled
+def _forget(s: State) -> None:
+    """Forget all messages; what is known of the topic, `verdict`, stays."""
+    s.count = s.suspected = s.seconds = s.thirds = 0
+    s.newest[:] = 0
+    s.copies[:] = 0
 
 
 @compiled

@@ -97,3 +97,12 @@ def test_equal_stamps_mean_nothing_where_the_messages_carry_no_time():
     samples = stream(5000, 1, step=10.0)
     samples["stamp_ns"] = 0
     assert len(RepeatedSamples().take(samples["stamp_ns"], samples, stamped=False)[1]) == 5000
+
+
+@pytest.mark.parametrize("hold", [True, False])
+@pytest.mark.parametrize("back_to", [0, 300, 690])
+def test_a_recording_that_loops_or_is_sought_backward_is_no_second_publisher(back_to, hold):
+    samples, rule = stream(900, 3), RepeatedSamples(hold=hold)
+    played = np.concatenate([samples, samples[back_to:], samples[back_to:]])
+    assert len(taken(rule, played, cut=50)) == len(played)
+    assert rule.count == 0

@@ -107,6 +107,7 @@ class RecordingServer:
     def _publish_status(self, status: RecorderStatus) -> None:
         streams = self._first_ns if status.state == RecorderState.RECORDING else {}
         self._status.publish(messages.recorder_message(status, stamp(self._alarm_log.now_ns()), streams))
+        self._live.on_recorder(status, self._context.well_now)
 
     def open(self) -> None:
         """Open topic and services."""
@@ -225,7 +226,6 @@ class RecordingServer:
         self._start_wanted()
         status = self._recorder.status()
         self._publish_status(status)
-        self._live.on_recorder(status, self._context.well_now)
         causes: dict[str, tuple[int, str, str]] = {}
         if status.state in (RecorderState.PAUSED_DISK_FULL, RecorderState.FAILED):
             causes["recorder.state"] = (Severity.CRITICAL, f"recording paused: {status.reason}", _RESUMES)
