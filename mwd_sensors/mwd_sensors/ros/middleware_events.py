@@ -20,8 +20,8 @@ from mwd_sensors.ros.diagnostics import ERROR, Diagnostic
 _SEVERAL_S = 3.0  # two publishers for this long are not a hand-over from one to the next
 # A killed process stays in the middleware's graph until its lease ends (Fast DDS: 20 s).
 _SAME_NAME_S = 25.0
-# Topics that every node of a well publishes.
-_SHARED = ("heartbeat",)
+# Topics that several nodes of a well publish: all of them, and those that answer requests of people.
+SHARED = ("heartbeat", "operator_events")
 
 
 class MiddlewareEvents:
@@ -45,7 +45,7 @@ class MiddlewareEvents:
 
         def matched(event: Any) -> None:
             # Topics outside the well, such as /diagnostics, have many publishers.
-            if topic.startswith("/") or topic in _SHARED or event.current_count < 2:
+            if topic.startswith("/") or topic in SHARED or event.current_count < 2:
                 self._several.pop(topic, None)
             else:
                 self._several.setdefault(topic, self._clock())
