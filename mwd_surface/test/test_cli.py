@@ -223,7 +223,7 @@ def test_every_option_of_the_reference_of_a_table_counts_or_is_refused(tmp_path)
     for words, says in (
         (("--set", "place.height_m=100"), "place.height_m: needs a place"),
         (("--field", "50000,71", "--set", "place.grid=utm"), "place.grid: is not used"),
-        ((*place, "--set", "place.dip_deg=71"), "place.dip_deg: is not used for a table beside a model"),
+        ((*place, "--set", "place.dip_deg=71"), "place.dip_deg: is not used for a table with a model"),
         ((*place, "--set", "reference.grid=utm"), "place"),
     ):
         refused(mwd("survey", VOLVE, *words), says)

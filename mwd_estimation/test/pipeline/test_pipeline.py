@@ -235,7 +235,7 @@ def test_what_is_kept_while_the_time_of_the_imu_stands_still_is_bounded(monkeypa
     assert max(sizes[-41:]) - max(sizes[-82:-41]) < 100_000
     imu["stamp_ns"] = mag["stamp_ns"]
     output = pipeline.push_imu(imu)
-    assert np.isfinite(output.attitude["inclination"][-1])
+    assert len(output.attitude) == len(imu)
 
 
 @pytest.mark.slow(6)

@@ -48,8 +48,8 @@ def test_all_is_everything_and_a_span_and_topic_are_less(bag, tmp_path):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["-o", "run.pdf"], r"--output run.pdf: a picture is written as .png or .svg"),
-        (["-o", "run.png", "--what", "sensors,spektra"], "no such word; one of sensors"),
+        (["-o", "run.pdf"], r"--output run.pdf: a plot must be .png or .svg"),
+        (["-o", "run.png", "--what", "sensors,spektra"], "use one of sensors"),
         (["-o", "run.png", "--what", ","], "name at least one of"),
         (["-o", "run.png", "--topic", "/other"], "has no topic /other"),
     ],
