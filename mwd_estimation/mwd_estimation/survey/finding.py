@@ -24,7 +24,7 @@ _CONTRADICTED = 2.0
 _CONTINUITY, _BROKEN = math.radians(5.0), 0.05
 # A gyro with a larger share than this makes the azimuth.
 _MOSTLY = 0.5
-# Azimuths farther apart than so many sigma, and this angle, rad, contradict each other.
+# Azimuths contradict each other if they differ by more than this number of sigma and by more than this angle, rad.
 _APART, _NEAR = 3.0, math.radians(1.0)
 
 

@@ -30,7 +30,7 @@ from mwd_sensors.core.frames import magnetic_toolface, mat_nt
 
 # A disturbance that is more probable makes an azimuth doubtful.
 _DISTURBED = 0.5
-# An attitude determines the azimuth where a sound tool errs by the angle of `QualitySettings.far_deg` at so many sigma.
+# An attitude determines the azimuth if `QualitySettings.far_deg` is at least this many sigma of a healthy tool.
 _DETERMINED = 6.0
 # An azimuth that is not determined leaves the direction of the hole open by its sigma times the sine of the
 # inclination: by less than this, rad, near the vertical, where the station is accepted for its inclination.

@@ -28,7 +28,7 @@ from mwd_sensors.core import budgets
 from mwd_sensors.core.budgets import BudgetError
 from mwd_surface.bags.topic_info import TopicInfo, ros2_types
 
-# A chunk may be unpacked so many times before a recording is refused.
+# Number of times that a chunk may be unpacked before the recording is refused.
 _AGAIN = 4
 _MAGIC = b"#ROSBAG V2.0\n"
 _BOUNDED: dict[str, Callable[[], bz2.BZ2Decompressor | lz4.frame.LZ4FrameDecompressor]] = {

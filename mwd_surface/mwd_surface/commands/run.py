@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -63,8 +64,7 @@ def run(
     Play a scenario through the whole graph: sonde, estimator, surface, live page and recording.
 
     Ends with the scenario or with Ctrl-C, and then compares each survey with the truth. Several runs can be active at
-    the
-    same time: each has its own middleware domain, port and folder.
+    the same time: each has its own middleware domain, port and folder.
 
     \b
     Examples:
@@ -77,7 +77,6 @@ def run(
     from mwd_sensors.simulator.scenario import read
     from mwd_surface.bags.recorder.folder import recordings_named
     from mwd_surface.commands import node, terminal
-    from mwd_surface.commands.list_options import assigned
     from mwd_surface.runs import launch_plan
 
     with node.without_ros():
@@ -106,13 +105,7 @@ def run(
     }
     if story.telemetry is not None:
         _add_link(parameters, story, folder.resolve())
-    if plan is not None:
-        parameters["surface"]["plan.file"] = str(plan.resolve(strict=True))
-        said = dataclasses.asdict(assigned(plan_set, "--plan-set"))
-        parameters["surface"] |= {f"plan.{name}": word for name, word in said.items() if word}
-    elif plan_set:
-        raise ValueError("--plan-set: there is no --plan to read")
-    parameters["surface"] |= page_secret(token, folder)
+    parameters["surface"] |= _given_plan(plan, plan_set) | page_secret(token, folder)
     parameters["sonde"]["exit_at_end"] = not (single_process and hold)
     from_true_north = dict(parameters["surface"])
     words = parameter_file(params)
@@ -122,11 +115,7 @@ def run(
     asked = {option: value for option, value in given.items() if value is not None}
     give_parameters(parameters, namespace, changes=changes, params=params, options=asked)
     wanted_port = parameters["surface"].pop("page.port", 0) or port
-    if parameters["surface"].get("well.north_reference", "true") != "true":
-        # A scenario describes the hole from true north; without a tie-on, the path reports that it is assumed.
-        for tied in [name for name in from_true_north if name.startswith(launch_plan.TIE_ON)]:
-            if parameters["surface"][tied] == from_true_north[tied]:
-                del parameters["surface"][tied]
+    _drop_tie_on_from_true_north(parameters["surface"], from_true_north)
     options = RunOptions(wanted_port, not no_rig, hold, words, single_process)
     run_graph(story.name, namespace, parameters, folder, options)
     truth = Path(parameters["sonde"]["truth_file"]) if story.telemetry is not None else None
@@ -134,6 +123,32 @@ def run(
     for bag in recordings_named(recorded_in, parameters["surface"]["record.name"]) if recorded else ():
         _conclude(console, bag, truth)
     console.print(f"surveys and logs: {folder}", markup=False)
+
+
+def _given_plan(path: Path | None, said: list[str] | None) -> dict[str, Any]:
+    """Return the parameters of the surface node for a plan given by option; ValueError for words about no plan."""
+    from mwd_surface.commands.list_options import assigned
+
+    if path is None:
+        if said:
+            raise ValueError("--plan-set: there is no --plan to read")
+        return {}
+    words = dataclasses.asdict(assigned(said, "--plan-set")).items()
+    return {"plan.file": str(path.resolve(strict=True)), **{f"plan.{name}": word for name, word in words if word}}
+
+
+def _drop_tie_on_from_true_north(surface: dict[str, Any], from_true_north: Mapping[str, Any]) -> None:
+    """
+    Remove the tie-on of the scenario where the user asks for another north.
+
+    A scenario describes the hole from true north; without a tie-on, the path reports that its start is assumed.
+    """
+    from mwd_surface.runs import launch_plan
+
+    if surface.get("well.north_reference", "true") != "true":
+        for name, value in from_true_north.items():
+            if name.startswith(launch_plan.TIE_ON) and surface.get(name) == value:
+                del surface[name]
 
 
 def _written_plan(story: Scenario, folder: Path) -> Path:

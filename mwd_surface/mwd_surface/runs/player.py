@@ -181,7 +181,7 @@ class Player:
         return back
 
     def advance(self, seconds: float) -> None:
-        """Play on by so many seconds of the recording, at most to its end."""
+        """Play the given number of seconds of the recording, at most to its end."""
         self.at_s = min(self.at_s + max(seconds, 0.0), self.length_s)
         until_ns = self._bag.start_ns + round(self.at_s * 1e9)
         while self._next is not None and self._next[0] <= until_ns:

@@ -13,7 +13,7 @@ from mwd_sensors.core.frames import wrap_pi, wrap_tau
 
 # A valley between two modes is lower than this share of the lower one.
 _VALLEY = 0.5
-# Share of a mode that so many sigma hold.
+# Probability of a mode that lies within this number of sigma.
 _HELD, _SIGMAS = 0.99, 2.576
 # A mode with less probability than this is not named.
 _LEAST = 0.003
