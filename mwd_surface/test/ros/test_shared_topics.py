@@ -11,7 +11,7 @@ import mwd_surface
 
 pytest.importorskip("rclpy", reason="ROS is not installed for this Python")
 
-from mwd_sensors.ros.middleware_events import SHARED  # noqa: E402
+from mwd_sensors.ros.middleware_events import SHARED
 
 
 def test_topics_that_estimator_and_surface_both_publish_raise_no_alarm():
