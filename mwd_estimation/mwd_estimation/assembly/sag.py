@@ -117,7 +117,7 @@ def _nodes(assembly: Assembly, ends: Array) -> tuple[Array, Array]:
             ),
         ]
     )
-    # At a joint the wider of the two bodies touches the wall.
+    # At a joint the component with the larger diameter touches the wall.
     below, over = np.searchsorted(ends, at - 1e-9), np.searchsorted(ends, at + 1e-9)
     last = len(bodies) - 1
     widest = np.maximum(bodies[np.minimum(below, last)], bodies[np.minimum(over, last)])

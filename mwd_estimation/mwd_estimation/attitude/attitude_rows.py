@@ -37,7 +37,7 @@ class Stretch(NamedTuple):
     start: int  #: index of its first sample in the block
     north: int  #: code of the north reference
     status: int  #: bits of `Status` to add
-    gyro_only: bool  #: give only an azimuth that the gyros alone have propagated
+    gyro_only: bool  #: omit azimuths that are not propagated by the gyros alone
 
 
 LAST_MAGNETIC = dtype_of(LastMagnetic)

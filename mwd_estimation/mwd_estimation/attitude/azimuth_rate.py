@@ -27,8 +27,8 @@ from mwd_estimation.core import ring
 from mwd_estimation.core.track import GAP_NS
 from mwd_sensors.core.compiled import compiled
 
-# The conventional unit is used for a bin if an interval of the precision unit is longer than the first share of the
-# bin, or if its intervals cover less than the second share of the bin's time.
+# A bin uses the gyros of the conventional unit if the precision unit has a gap longer than the first of these shares of
+# the bin, or if its valid samples cover less than the second share of the bin.
 _MAX_STEP, _MIN_COVERED = 0.5, 0.8
 
 

@@ -26,7 +26,7 @@ class SensorErrors:
     accelerometer_scale: float = 0.0005  #: accelerometer scale error of each axis
     magnetometer_bias_nt: float = 70.0  #: magnetometer bias of each axis, nT
     magnetometer_scale: float = 0.0016  #: magnetometer scale error of each axis
-    #: Axial magnetic field of the drill string above and below the tool, if the collar is as it should be, nT.
+    #: Axial magnetic field of the drill string, 1 sigma, if its collars are long enough and non-magnetic, nT.
     axial_interference_nt: float = 220.0
     cross_interference_nt: float = 0.0  #: field of the drill string across the axis, each way, nT
     #: Tool axis against hole axis, in each direction, constant along the hole (XYM1, XYM2), deg.

@@ -74,7 +74,7 @@ class _Pace:
 
 
 class _Beside:
-    """A stream other than the leader: its clock, its waiting samples, and samples that jump away from these."""
+    """A stream other than the leader: its clock, its waiting samples, and samples whose stamps jump away from those."""
 
     def __init__(self) -> None:
         self.pace = _Pace()

@@ -25,13 +25,13 @@ _DATA = 9
 _SAMPLES = len(HEAD) + _DATA + len(TAIL)
 # Unit of the signal as whole numbers: 1e-6 rad/s or 1e-9 m^3/s, far below the noise of any sensor.
 _SCALE = {"rotation": 1e6, "flow": 1e9}
-# Allowed ratio of the drop to the configured one. Gauges are inexact, and strings slip.
+# Allowed ratio of the drop in flow or rotation to the configured one: flow meters are inexact, and the string slips.
 _DROP = (0.6, 1.5)
 # Drilling values within one command differ by less than this share of the drop; more would look like another level.
 _STEADY = 1.0 / (2.0 * (LEVELS - 1))
 # Allowed distance of the levels from whole numbers: rms and largest. Random values would be 0.29 away (rms).
 _RMS, _MOST = 0.2, 0.42
-# Longest time without samples, cells; after a longer one the decoder restarts.
+# Longest gap without samples, in cells of 0.2 s; after a longer gap the decoder restarts.
 _GAP = 10
 
 

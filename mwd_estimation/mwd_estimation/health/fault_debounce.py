@@ -51,7 +51,7 @@ class Check:
     #: For AXES and FRAME: by sensor, the mappings that explain all windows after the one in which the fault may begin.
     possible: Annotated[Indices, 3]
     changed: int  #: 1 if the check must be reported
-    sound: int  #: bits of the sensors that the check has found in order at some time
+    sound: int  #: bits of the sensors that the check has found healthy at least once
     seen: int  #: observation since the last `weigh`: NOTHING, AGAINST, FOR or STRONGLY
     #: `seen_ns`, `seen_value`, `seen_limit`, `seen_which`: values of the fault according to this observation.
     seen_ns: int
@@ -72,7 +72,7 @@ class Rule(NamedTuple):
     clear: int
     patient: int = 0  #: 1 if a single observation against it does not restart the count
     narrows: int = 0  #: 1 if an existing fault is reported again when fewer explanations remain
-    #: 1 if the sensor of the check must not be used (AXES, SIGN and FRAME: the sensors in the fault's own data).
+    #: 1 if a fault of this check excludes sensors from use (`accused` says which).
     accuses: int = 1
 
 

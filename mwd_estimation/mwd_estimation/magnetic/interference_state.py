@@ -90,7 +90,7 @@ class FieldSamples(NamedTuple):
 
 
 class Innovation:
-    """Innovation of a sample: vertical and horizontal field against the reference, and quantities for its azimuth."""
+    """Filter innovation of a sample: horizontal and vertical field minus reference, with terms for the azimuth."""
 
     #: `north`, `east`: unit vectors in tool axes.
     north: Annotated[Array, 3]

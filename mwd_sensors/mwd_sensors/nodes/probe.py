@@ -48,7 +48,7 @@ class ProbeNode(GraphNode[LineSettings]):
         self.add_timer(_PERIOD, self._on_timer)
 
     def activate(self) -> None:
-        """Create the connection; the timer opens the line."""
+        """Create the connection object; the timer opens the serial line."""
         self._probe = SerialProbe(self.settings)
         self._received_before = self._faults_before = 0
         self._clips_before, self._bad_before = {}, (0, 0)

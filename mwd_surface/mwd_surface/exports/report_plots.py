@@ -141,7 +141,7 @@ def _dense(table: SurveyTable) -> tuple[Array, Array]:
 
 
 def _some(table: SurveyTable) -> list[tuple[str, int]]:
-    """Return legend label and index of at most 12 stations, the last one included: more ellipses hide the path."""
+    """Return (legend label, station index) of the ellipses to draw: at most 12, the last station among them."""
     good = [k for k in table.rows if table.covariance is not None and np.all(np.isfinite(table.covariance[k]))]
     step = max(1, math.ceil(len(good) / 12))
     return [(f"ellipse, {ELLIPSE_SIGMAS:g} sigma" if not j else "", k) for j, k in enumerate(good[::-1][::step])]

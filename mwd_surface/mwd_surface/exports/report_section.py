@@ -68,7 +68,7 @@ def _is_number(text: str) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class Drawing:
-    """A figure with its caption, drawn when printed. wide: over the full width of the page."""
+    """A figure with its caption, drawn when the report is written. wide: it spans the full page width."""
 
     caption: str
     draw: Callable[[], Figure]

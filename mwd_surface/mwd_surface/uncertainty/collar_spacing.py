@@ -32,7 +32,7 @@ _LONGEST = 300.0
 class Steel:
     """A magnetised piece of the string on one side of the sensors."""
 
-    near: float  #: distance from the sensors to its nearer end, m
+    near: float  #: distance from the sensors to the nearer end of the piece, m
     length: float  #: length, m; infinite for the string above
     pole: float  #: strength of its poles, Wb
     name: str = ""
@@ -51,7 +51,7 @@ class Steel:
 
 
 def interference(pieces: Sequence[Steel]) -> float:
-    """Return the largest axial field of the pieces together, T."""
+    """Return the largest possible axial field of the pieces together, T: all fields added with the same sign."""
     return sum(piece.field for piece in pieces)
 
 

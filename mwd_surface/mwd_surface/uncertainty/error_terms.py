@@ -41,7 +41,7 @@ _WHOLE_WELL = ("well", "global", "within_pad")
 _VERTICAL = math.radians(1.0)
 # Inclination at which a vertical station is evaluated, rad; its shifts differ from their limit by this share.
 _NEXT_TO_VERTICAL = 1e-7
-# Beginnings of the names of error sources of depth and of the course between stations, not of the measured angles.
+# Name prefixes of error sources that do not act on measured angles: depth, and the course between stations.
 _NOT_OF_ANGLES = ("DRF", "DSF", "DST", "XCL")
 
 
@@ -216,7 +216,7 @@ def _of_tool(whole: _Stations, tool: Tool, own: Mask, reference: ErrorReference,
                 " from there on"
             )
     first, last = max(0, int(rows[0]) - 1), min(n, int(rows[-1]) + 2)
-    # Stations of other tools in between only shape the path, so their angles may exceed the limits of this code.
+    # Stations of other tools in between only define the path: their inclinations are clipped to this code's range.
     shape = np.where(own, whole.inclination, np.clip(whole.inclination, low, np.nextafter(high, 0.0)))
     part = whole.cut(first, last, shape)
     errors, tortuosity = _evaluated(part, tool.code, reference)
@@ -240,7 +240,7 @@ def _vertical_scale(name: str, stations: _Stations, tortuosity: float) -> Array:
     s_inc = np.sin(stations.inclination)
     scale = np.ones(s_inc.size)
     if name.startswith("SAGE"):
-        # The fourth root of the sine is the only weight that decreases more slowly than the inclination.
+        # Only this weight, sin(inclination)**0.25, vanishes more slowly than the inclination itself near the vertical.
         low = s_inc < math.sin(_NEXT_TO_VERTICAL)
         scale[low] = (np.maximum(s_inc[low], 0.0) / math.sin(_NEXT_TO_VERTICAL)) ** 0.25
         scale[s_inc < mc.VERTICAL] = 0.0

@@ -18,8 +18,8 @@ from mwd_surface.receiver.flow_spans import OFF, FlowSpans
 
 # A reported flow older than this is not used, s; rigs report it every second or every few seconds.
 _FRESH_S = 5.0
-# Least share of the tool's threshold at which the pressure can still show running pumps: the pressure is then at least
-# the share OFF of the pressure while the tool sends, and friction grows with this power of flow (turbulent, Blasius).
+# Lowest ratio of flow to the tool's threshold at which the pressure can still show running pumps. The pumps count as on
+# from OFF times the pressure while the tool sends, and friction varies with flow**1.75 (turbulent, Blasius).
 _LEAST_SHARE = OFF ** (1.0 / 1.75)
 _OFF = "the pumps are off, or their flow is below the tool's threshold: the tool is silent"
 
@@ -69,7 +69,7 @@ class ToolFlow:
         self._word_s = max(self._word_s, start_s)
 
     def on_since(self, now_s: float) -> float:
-        """Return since when the tool may have its flow, s, as of now; -inf if the beginning was not seen."""
+        """Return the earliest time since which the tool may have enough flow, s; -inf if the flow-on was not seen."""
         return max(self.spans.on_since(now_s), self._since_s if self._above(now_s) else -math.inf)
 
     def silence(self, now_s: float) -> str:
