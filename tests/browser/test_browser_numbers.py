@@ -5,6 +5,7 @@ import dataclasses
 import math
 import time
 
+import numpy as np
 import pytest
 
 from browser_page import SIZES, click, rig_on, show, state_of, text, wait
@@ -91,8 +92,8 @@ def test_a_stuck_magnetometer_leaves_no_bright_total_field(browser):
 def test_why_a_direction_is_withheld_stands_beside_its_name(browser):
     with rig_on(browser) as rig:
         a = wire.ATTITUDE.empty(1)
-        a["inclination"], a["sigma_inclination"], a["sigma_azimuth"], a["north"] = 0.02, 0.001, -1.0, 3
-        a["sigma_gravity_toolface"], a["sigma_magnetic_toolface"] = -1.0, 0.01
+        a["inclination"], a["sigma_inclination"], a["sigma_azimuth"], a["north"] = 0.02, 0.001, np.nan, 3
+        a["sigma_gravity_toolface"], a["sigma_magnetic_toolface"] = np.nan, 0.01
         a["status"] = int(Status.NEAR_VERTICAL)
         rig.state.on_attitude(a, time.monotonic())
         rig.push()

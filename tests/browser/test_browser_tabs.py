@@ -2,6 +2,7 @@
 """Path, charts, steering and system."""
 
 import dataclasses
+import math
 import re
 import time
 
@@ -150,15 +151,11 @@ def test_the_azimuth_has_a_strip_over_time_and_over_depth(browser):
 
 def test_two_links_are_named_in_strip_and_tab(browser):
     pulses = LinkStatus(
-        *("mud_pulse", LOCKED, "", True, 9.5, 3.5, 1e-4, 0.01, 0.4, "survey", 2, 7, 12.0, -1.0, 40.0, 50.0),
+        *("mud_pulse", LOCKED, "", 9.5, 3.5, 1e-4, 0.01, 0.4, "survey", 2, 7, 12.0, math.nan, 40.0, 50.0),
         stamp_ns=1,
         at=0.0,
     )
-    em = LinkStatus(
-        *("em", SEARCHING, "no marker yet", False, 0.0, 0.0, 0.0, -1.0, -1.0, "", 0, 0, -1.0, -1.0, -1.0, -1.0),
-        stamp_ns=1,
-        at=0.0,
-    )
+    em = LinkStatus("em", SEARCHING, "no marker yet", *[math.nan] * 5, "", 0, 0, *[math.nan] * 4, stamp_ns=1, at=0.0)
     with rig_on(browser) as rig:
         rig.state.on_link(dataclasses.replace(pulses, others=(em,)), time.monotonic())
         rig.push()

@@ -54,7 +54,7 @@ class LinkFrameState:
 @dataclasses.dataclass(frozen=True)
 class LinkStatus:
     """
-    State of the link in use; fields as in mwd_msgs/LinkQuality, ages in s with -1 for none.
+    State of the link in use; fields as in mwd_msgs/LinkQuality, ages in s (NaN: nothing came yet).
 
     Attributes
     ----------

@@ -108,7 +108,7 @@ def test_the_opcua_controller_of_the_page_rotates_and_gives_back(tmp_path):
     server = OpcuaServer(settings, "Well 1", None, tmp_path, authority)
     with rig(server, authority) as sent:
         ends = (server.address, "Well 1", certificate, key, tmp_path / "own.der", "urn:test:controller")
-        assert '[True, "top drive and pumps are the driller\'s"]' in play(tmp_path, "OPC UA", *ends)
+        assert "[True, 'the driller controls top drive and pumps']" in play(tmp_path, "OPC UA", *ends)
         assert next(point.mode for point in sent if point.mode != Mode.RELEASE) == Mode.ROTATE
         assert "my_opcua_controller gave control back: done" in " | ".join(authority.take_events())
         authority.request(Request(Sender("test", "another"), "another", priority=5), time.monotonic())
