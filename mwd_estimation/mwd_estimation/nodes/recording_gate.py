@@ -95,18 +95,18 @@ class RecordingGate:
             self._node.get_logger().warning(printable(text))
         self._open = True
         waiting, self._waiting = self._waiting, {}
-        return {topic: samples[samples["stamp_ns"] >= begin_ns] for topic, samples in waiting.items()}
+        return {topic: samples[samples["stamp_ns"] >= begin_ns.get(topic, 0)] for topic, samples in waiting.items()}
 
-    def _recorded_from(self) -> tuple[int, list[str]]:
-        """Return the stamp from which on the recording has every topic that arrives, ns, and topics it lacks so far."""
+    def _recorded_from(self) -> tuple[dict[str, int], list[str]]:
+        """Return the first recorded stamp of each topic that arrives, ns, and the topics that the recording lacks."""
         if self._first_ns is None:
-            told_by = self._node.resolve_topic_name("recorder")
-            # Nobody records, or its first word is still to come.
-            return 0, [told_by] if self._node.count_publishers(told_by) else []
-        begin_ns, lacking = np.iinfo(np.int64).min, []
+            recorder = self._node.resolve_topic_name("recorder")
+            # Nobody records, or the first message of the recorder is still to come.
+            return {}, [recorder] if self._node.count_publishers(recorder) else []
+        begin_ns, lacking = {}, []
         for topic, samples in self._waiting.items():
             name = self._node.resolve_topic_name(topic)
             if len(samples) and name in self._first_ns:
-                begin_ns = max(begin_ns, self._first_ns[name])
+                begin_ns[topic] = self._first_ns[name]
                 lacking += [name] if not self._first_ns[name] else []
-        return int(begin_ns), lacking
+        return begin_ns, lacking
