@@ -3,6 +3,7 @@
 
 import contextlib
 import csv
+import dataclasses
 import io
 import subprocess
 import sys
@@ -11,9 +12,10 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
-from mwd_estimation.core.reasons import Reason, ReasonCode
 from mwd_surface import cli
 from mwd_surface.commands.survey_table import show_surveys
+from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
+from mwd_surface.trajectory.north import North
 from project import REFERENCE_DATA
 
 VOLVE = REFERENCE_DATA / "volve" / "volve_F5_raw_sixaxis.csv"
@@ -123,13 +125,13 @@ def test_a_table_is_a_run_whose_rows_keep_their_first_value_and_single_judges_ea
     assert all(line["first_verdict"] and line["first_azimuth_deg"] for line in together)
     shown, alone = lines("--single")
     assert "together" not in shown
-    assert {line["revised"] for line in alone} == {""}
+    assert {line["revised_because"] for line in alone} == {""}
     # The first row of a run has nothing before it.
     assert together[0]["first_azimuth_deg"] == alone[0]["azimuth_deg"]
     # Of three runs of one row each nothing is revised.
     _, apart = lines("--runs", "md_m")
     assert [line["azimuth_deg"] for line in apart] == [line["azimuth_deg"] for line in alone]
-    assert {line["revised"] for line in apart} == {"no"}
+    assert {line["revised_because"] for line in apart} == {""}
     refused(mwd("survey", VOLVE, "--runs", "bha"), "there is no column 'bha'")
 
 
@@ -157,20 +159,22 @@ def test_the_options_are_the_reference_where_the_table_has_none(tmp_path):
 
 def test_the_widest_figures_of_a_station_fit_a_plain_terminal():
     screen = io.StringIO()
-    station = SimpleNamespace(
+    survey = Survey(
+        0,
+        "",
+        1,
         inclination=2.0,
-        sigma_inclination=0.005,
         azimuth=6.28,
-        sigma_azimuth=0.2,
-        north="magnetic",
+        north=int(North.MAGNETIC),
+        covariance=(0.005**2, 0.0, 0.0, 0.0, 0.2**2, 0.0, 0.0, 0.0, 0.01),
         gravity_toolface=6.0,
         b_total=51234.4e-9,
         dip=-1.2,
-        verdict="doubtful",
-        headline=Reason(ReasonCode.NO_HORIZONTAL_FIELD),
-        reasons=(),
+        verdict=int(Verdict.DOUBTFUL),
+        headline="the field has no horizontal part",
     )
-    show_surveys(Console(file=screen, width=80), [(station, 12345.6)] * 120)
+    numbered = [dataclasses.replace(survey, sequence=k) for k in range(1, 121)]
+    show_surveys(Console(file=screen, width=80), [SurveyRecord(one, 12345.6) for one in numbered])
     row = screen.getvalue().splitlines()[2]
     assert " ".join(row.split()) == "109 12345.6 114.59 ±0.29 359.8 ±11.5 magnetic 343.8 51234 -68.75 doubtful"
     # One line says what to do about all stations with the same reason.

@@ -3,9 +3,13 @@
 
 from __future__ import annotations
 
+import math
+
 ACCEPT, DOUBTFUL, REJECT = "accept", "doubtful", "reject"
 # For one quantity: it is not defined at this attitude.
 NOT_DETERMINED = "not_determined"
+#: Azimuth movement, rad, below which a survey does not count as revised.
+MOVED = math.radians(0.05)
 
 
 def worse(a: str, b: str) -> str:

@@ -15,6 +15,7 @@ import itertools
 import math
 from collections.abc import Sequence
 
+from mwd_estimation.core.verdicts import MOVED
 from mwd_estimation.survey.finding import Finding
 from mwd_estimation.survey.posterior import hypotheses
 from mwd_estimation.survey.posterior.hypotheses import Hypothesis
@@ -26,8 +27,6 @@ from mwd_estimation.survey.station_settings import StationSettings
 _OUTLIER = 0.5
 # A run is divided where the hazard of another string is larger than this, rather than in the middle.
 _GAP = 0.1
-# An azimuth that moves by less, rad, is no revision worth a word.
-_MOVED = math.radians(0.05)
 
 
 def findings(
@@ -70,7 +69,7 @@ def is_outlier(finding: Finding | None) -> bool:
     return finding is not None and finding.hypotheses.get(Hypothesis.EXTERNAL, 0.0) > _OUTLIER
 
 
-def is_revised(first: Station, now: Station, least: float = _MOVED) -> bool:
+def is_revised(first: Station, now: Station, least: float = MOVED) -> bool:
     """Whether a station has another verdict than first, or an azimuth that moved by more than `least`, rad."""
     if first.verdict != now.verdict:
         return True

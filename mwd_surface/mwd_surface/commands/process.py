@@ -189,10 +189,9 @@ def _show(summary: Summary, estimator: EstimatorSettings, recorded: Recorded, fo
     lines[2:2] = _settings_lines(estimator, recorded, summary)
     terminal.facts(lines)
     if summary.surveys:
-        show_surveys(console, [(survey.station, depth) for survey, depth in summary.surveys])
-        now = {survey.sequence: survey.station for survey, _ in summary.revisions}
-        firsts = [(number, survey) for number, (survey, _) in enumerate(summary.surveys, 1) if survey.sequence in now]
-        for sentence in revision_sentences([(number, one.station, now[one.sequence]) for number, one in firsts]):
+        records = sorted(summary.listed.records, key=lambda one: one.survey.sequence)
+        show_surveys(console, records)
+        for sentence in revision_sentences(records):
             console.print(sentence, markup=False)
         # For a recording without depths, the line above reports it.
         for sentence in list_warnings(summary.listed.records) if summary.topics.rig is not None else ():

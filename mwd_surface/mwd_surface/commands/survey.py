@@ -59,13 +59,13 @@ def survey(
     """
     from mwd_estimation.settings.derivation import station_params
     from mwd_surface.commands import terminal
-    from mwd_surface.commands.survey_table import repeated, run_sentences, show_surveys
+    from mwd_surface.commands.survey_table import repeated, revision_sentences, run_sentences, show_surveys
     from mwd_surface.commands.table_reference import Known, RowReference, table_reference, table_settings
     from mwd_surface.list_files.six_axis_columns import find_columns
     from mwd_surface.list_files.six_axis_table import single_stations, table_rows
     from mwd_surface.list_files.table import read_table
     from mwd_surface.surveys import station_csv
-    from mwd_surface.surveys.table_run import run_stations
+    from mwd_surface.surveys.table_run import run_stations, table_surveys
 
     table = read_table(stations).columns()
     settings = table_settings(config, changes, lat, lon, date, field)
@@ -74,15 +74,20 @@ def survey(
     rows = RowReference(settings)
     read = table_rows(table, override, axial=axial, refine=rows.at, run=runs)
     compute = single_stations if single else run_stations
-    worked = compute(read, station_params(settings))
+    worked = table_surveys(compute(read, station_params(settings)))
     console = terminal.output()
     for remark in remarks:
         terminal.warn(remark)
-    show_surveys(console, [(row.station, row.md) for row in worked])
-    for sentence in run_sentences(worked):
+    records = [row.record for row in worked]
+    show_surveys(console, records)
+    for sentence in [] if single else [*run_sentences(worked), *revision_sentences(records)]:
         console.print(sentence, markup=False)
     for sentence in repeated(worked, settings):
         console.print(sentence, markup=False)
     if output is not None:
-        lines = [station_csv.row_cells(row) for row in worked]
+        lines = [
+            station_csv.cells(row.record)
+            | {"time": row.time, "run": row.run, "outlier": "yes" if row.outlier else "no"}
+            for row in worked
+        ]
         terminal.write(output.parent, {output.name: station_csv.text(station_csv.ROW_COLUMNS, lines)})

@@ -11,53 +11,47 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mwd_estimation.core.reason_text import joined
-from mwd_estimation.core.reasons import ReasonCode
-from mwd_estimation.core.verdicts import ACCEPT
 from mwd_sensors.core.frames import wrap_pi
 from mwd_surface.surveys.station_checks import NO_DEPTH
+from mwd_surface.surveys.station_quality import DOUBTFUL, REJECT, totals
+from mwd_surface.surveys.survey_record import Survey, Verdict
+from mwd_surface.trajectory.north import North
 
 if TYPE_CHECKING:
     from mwd_estimation.settings.estimator import EstimatorSettings
-    from mwd_estimation.survey.station import Station
-    from mwd_surface.list_files.six_axis_table import TableStation
     from mwd_surface.surveys.survey_record import SurveyRecord
+    from mwd_surface.surveys.table_run import TableSurvey
 
 COLOURS = {"accept": "green", "doubtful": "yellow", "reject": "red"}
 _MOST = 12
 
 
-def show_surveys(console: Console, stations: Sequence[tuple[Station, float]]) -> None:
-    """Print stations with their measured depths, m (nan if unknown); of a long list only the last ones."""
-    first = max(len(stations) - _MOST, 0)
-    title = ("1 survey" if len(stations) == 1 else f"{len(stations)} surveys") + (
-        f", the last {_MOST}" if first else ""
-    )
+def show_surveys(console: Console, records: Sequence[SurveyRecord]) -> None:
+    """Print surveys with their depths, in the order given; of a long list only the last ones."""
+    first = max(len(records) - _MOST, 0)
+    title = ("1 survey" if len(records) == 1 else f"{len(records)} surveys") + (f", the last {_MOST}" if first else "")
     # With the widest numbers it just fits the 80 columns of a plain terminal.
     table = Table(title=title, title_justify="left", box=None, padding=(0, 1, 0, 0), header_style="dim")
     for name in ("no", "depth m", "inclination", "azimuth", "", "toolface", "nT", "dip"):
         table.add_column(name, justify="left" if not name else "right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
-    for number, (station, depth) in enumerate(stations[first:], first + 1):
-        known = math.isfinite(station.azimuth)
+    for record in records[first:]:
+        survey, depth = record.survey, record.measured_depth
+        word = Verdict(survey.verdict).word
         table.add_row(
-            str(number),
+            str(survey.sequence),
             f"{depth:.1f}" if math.isfinite(depth) else "-",
-            f"{degrees(station.inclination)} ±{degrees(station.sigma_inclination)}",
-            f"{direction(station.azimuth)} ±{degrees(station.sigma_azimuth, 1)}" if known else "-",
-            station.north if known else "",
-            direction(station.gravity_toolface),
-            f"{station.b_total * 1e9:.0f}" if math.isfinite(station.b_total) else "-",
-            degrees(station.dip),
-            Text(station.verdict, style=COLOURS[station.verdict]),
+            f"{degrees(survey.inclination)} ±{degrees(survey.sigma_inclination)}",
+            _azimuth(survey),
+            North(survey.north).name.lower() if survey.has_azimuth else "",
+            direction(survey.gravity_toolface),
+            f"{survey.b_total * 1e9:.0f}" if math.isfinite(survey.b_total) else "-",
+            degrees(survey.dip),
+            Text(word, style=COLOURS[word]),
         )
     console.print(table, soft_wrap=False)
-    actions = [
-        (number, station.verdict, joined(() if station.headline is None else (station.headline,)))
-        for number, (station, _) in enumerate(stations, 1)
-    ]
-    show_actions(console, actions)
-    off = [number for number, (station, _) in enumerate(stations, 1) if _accepted_beyond(station)]
+    show_actions(console, [(r.survey.sequence, Verdict(r.survey.verdict).word, r.survey.action) for r in records])
+    off = [r.survey.sequence for r in records if _accepted_beyond(r.survey)]
     if off:
         console.print(
             f"{numbered(off):>4} accepted with total field or dip beyond its limit, because of a wider sigma; if all "
@@ -80,10 +74,10 @@ def show_actions(console: Console, stations: Sequence[tuple[int, str, str]]) -> 
         console.print(Text.assemble(f"{numbered(which):>4} ", (verdict, COLOURS[verdict]), f": {action}"))
 
 
-def _accepted_beyond(station: Station) -> bool:
-    """Return whether the station is accepted although its field or dip deviates from the reference."""
-    codes = {reason.code for reason in station.reasons}
-    return station.verdict == ACCEPT and not codes.isdisjoint({ReasonCode.FIELD_OFF, ReasonCode.DIP_OFF})
+def _accepted_beyond(survey: Survey) -> bool:
+    """Return whether the survey is accepted although its field or dip deviates from the reference."""
+    _, field, dip = totals(survey)
+    return survey.verdict == Verdict.ACCEPT and not {field.light, dip.light}.isdisjoint({DOUBTFUL, REJECT})
 
 
 def numbered(numbers: Sequence[int]) -> str:
@@ -97,36 +91,34 @@ def numbered(numbers: Sequence[int]) -> str:
     return ", ".join("-".join(str(end) for end in run) for run in runs)
 
 
-def run_sentences(rows: Sequence[TableStation]) -> list[str]:
-    """Return sentences on the joint analysis of runs: their size, outliers and revisions."""
-    if all(row.first is None for row in rows):
-        return []
+def run_sentences(rows: Sequence[TableSurvey]) -> list[str]:
+    """Return sentences on the joint analysis of runs: their size and outliers."""
     counts: dict[str, int] = {}
     for row in rows:
         counts[row.run] = counts.get(row.run, 0) + 1
     named = ", ".join(f"{name or 'the table'}: {count}" for name, count in counts.items())
     lines = [f"stations of each run, analysed together: {named}"]
-    outliers = [number for number, row in enumerate(rows, 1) if row.outlier]
+    outliers = [row.record.survey.sequence for row in rows if row.outlier]
     if outliers:
         lines.append(f"{numbered(outliers):>4} outlier: its field differs from that of the other stations of the run")
-    firsts = [(number, row, row.first) for number, row in enumerate(rows, 1)]
-    return lines + revision_sentences(
-        [(number, first, row.station) for number, row, first in firsts if row.revised and first is not None]
-    )
+    return lines
 
 
-def revision_sentences(revised: Sequence[tuple[int, Station, Station]]) -> list[str]:
-    """Return sentences on revised stations; revised: number, station at first, and now."""
+def revision_sentences(records: Sequence[SurveyRecord]) -> list[str]:
+    """Return sentences on the surveys whose definitive value differs from the first one."""
+    revised = [(first, record.survey) for record in records if (first := record.replaced) is not None]
     if not revised:
         return []
-    moves = [abs(float(wrap_pi(now.azimuth - first.azimuth))) for _, first, now in revised]
+    moves = [abs(float(wrap_pi(now.azimuth - first.azimuth))) for first, now in revised]
     known = [move for move in moves if math.isfinite(move)]
     most = f", azimuth by {degrees(max(known), 1)} deg at most" if known else ""
-    lines = [f"{numbered([number for number, _, _ in revised]):>4} revised with the other stations of the run{most}"]
-    for (number, first, now), move in zip(revised, moves, strict=True):
-        if first.verdict != now.verdict or move > first.sigma_azimuth:
+    numbers = numbered([now.sequence for _, now in revised])
+    lines = [f"{numbers:>4} revised with the other surveys of the run{most}"]
+    for (first, now), move in zip(revised, moves, strict=True):
+        words = [Verdict(one.verdict).word for one in (first, now)]
+        if words[0] != words[1] or move > first.sigma_azimuth:
             lines.append(
-                f"{number:>4} was {first.verdict} at first: {_azimuth(first)}; now {now.verdict}: {_azimuth(now)}"
+                f"{now.sequence:>4} was {words[0]} at first: {_azimuth(first)}; now {words[1]}: {_azimuth(now)}"
             )
     return lines
 
@@ -150,25 +142,29 @@ def list_warnings(records: Sequence[SurveyRecord]) -> list[str]:
     ]
 
 
-def _azimuth(station: Station) -> str:
-    """Return azimuth and 1 sigma as text in deg."""
-    if not math.isfinite(station.azimuth):
+def _azimuth(survey: Survey) -> str:
+    """Return azimuth and 1 sigma as text in deg; a dash if unknown."""
+    if not survey.has_azimuth:
         return "-"
-    return f"{direction(station.azimuth)} ±{degrees(station.sigma_azimuth, 1)}"
+    return f"{direction(survey.azimuth)} ±{degrees(survey.sigma_azimuth, 1)}"
 
 
-def repeated(rows: Sequence[TableStation], settings: EstimatorSettings) -> list[str]:
+def repeated(rows: Sequence[TableSurvey], settings: EstimatorSettings) -> list[str]:
     """Return sentences on rows of a six-axis table that were taken at one depth."""
+    import numpy as np
+
     from mwd_estimation.settings.derivation import sensor_errors
     from mwd_surface.surveys.check_shots import check_shots
     from mwd_surface.surveys.repeated_surveys import sentence
 
     if len(rows) < 2:
         return []
-    force, field = [row.station.f_t for row in rows], [row.station.b_t for row in rows]
+    surveys = [row.record.survey for row in rows]
+    force = [np.array(survey.specific_force) for survey in surveys]
+    field = [np.array(survey.magnetic_field) for survey in surveys]
     # A run is one tool in its collars: different runs share no errors.
     runs = [row.run for row in rows]
-    found = check_shots([row.md for row in rows], force, field, sensor_errors(settings), runs)
+    found = check_shots([row.record.measured_depth for row in rows], force, field, sensor_errors(settings), runs)
     return [sentence(shot) for shot in found]
 
 

@@ -16,7 +16,6 @@ import yaml
 
 from mwd_estimation.pipeline.output import Output
 from mwd_estimation.settings.estimator import EstimatorSettings
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core import settings as settings_of
 from mwd_surface import __version__
 from mwd_surface.bags.bag_reader import Bag, BagError
@@ -28,6 +27,7 @@ from mwd_surface.processing.bag_input import InputSettings, wells
 from mwd_surface.processing.run_summary import Summary
 from mwd_surface.surveys import station_csv
 from mwd_surface.surveys.recorded_settings import Recorded, recorded_settings, with_a_model
+from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _tables(path: Path, key: str, work: Work, began: float) -> dict[str, list[di
                 summary.warnings.insert(0, process.REVERSED)
             where = {"key": key, "bag": work.bag, "well": summary.topics.imu.removesuffix(bag_input.IMU).strip("/")}
             tables["attitude"] += [{**where, **row} for row in statistics.rows()]
-            tables["surveys"] += [{**where, **_survey_row(*survey)} for survey in summary.surveys]
+            tables["surveys"] += [{**where, **_survey_row(record)} for record in summary.listed.records]
             found.append(summary)
         found[0].warnings += [remark] if remark else []
     tables["bags"] = [_bag_row(work, key, found, estimator, began)]
@@ -152,11 +152,11 @@ def _settings(recorded: Recorded, work: Work) -> EstimatorSettings:
     return settings_of.changed(recorded.estimator, yaml.safe_load(work.changes))
 
 
-def _survey_row(survey: Survey, depth: float) -> dict[str, Any]:
-    schema = fleet_dataset.SCHEMAS["surveys"]
+def _survey_row(record: SurveyRecord) -> dict[str, Any]:
+    schema, survey = fleet_dataset.SCHEMAS["surveys"], record.survey
     cells: dict[str, Any] = {
         name: text if schema.field(name).type == "string" else float(text) if text else None
-        for name, text in station_csv.cells(survey.station, depth).items()
+        for name, text in station_csv.cells(record).items()
     }
     return cells | {
         "sequence": survey.sequence,
@@ -169,7 +169,7 @@ def _survey_row(survey: Survey, depth: float) -> dict[str, Any]:
 
 
 def _bag_row(work: Work, key: str, found: list[Summary], estimator: EstimatorSettings, began: float) -> dict[str, Any]:
-    verdicts = [survey.station.verdict for one in found for survey, _ in one.surveys]
+    verdicts = [Verdict(record.survey.verdict).word for one in found for record in one.listed.records]
     lowest = [one.lowest for one in found if not math.isnan(one.lowest)]
     highest = [one.highest for one in found if not math.isnan(one.highest)]
     return _row(work, key, began) | {

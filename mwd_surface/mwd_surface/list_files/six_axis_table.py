@@ -17,7 +17,6 @@ import numpy as np
 from mwd_estimation.core.reasons import Reason
 from mwd_estimation.core.reasons import ReasonCode as Code
 from mwd_estimation.core.reference_field import Reference
-from mwd_estimation.survey.revision import is_revised
 from mwd_estimation.survey.station import Station, StationSettings, station
 from mwd_sensors.core.arrays import Array
 from mwd_surface.list_files.six_axis_columns import Columns, find_columns, numbers
@@ -49,13 +48,8 @@ class TableStation:
     time: str
     station: Station
     run: str = ""
-    first: Station | None = None  #: what it said with the stations before it only; None where it is judged by itself
+    first: Station | None = None  #: its result with the stations before it only; None if it is judged by itself
     outlier: bool = False  #: whether its field is not that of the other stations of its run
-
-    @property
-    def revised(self) -> bool:
-        """Whether its run says something else than the station did when it was taken."""
-        return self.first is not None and is_revised(self.first, self.station)
 
 
 def single_stations(rows: Sequence[TableRow], settings: StationSettings | None = None) -> list[TableStation]:

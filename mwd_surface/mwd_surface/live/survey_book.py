@@ -16,12 +16,13 @@ from mwd_surface.live.alarms import Severity
 from mwd_surface.live.plan_monitor import PlanMonitor
 from mwd_surface.live.well_context import WellContext
 from mwd_surface.surveys.depth import DepthRules, DepthTrack
-from mwd_surface.surveys.station_checks import revision_doubt, revision_flags, withdrawal
+from mwd_surface.surveys.station_checks import moved, revision_doubt, revision_flags, revision_sentence, withdrawal
 from mwd_surface.surveys.survey_list import SurveyList
 from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Verdict
 from mwd_surface.trajectory.well_path import Definitive
 
 _BIT_STEP = 0.1  # m; movement of the bit after which its projection is shown again
+_SHIFT = 0.05  # m; a smaller movement of the path is not mentioned
 
 _AGAIN = "and put the surveys.json that it writes into the folder `surveys` of the well while the surface is stopped"
 _TIE_ON = (
@@ -76,6 +77,7 @@ class SurveyBook:
         self._covariance: Any = None
         self._path: Definitive = surveys.definitive()
         self._shown_bit: float | None = None
+        self._revised: dict[int, str] = {}  # sentences on the stations revised since the last survey, by number
 
     def definitive(self) -> Definitive:
         """Compute the well path, projected to the bit where the bit is deeper."""
@@ -113,6 +115,8 @@ class SurveyBook:
             return text
         record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
         self._alarm_verdict(record)
+        self._revised.clear()
+        self._alarm_log.set_alarms("survey.revised", {})
         number = f"survey {record.survey.sequence}"
         if known:
             return f"{number} is in the list already"
@@ -124,7 +128,8 @@ class SurveyBook:
         return outcome(survey, record)
 
     def on_revision(self, survey: Survey) -> None:
-        """Keep a revision of the estimator in addition to the first value; a person decides about it."""
+        """Take over a revision of the estimator, and say which station changed and how far the path moved."""
+        before = self.surveys
         try:
             surveys = self.surveys.revise(survey)
         except ValueError as error:
@@ -133,20 +138,43 @@ class SurveyBook:
         if surveys is self.surveys:
             return
         self.replace(surveys)
-        record = next(r for r in self.surveys.records if r.survey.uuid == survey.uuid)
-        if record.survey.withdrawn:
-            words, severity = f"withdrawn: {record.survey.action}", Severity.WARNING
-        else:
-            words = "; ".join(revision_flags(record, self.surveys.north)) or Verdict(survey.verdict).word
+        old, record = (next(r for r in whole.records if r.survey.uuid == survey.uuid) for whole in (before, surveys))
+        north = self.surveys.north
+        if record.survey is old.survey:
+            text = f"survey {record.survey.sequence}: {'; '.join(revision_flags(record, north))}"
             severity = Severity.WARNING if record.in_use and survey.verdict != Verdict.ACCEPT else Severity.INFO
-        self._alarm_log.log_event("survey", f"survey {record.survey.sequence}: {words}", severity)
+            self._alarm_log.log_event("survey", text, severity)
+            return
+        text = revision_sentence(old, record, north)
+        shift = self._shift(before) if old.in_use or record.in_use else 0.0
+        if shift >= _SHIFT:
+            text += f"; the well path moves {shift:.1f} m at the bit"
+        self._alarm_log.log_event("survey", text, Severity.WARNING if record.survey.withdrawn else Severity.INFO)
+        if record.in_use:
+            self._outlet.on_accepted(record)
+        if record.survey.withdrawn or (old.in_use == record.in_use and not moved(old.survey, record.survey, north)):
+            return
+        # Later surveys may revise many stations at once: one alarm names them all.
+        self._revised[record.survey.sequence] = text
+        remedy = "look at the plan ahead with the moved path; a person may accept another value in the survey list"
+        causes = {"survey.revised": (int(Severity.INFO), "; ".join(self._revised.values()), remedy)}
+        self._alarm_log.set_alarms("survey.revised", causes)
+
+    def _shift(self, before: SurveyList) -> float:
+        """Return how far the path is from that of an earlier list, at the bit or the deepest station, m."""
+        lists = (before, self.surveys)
+        depth = max(self.bit_depth or 0.0, *(float(one.definitive().md[-1]) for one in lists))
+        then, now = (one.definitive(bit_depth=depth).at(depth)[2] for one in lists)
+        return float(np.linalg.norm(now - then))
 
     def _alarm_revisions(self) -> None:
         """Raise an alarm for each survey that is contradicted or withdrawn, until a person has decided."""
-        remedy = "steer by neither value: take a check shot, then accept the first value or reject it in the list"
+        remedy = "steer by neither value: take a check shot, then accept one of the values or reject it in the list"
         doubts = {r.survey.sequence: revision_doubt(r, self.surveys.north) for r in self.surveys.records}
-        causes = {f"survey.revised.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text}
-        self._alarm_log.set_alarms("survey.revised.", causes)
+        causes = {
+            f"survey.contradicted.{k}": (int(Severity.CRITICAL), text, remedy) for k, text in doubts.items() if text
+        }
+        self._alarm_log.set_alarms("survey.contradicted.", causes)
         remedy = "steer by none of its values; act on the reason, take the survey again, then reject it in the list"
         causes = {
             f"survey.withdrawn.{r.survey.sequence}": (int(Severity.CRITICAL), withdrawal(r), remedy)

@@ -30,7 +30,7 @@ from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.leg_settings import LegSettings, arranged
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.surveys.survey_record import SurveyRecord, Value
 from mwd_surface.surveys.survey_store import StoreError, SurveyStore
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.plan import Plan
@@ -142,6 +142,7 @@ class SurveyListServer(SurveyBook):
             reason=request.reason,
             depth=request.measured_depth if accepted else math.nan,
             replace=request.replace and accepted,
+            value=request.value if accepted else 0,
         )
         return response
 
@@ -158,8 +159,8 @@ class SurveyListServer(SurveyBook):
         judge = (request.sequence, request.operator_name, request.reason, self._decided_ns)
         try:
             if word == "accepted":
-                depth, replace = request.measured_depth, request.replace
-                surveys = self.surveys.accept(*judge, measured_depth=depth, replace=replace)
+                depth, replace, value = request.measured_depth, request.replace, Value(request.value)
+                surveys = self.surveys.accept(*judge, measured_depth=depth, replace=replace, value=value)
             else:
                 surveys = self.surveys.reject(*judge)
             self.replace(surveys)

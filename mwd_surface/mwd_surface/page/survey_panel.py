@@ -60,8 +60,8 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
         "automatic": Verdict(s.verdict).word,
         "verdicts": list(s.verdicts),
         "headline": s.action,
-        # Verdict of the estimator after later surveys; None if it has not changed.
-        "revised": None if record.revision is None else Verdict(record.revision.verdict).word,
+        "first": _other_value(record.replaced, azimuth_north),
+        "revised": _other_value(record.proposal, azimuth_north),
         "alternatives": _alternatives(s, azimuth_north),
         "totals": _lights(s, limits),
         "disturbances": [[words, number(odds)] for words, odds in s.disturbances],
@@ -75,6 +75,17 @@ def survey_row(record: SurveyRecord, north: North, limits: QualityLimits | None 
         "comment": record.comment,
         "leg": record.leg,
         "tool": record.tool,
+    }
+
+
+def _other_value(survey: Survey | None, north: North) -> dict[str, Any] | None:
+    """Return azimuth, its sigma and verdict of a value that is not the definitive one; None if there is none."""
+    if survey is None:
+        return None
+    return {
+        "azimuth": number(survey.azimuth_from(north)),
+        "sigma_azimuth": number(survey.sigma_azimuth),
+        "verdict": Verdict(survey.verdict).word,
     }
 
 

@@ -340,15 +340,11 @@ class BagEstimate:
             refuse(self._rests.problems(self.topics.imu, self._given.gyro_unit))
         now = pipeline.revisions()
         revised = [
-            (dataclasses.replace(now[survey.sequence], status=survey.status, revision=1), depth)
-            for survey, depth in summary.surveys
+            dataclasses.replace(now[survey.sequence], status=survey.status)
+            for survey, _ in summary.surveys
             if survey.sequence in now
         ]
-        summary.listed, summary.live = self._list.finish([survey for survey, _ in revised])
-        # A survey that a sensor was faulty for all along takes the place of the first value, as in the list.
-        withdrawn = {survey.sequence: survey for survey, _ in revised if survey.withdrawn}
-        summary.surveys = [(withdrawn.get(survey.sequence, survey), depth) for survey, depth in summary.surveys]
-        summary.revisions = [(survey, depth) for survey, depth in revised if not survey.withdrawn]
+        summary.listed, summary.live = self._list.finish(revised)
         summary.other_input = self._used.differences(self.topics)
         summary.warnings += [*self._requests.remarks, *summary.other_input]
         summary.as_live = self._list.as_live

@@ -20,9 +20,7 @@ import numpy as np
 
 from mwd_estimation.core.fault_messages import describe, unit_words
 from mwd_estimation.core.input_gate import InputGate
-from mwd_estimation.core.reason_text import text
 from mwd_estimation.core.sensor_fault import FaultCode, SensorFault
-from mwd_estimation.core.verdicts import ACCEPT
 from mwd_estimation.health import monitor
 from mwd_estimation.health.motion_window import TURNING
 from mwd_estimation.settings import derivation
@@ -54,6 +52,7 @@ from mwd_surface.processing.rests import Rests
 from mwd_surface.processing.run_summary import Summary
 from mwd_surface.processing.stream_times import StreamTimes
 from mwd_surface.surveys.recorded_settings import with_a_model
+from mwd_surface.surveys.survey_record import Verdict
 
 _UNIT_OPTIONS = ("accel_unit", "gyro_unit", "mag_unit")
 _PASSES = 6
@@ -179,9 +178,10 @@ def inspect(
     summary: Summary | None = None
     if not refusal:
         summary, refusal = _processed(bag, reading)
-    stations = [survey.station for survey, _ in summary.surveys] if summary is not None else []
-    unsure = [one for one in stations if one.verdict != ACCEPT and one.reasons]
-    doubts = list(dict.fromkeys(f"surveys: {one.verdict}: {text(one.reasons[0])}" for one in unsure))
+    surveys = [record.survey for record in summary.listed.records] if summary is not None else []
+    verdicts = [Verdict(survey.verdict) for survey in surveys]
+    unsure = [(one, verdict.word) for one, verdict in zip(surveys, verdicts, strict=True) if one.action]
+    doubts = list(dict.fromkeys(f"surveys: {word}: {one.action}" for one, word in unsure))
     reason = summary.no_survey if summary is not None else ""
     return Inspection(
         topics,
@@ -195,7 +195,7 @@ def inspect(
         reading.faults,
         _remarks(bag, topics, reading, estimator) + doubts,
         _missing(topics, reading, mount, reason),
-        [one.verdict for one in stations],
+        [verdict.word for verdict in verdicts],
         refusal,
         "" if refusal else _command(bag, topics, reading, output),
     )

@@ -18,7 +18,6 @@ import numpy as np
 
 from mwd_estimation.settings.estimator import EstimatorSettings
 from mwd_estimation.survey.survey import Survey
-from mwd_estimation.survey.survey_message import survey_fields
 from mwd_sensors.core.arrays import Samples, Stamps
 from mwd_sensors.core.wire import RIG_VALID
 from mwd_surface.bags.bag_reader import Bag
@@ -26,7 +25,7 @@ from mwd_surface.processing.bag_input import InputSettings, Topics, namespace_of
 from mwd_surface.surveys.depth import DepthReading, DepthTrack
 from mwd_surface.surveys.depth_table import read_depths
 from mwd_surface.surveys.leg_settings import arranged
-from mwd_surface.surveys.message_conversion import survey_of_fields
+from mwd_surface.surveys.message_conversion import survey_of_estimate
 from mwd_surface.surveys.recorded_list import Decided, DepthByHand, RecordedList, Revised, recorded_list
 from mwd_surface.surveys.recorded_settings import Recorded, SurfacePart
 from mwd_surface.surveys.survey_list import SurveyList
@@ -153,8 +152,7 @@ class ListBuilder:
         return md
 
     def _listed(self, survey: Survey) -> ListedSurvey:
-        fields = survey_fields(survey)
-        return dataclasses.replace(survey_of_fields(fields, survey.stamp_ns), frame_id=self._frame)
+        return dataclasses.replace(survey_of_estimate(survey), frame_id=self._frame)
 
     def _take_changes(self, until_ns: float | None) -> None:
         """Change the list as people and estimator changed it up to a time of recording, ns."""
@@ -177,15 +175,15 @@ class ListBuilder:
             self.warnings.append(f"the decision of {decided.operator_name} is not taken over: {error}")
 
     def _revise(self, survey: Survey) -> None:
-        """Keep what the whole run says of a survey, where the recorded revisions do not say it."""
+        """Revise a survey as the whole run says, unless the recorded revisions say it already."""
         old = next((r for r in self.surveys.records if r.survey.uuid == survey.uuid), None)
         if old is None:
             return
-        said = (old.survey, *old.revised)
-        if self.as_live and (not survey.withdrawn or any(one.withdrawn for one in said)):
+        known = (old.survey, *old.revised)
+        if self.as_live and (not survey.withdrawn or any(one.withdrawn for one in known)):
             return
-        newest = max(one.revision for one in said)
-        self.surveys = self.surveys.revise(self._listed(dataclasses.replace(survey, revision=newest + 1)))
+        survey = dataclasses.replace(survey, revision=old.newest_revision + 1)
+        self.surveys = self.surveys.revise(self._listed(survey))
 
     def finish(self, revisions: Sequence[Survey] = ()) -> tuple[SurveyList, str]:
         """

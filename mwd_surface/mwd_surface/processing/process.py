@@ -23,7 +23,6 @@ from mwd_surface.processing.run_config import config_text, input_text
 from mwd_surface.processing.run_output import (
     CONFIG,
     INPUT,
-    REVISIONS,
     OutputSettings,
     destination,
     drafts,
@@ -38,7 +37,7 @@ REVERSED = (
     "the accelerometer reads gravity instead of specific force: its signs are reversed for these results, as "
     "--accelerometer down does"
 )
-_AFTER = ("surveys.csv", "surveys.json", REVISIONS, "faults.csv", CONFIG, INPUT)  # files named after the attitude
+_AFTER = ("surveys.csv", "surveys.json", "faults.csv", CONFIG, INPUT)  # files named after the attitude
 
 
 def process(
@@ -115,9 +114,7 @@ def _processed(
         with destination(draft, bag, wanted, given) as (sink, merger):
             run = _run_of(bag, estimator, given, compensation, wanted.smooth, merger, recorded)
             summary = _finished(run, bag, given, sink, progress)
-        (draft / "surveys.csv").write_text(survey_text(summary.surveys), encoding="utf-8")
-        if summary.revisions:
-            (draft / REVISIONS).write_text(survey_text(summary.revisions), encoding="utf-8")
+        (draft / "surveys.csv").write_text(survey_text(summary.listed.records), encoding="utf-8")
         (draft / "surveys.json").write_bytes(encoded(summary.listed))
         (draft / "faults.csv").write_text(fault_text(summary.faults), encoding="utf-8")
         config = config_text(estimator, given, wanted, summary.topics)

@@ -8,13 +8,12 @@ import dataclasses
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from mwd_estimation.core.fault_messages import describe
 from mwd_estimation.core.sensor_fault import SensorFault
 from mwd_estimation.pipeline.output import Output
-from mwd_estimation.survey.survey import Survey
 from mwd_sensors.core.settings import setting
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.processing import attitude_csv
@@ -22,12 +21,11 @@ from mwd_surface.processing.bag_input import InputSettings, find_topics
 from mwd_surface.processing.merger import Merger
 from mwd_surface.processing.thinner import Thinner
 from mwd_surface.surveys import station_csv
+from mwd_surface.surveys.survey_record import SurveyRecord
 
 FORMATS = ("csv", "parquet", "mcap")
 MERGED = "merged"
-# Written where later surveys change what earlier ones say.
-REVISIONS = "revisions.csv"
-_SURVEYS = ("surveys.csv", "surveys.json", REVISIONS)
+_SURVEYS = ("surveys.csv", "surveys.json")
 CONFIG, INPUT = "config.yaml", "input.yaml"
 _RESULTS = ("attitude.csv", "attitude.parquet", MERGED, *_SURVEYS, "faults.csv", CONFIG, INPUT)
 SURVEY_COLUMNS = ("sequence", "stamp_ns", "duration_s", "samples", "requested", *station_csv.COLUMNS, "uuid")
@@ -115,21 +113,21 @@ def destination(
         yield write_lines, None
 
 
-def survey_text(surveys: list[tuple[Survey, float]]) -> str:
-    """surveys.csv; of revised surveys revisions.csv."""
+def survey_text(records: Iterable[SurveyRecord]) -> str:
+    """Return surveys.csv: every survey of the list, by number."""
     return station_csv.text(
         SURVEY_COLUMNS,
         (
             {
-                "sequence": survey.sequence,
-                "stamp_ns": survey.stamp_ns,
-                "duration_s": station_csv.number(survey.duration, 1),
-                "samples": survey.samples,
-                "requested": "yes" if survey.requested else "no",
-                **station_csv.cells(survey.station, depth),
-                "uuid": survey.uuid,
+                "sequence": record.survey.sequence,
+                "stamp_ns": record.survey.stamp_ns,
+                "duration_s": station_csv.number(record.survey.duration, 1),
+                "samples": record.survey.samples,
+                "requested": "yes" if record.survey.requested else "no",
+                **station_csv.cells(record),
+                "uuid": record.survey.uuid,
             }
-            for survey, depth in surveys
+            for record in sorted(records, key=lambda one: one.survey.sequence)
         ),
     )
 

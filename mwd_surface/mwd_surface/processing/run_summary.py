@@ -47,16 +47,15 @@ class Summary:
     north, reference : str
         North of the azimuth, and where the field comes from.
     surveys : list of (Survey, measured depth in m or nan)
+        As first decided.
     listed : SurveyList
-        The same as the surface node keeps them: accepted ones in the path, the rest waiting for a decision.
+        The same surveys as the surface node keeps them, with their definitive values.
     depths : str
         Where the depths of the surveys come from, in words.
     live : str
         How this list compares with the live one of the recording; empty where it has none.
     no_survey : str
         Why there is no survey, in words; empty where there are some.
-    revisions : list of (Survey, measured depth in m or nan)
-        Surveys of which the later ones say something else, as they would be now; `surveys` has the first values.
     faults : list of SensorFault
         Faults of sensors, as they were found, narrowed down or cleared.
     warnings : list of str
@@ -90,7 +89,6 @@ class Summary:
     depths: str = ""
     live: str = ""
     no_survey: str = ""
-    revisions: list[tuple[Survey, float]] = dataclasses.field(default_factory=list)
     faults: list[SensorFault] = dataclasses.field(default_factory=list)
     warnings: list[str] = dataclasses.field(default_factory=list)
     files: list[str] = dataclasses.field(default_factory=list)

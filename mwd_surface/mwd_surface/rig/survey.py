@@ -34,7 +34,8 @@ class AcceptedSurvey:
     """
         One station in use.
 
-    Units: m, rad, rad/m, m/s^2, T, degC. stamp_ns: time of the measurement, decided_ns: time of acceptance.
+    Units: m, rad, rad/m, m/s^2, T, degC. stamp_ns: time of the measurement, decided_ns: time of acceptance. revision:
+    number of the estimator's result; 0 for the first.
     azimuth: from the north of the well. azimuth_uncorrected: magnetic, before correction for interference, or None.
     source: composition of the azimuth. overridden: accepted by a person against the automatic verdict. remark: why the
     azimuth is doubtful, or empty. assumption: assumption on which depth and position rest in addition to measurements,
@@ -43,6 +44,7 @@ class AcceptedSurvey:
 
     sequence: int
     uuid: str
+    revision: int
     stamp_ns: int
     decided_ns: int
     measured_depth: float
@@ -74,9 +76,9 @@ class AcceptedSurvey:
     assumed: frozenset[str] = frozenset()
 
     @property
-    def key(self) -> tuple[str, int]:
-        """Identity for change detection: it differs for another survey and for the same survey decided again."""
-        return self.uuid, self.decided_ns
+    def key(self) -> tuple[str, int, int]:
+        """Identity for change detection: another survey, another decision and another revision differ."""
+        return self.uuid, self.decided_ns, self.revision
 
     @property
     def gyro_share(self) -> float | None:
@@ -101,6 +103,7 @@ def _accepted(record: SurveyRecord, path: Definitive, k: int) -> AcceptedSurvey:
     return AcceptedSurvey(
         sequence=s.sequence,
         uuid=s.uuid,
+        revision=s.revision,
         stamp_ns=s.stamp_ns,
         decided_ns=record.judged_ns or s.stamp_ns,
         measured_depth=float(path.md[k]),

@@ -28,7 +28,7 @@ from mwd_surface.runs.doctor import examine
 _LOG_BYTES = 2_000_000
 _SECRET = re.compile(r"(?i)(token|password|passphrase|secret)")
 # Files of a run that say what it was; all else stays where it is.
-_TEXTS = ("*.log", "*.yaml", "surveys*.json", "surveys*.csv", "revisions.csv", "faults.csv", "rig_status.json")
+_TEXTS = ("*.log", "*.yaml", "surveys*.json", "surveys*.csv", "faults.csv", "rig_status.json")
 _VARIABLES = ("ROS_", "RMW_", "FASTRTPS_", "AMENT_", "MWD_", "NUMBA_", "PYTHON")
 _MOST_BYTES = 20_000_000  # of one text file other than a log
 

@@ -44,6 +44,11 @@ class ListRules:
         low=0.0,
         high=5.0,
     )
+    apply_revisions: str = setting(
+        "at_once",
+        "a survey that later surveys of the run revise takes the revised value at once, or a person decides (ask)",
+        choices=("at_once", "ask"),
+    )
     projection: str = setting(
         "straight",
         "projection from the last station to the bit: straight ahead, or along the last curve",

@@ -14,6 +14,8 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from mwd_estimation.survey.survey import Survey as EstimatedSurvey
+from mwd_estimation.survey.survey_message import survey_fields
 from mwd_surface.list_files.remark import Remark, RemarkKind, sentences
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
@@ -67,6 +69,11 @@ def survey_of(message: Any) -> Survey:
     return Survey(**values)
 
 
+def survey_of_estimate(survey: EstimatedSurvey) -> Survey:
+    """Return the Survey that the message of an estimator's survey would give."""
+    return survey_of_fields(survey_fields(survey), survey.stamp_ns)
+
+
 def survey_of_fields(fields: Mapping[str, Any], stamp_ns: int) -> Survey:
     """Return the Survey of such a message's fields by name, as the estimator's `survey_fields` makes them."""
     values = {name: _plain(value) for name, value in fields.items() if name not in _OWN_WAY}
@@ -93,6 +100,7 @@ def record_of(message: Any) -> SurveyRecord:
     """Return the SurveyRecord of a mwd_msgs/msg/SurveyRecord."""
     values: dict[str, Any] = {
         "survey": survey_of(message.survey),
+        "first": tuple(survey_of(one) for one in message.first),
         "revised": tuple(survey_of(one) for one in message.revised),
         "judged_ns": stamp_of(message.judged),
     }
@@ -109,17 +117,18 @@ def record_of(message: Any) -> SurveyRecord:
 
 def fill_record(message: Any, record: SurveyRecord, new_azimuth: Callable[[], Any]) -> None:
     """Write a record into an empty mwd_msgs/msg/SurveyRecord."""
-    message.revised = []
-    for survey in record.revised:
-        # The list of revised surveys is empty at first, so copy the record's other survey as an empty message of its
-        # type.
-        revised = copy.deepcopy(message.survey)
-        fill_survey(revised, survey, new_azimuth)
-        message.revised.append(revised)
+    # An empty message of a survey, for those in the arrays.
+    empty = copy.deepcopy(message.survey)
+    for name in ("first", "revised"):
+        setattr(message, name, [])
+        for survey in getattr(record, name):
+            other = copy.deepcopy(empty)
+            fill_survey(other, survey, new_azimuth)
+            getattr(message, name).append(other)
     fill_survey(message.survey, record.survey, new_azimuth)
     fill_stamp(message.judged, record.judged_ns)
     for field in dataclasses.fields(SurveyRecord):
-        if field.name not in {"survey", "revised", "judged_ns", *_OF_THE_FILE}:
+        if field.name not in {"survey", "first", "revised", "judged_ns", *_OF_THE_FILE}:
             _fill(message, field.name, getattr(record, field.name))
 
 

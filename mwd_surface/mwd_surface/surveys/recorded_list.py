@@ -16,7 +16,7 @@ from typing import Any
 from mwd_surface.bags.bag_reader import Bag
 from mwd_surface.surveys.message_conversion import list_of, record_of, stamp_of, survey_of
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord
+from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Value
 from mwd_surface.surveys.well import Well
 
 EVENTS, EVENT_TYPE = "operator_events", "mwd_msgs/msg/OperatorEvent"
@@ -49,6 +49,7 @@ class Decided:
     stamp_ns: int
     measured_depth: float = math.nan
     replace: bool = True
+    value: int = int(Value.DEFINITIVE)
     as_listed: bool = False
 
     def applied(self, surveys: SurveyList, *, depths: bool) -> SurveyList:
@@ -65,7 +66,7 @@ class Decided:
             return surveys.reject(*who)
         known = self.as_listed and self.measured_depth == found.measured_depth
         given = self.measured_depth if depths and not known else math.nan
-        return surveys.accept(*who, measured_depth=given, replace=self.replace)
+        return surveys.accept(*who, measured_depth=given, replace=self.replace, value=Value(self.value))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +178,8 @@ def _change_of(log_ns: int, event: Any) -> list[Change]:
         return []
     judgement = Judgement.ACCEPTED if event.kind == _ACCEPT else Judgement.REJECTED
     who = (str(event.operator_name), str(event.reason), stamp_ns)
-    return [Decided(log_ns, str(event.uuid), int(judgement), *who, float(event.depth), bool(event.replace))]
+    given = (float(event.depth), bool(event.replace), int(event.value))
+    return [Decided(log_ns, str(event.uuid), int(judgement), *who, *given)]
 
 
 def _decision_in(record: SurveyRecord, log_ns: int) -> Decided:

@@ -17,7 +17,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.list_files.remark import Remark, RemarkKind
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, PLACE, Judgement, SurveyRecord, Verdict
+from mwd_surface.surveys.survey_record import COORDINATES_ASSUMED, PLACE, Judgement, Survey, SurveyRecord, Verdict
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.well_path import ASSUMED, SURVEY, TIE_ON, Definitive, path_of, projected
 
@@ -134,37 +134,59 @@ def quality_flags(whole: SurveyList, record: SurveyRecord, path: Definitive, k: 
 
 
 def revision_flags(record: SurveyRecord, north: North) -> list[str]:
-    """Return the flag for a verdict or azimuth that later surveys have changed; a person decides about it."""
-    survey = record.revision
-    if survey is None:
-        return []
-    azimuth = survey.azimuth_from(north)
-    now = "no azimuth" if azimuth is None else f"azimuth {math.degrees(azimuth):.2f} deg"
-    why = f": {survey.action}" if survey.action else ""
-    return [f"later surveys say: {Verdict(survey.verdict).word}, {now}{why}; the first value stays"]
+    """Return the flags of a value that later surveys have changed, and of a change that waits for a person."""
+    flags = []
+    if record.replaced is not None:
+        flags.append(f"revised by later surveys, was {_value(record.replaced, north)} at first")
+    if record.proposal is not None:
+        why = f": {record.proposal.action}" if record.proposal.action else ""
+        flags.append(f"later surveys say {_value(record.proposal, north)}{why}; a person decides")
+    return flags
 
 
 def revision_doubt(record: SurveyRecord, north: North) -> str:
     """
-    Return a sentence if later surveys contradict a value in use; empty if they do not, or if a person knew it.
+    Return a sentence if later surveys contradict the value in use; empty if they do not, or if a person knew it.
 
-    They contradict if the new verdict is neither the first one nor accept, or if the azimuth moved by more than its 1
+    They contradict if the new verdict is neither the one in use nor accept, or if the azimuth moved by more than 1
     sigma.
     """
-    first, now = record.survey, record.revision
+    used, now = record.survey, record.proposal
     if now is None or not record.in_use or now.revision <= record.decided_revision:
         return ""
-    used, azimuth = first.azimuth_from(north), now.azimuth_from(north)
-    words = ["no azimuth" if one is None else f"azimuth {math.degrees(one):.2f} deg" for one in (used, azimuth)]
-    if used is None or azimuth is None:
-        moved = used is not azimuth
-    else:
-        moved = abs(math.remainder(azimuth - used, math.tau)) > first.sigma_azimuth
-    if not moved and now.verdict in (Verdict.ACCEPT, first.verdict):
+    if not moved(used, now, north) and now.verdict in (Verdict.ACCEPT, used.verdict):
         return ""
     why = f": {now.action}" if now.action else ""
-    place = f"survey {first.sequence} at {record.measured_depth:.1f} m"
-    return f"{place} is in use with {words[0]}, later surveys say {words[1]}, {Verdict(now.verdict).word}{why}"
+    place = f"survey {used.sequence} at {record.measured_depth:.1f} m"
+    return f"{place} is in use with {_value(used, north)}, later surveys say {_value(now, north)}{why}"
+
+
+def moved(before: Survey, now: Survey, north: North) -> bool:
+    """Whether the azimuth of a survey moved by more than the 1 sigma that it had, or appeared, or vanished."""
+    one, other = before.azimuth_from(north), now.azimuth_from(north)
+    if one is None or other is None:
+        return one is not other
+    return abs(math.remainder(other - one, math.tau)) > before.sigma_azimuth
+
+
+def revision_sentence(before: SurveyRecord, now: SurveyRecord, north: North) -> str:
+    """Return what a revision did to a station: value before and now, its use, and the reason."""
+    place = f" at {now.measured_depth:.1f} m" if math.isfinite(now.measured_depth) else ""
+    use = {(True, False): "; it leaves the path", (False, True): "; it joins the path"}.get(
+        (before.in_use, now.in_use), ""
+    )
+    why = now.survey.action or "by the fields of the later surveys"
+    values = f"{_value(before.survey, north)}, is now {_value(now.survey, north)}"
+    return f"survey {now.survey.sequence}{place} was {values}{use}: {why}"
+
+
+def _value(survey: Survey, north: North) -> str:
+    """Return azimuth with sigma and verdict of a survey in words."""
+    azimuth = survey.azimuth_from(north)
+    word = Verdict(survey.verdict).word
+    if azimuth is None:
+        return f"without azimuth, {word}"
+    return f"azimuth {math.degrees(azimuth):.2f} ±{math.degrees(survey.sigma_azimuth):.2f} deg, {word}"
 
 
 def withdrawal(record: SurveyRecord) -> str:

@@ -14,12 +14,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from mwd_estimation.core.reason_text import joined
-from mwd_estimation.core.reason_text import text as text_of
-from mwd_estimation.core.reference_field import Reference
 from mwd_estimation.survey.azimuth_method import AzimuthMethod
-from mwd_estimation.survey.station import Station
-from mwd_surface.list_files.six_axis_table import TableStation
+from mwd_surface.surveys.survey_record import Judgement, Survey, SurveyRecord, Verdict
+from mwd_surface.trajectory.north import North
 
 
 class Column(NamedTuple):
@@ -39,7 +36,7 @@ UNITS = {"m": "m", "deg": "deg", "mps2": "m/s²", "nt": "nT"}
 OF_STATIONS = (
     Column("md_m", "measured depth of the sensor; empty if unknown"),
     Column("inclination_deg", "angle from the vertical"),
-    Column("azimuth_deg", "best azimuth, clockwise from azimuth_reference"),
+    Column("azimuth_deg", "definitive azimuth, clockwise from azimuth_reference"),
     Column("azimuth_reference", "north of all azimuths of the row: magnetic, true or grid", text=True),
     Column("toolface_deg", "gravity toolface, from the high side"),
     Column("g_total_mps2", "measured total gravity"),
@@ -76,91 +73,106 @@ OF_STATIONS = (
     ),
     Column("alternative_odds", "probability of each", text=True),
     Column("hypotheses", "possible disturbances of the readings, each with its probability", text=True),
+    Column("azimuth_msa_deg", "azimuth by multi-station analysis of the run; empty if refused or not made"),
+    Column("sigma_azimuth_msa_deg", "1 sigma"),
+    Column("azimuth_gyro_deg", "azimuth by north seeking of the precision gyro at the station"),
+    Column("sigma_azimuth_gyro_deg", "1 sigma"),
+    Column("first_azimuth_deg", "azimuth as first decided, with the earlier surveys of the run only"),
+    Column("first_sigma_azimuth_deg", "1 sigma"),
+    Column("first_verdict", "verdict as first decided", text=True),
+    Column("revised_because", "why later surveys changed the azimuth or verdict; empty if they did not", text=True),
+    Column("in_use", "yes if the station is part of the path", text=True),
+    Column("person", "decision of a person: accepted or rejected; empty if nobody decided", text=True),
+    Column("operator", "who decided", text=True),
 )
-# Additional columns of a table of readings: the first value of each row, computed with the rows before it in its run.
+# Additional columns of a table of readings.
 OF_TABLES = (
     Column("time", "time as in the table", text=True),
     Column("run", "run as in the table", text=True),
-    Column("revised", "yes if later stations changed the verdict or azimuth", text=True),
     Column("outlier", "yes if it disagrees with the other stations of the run", text=True),
-    Column("first_azimuth_deg", "azimuth computed only with the earlier rows of its run"),
-    Column("first_sigma_azimuth_deg", "1 sigma"),
-    Column("first_verdict", "verdict computed only with the earlier rows", text=True),
-    Column("azimuth_msa_deg", "azimuth by multi-station analysis of the run; empty if refused or with few stations"),
-    Column("sigma_azimuth_msa_deg", "1 sigma"),
 )
 COLUMNS = tuple(column.name for column in OF_STATIONS)
 ROW_COLUMNS = (*COLUMNS, *(column.name for column in OF_TABLES))
+_METHODS = (AzimuthMethod.RAW, AzimuthMethod.SINGLE_STATION, AzimuthMethod.MULTI_STATION, AzimuthMethod.GYRO)
 # Columns of text; the others hold numbers.
 TEXTS = frozenset(column.name for column in OF_STATIONS if column.text)
 
 
-def cells(station: Station, measured_depth: float = math.nan) -> dict[str, str]:
-    """Return one line: column -> text. measured_depth, m; NaN if unknown."""
-    reference = station.reference or Reference()
-    line = {
-        "md_m": number(measured_depth, 3),
-        "inclination_deg": _degrees(station.inclination),
-        "azimuth_deg": _around(station.azimuth),
-        "azimuth_reference": station.north if math.isfinite(station.azimuth) else "",
-        "toolface_deg": _around(station.gravity_toolface),
-        "g_total_mps2": number(station.g_total, 6),
-        "b_total_nt": number(station.b_total * 1e9, 1),
-        "dip_deg": _degrees(station.dip),
-        "verdict": station.verdict,
-        "headline": text_of(station.headline) if station.headline is not None else "",
-        "reasons": joined(station.reasons),
-        "sigma_inclination_deg": _degrees(station.sigma_inclination),
-        "sigma_azimuth_deg": _degrees(station.sigma_azimuth) if math.isfinite(station.azimuth) else "",
-        "sigma_toolface_deg": _degrees(station.sigma_toolface),
-        "magnetic_toolface_deg": _around(station.magnetic_toolface),
-        "azimuth_method": station.method,
-        "axial_interference_nt": number(station.interference * 1e9, 1),
-        "sigma_axial_interference_nt": number(station.sigma_interference * 1e9, 1),
-        "g_reference_mps2": number(reference.gravity, 6),
-        "b_reference_nt": number(None if reference.total is None else reference.total * 1e9, 1),
-        "dip_reference_deg": _degrees(reference.dip),
-        "declination_deg": _degrees(reference.declination),
-        "convergence_deg": _degrees(reference.convergence),
-        "verdict_inclination": station.verdicts.inclination,
-        "verdict_azimuth": station.verdicts.azimuth,
-        "verdict_toolface": station.verdicts.toolface,
-        "alternatives_deg": " ".join(_around(azimuth) for azimuth, _ in station.alternatives),
-        "alternative_odds": " ".join(number(odds, 4) for _, odds in station.alternatives),
-        "hypotheses": " ".join(f"{name} {number(odds, 3)}" for name, odds in station.hypotheses),
-    }
-    return line | _of_method(station, AzimuthMethod.RAW) | _of_method(station, AzimuthMethod.SINGLE_STATION)
-
-
-def _of_method(station: Station, method: AzimuthMethod) -> dict[str, str]:
-    """Return the azimuth of one method and its sigma; empty if the method was not tried."""
-    found = station.by_method(method)
+def cells(record: SurveyRecord) -> dict[str, str]:
+    """Return one line: column -> text."""
+    survey = record.survey
     return {
-        f"azimuth_{method}_deg": _around(found.azimuth if found else None),
-        f"sigma_azimuth_{method}_deg": _degrees(found.sigma if found else None),
+        **_measured(survey),
+        "md_m": number(record.measured_depth, 3),
+        "in_use": "yes" if record.in_use else "no",
+        **_first(record),
+        "person": "" if record.judgement == Judgement.NOT_JUDGED else Judgement(record.judgement).name.lower(),
+        "operator": record.operator_name,
     }
 
 
-def row_cells(row: TableStation) -> dict[str, str]:
-    """Return one line of a table of readings: column -> text."""
-    line = {**cells(row.station, row.md), "time": row.time, "run": row.run}
-    if row.first is None:
-        return line
-    known = math.isfinite(row.first.azimuth)
-    return line | {
-        "revised": "yes" if row.revised else "no",
-        "outlier": "yes" if row.outlier else "no",
-        "first_azimuth_deg": _around(row.first.azimuth),
-        "first_sigma_azimuth_deg": _degrees(row.first.sigma_azimuth) if known else "",
-        "first_verdict": row.first.verdict,
-        **_multi_station(row.station),
+def _measured(survey: Survey) -> dict[str, str]:
+    """Return the cells of the definitive value."""
+    line = {
+        "inclination_deg": _degrees(survey.inclination),
+        "azimuth_deg": _around(survey.azimuth),
+        "azimuth_reference": _north(survey),
+        "toolface_deg": _around(survey.gravity_toolface),
+        "g_total_mps2": number(survey.g_total, 6),
+        "b_total_nt": number(survey.b_total * 1e9, 1),
+        "dip_deg": _degrees(survey.dip),
+        "verdict": _word(survey.verdict),
+        "headline": survey.headline,
+        "reasons": "; ".join(survey.reasons),
+        "sigma_inclination_deg": _degrees(survey.sigma_inclination),
+        "sigma_azimuth_deg": _degrees(survey.sigma_azimuth),
+        "sigma_toolface_deg": _degrees(survey.sigma_toolface),
+        "magnetic_toolface_deg": _around(survey.magnetic_toolface),
+        "azimuth_method": survey.azimuth_method,
+        "axial_interference_nt": number(survey.axial_interference * 1e9, 1),
+        "sigma_axial_interference_nt": number(survey.sigma_axial_interference * 1e9, 1),
+        "g_reference_mps2": number(survey.g_reference, 6),
+        "b_reference_nt": number(survey.b_reference * 1e9, 1),
+        "dip_reference_deg": _degrees(survey.dip_reference),
+        "declination_deg": _degrees(survey.declination),
+        "convergence_deg": _degrees(survey.convergence),
+        "verdict_inclination": _word(survey.verdict_inclination),
+        "verdict_azimuth": _word(survey.verdict_azimuth),
+        "verdict_toolface": _word(survey.verdict_toolface),
+        "alternatives_deg": " ".join(_around(azimuth) for azimuth in survey.alternatives),
+        "alternative_odds": " ".join(number(odds, 4) for odds in survey.alternative_odds),
+        "hypotheses": " ".join(
+            f"{name} {number(odds, 3)}" for name, odds in zip(survey.hypotheses, survey.hypothesis_odds, strict=True)
+        ),
+    }
+    by_method = {one.method: one for one in survey.azimuths}
+    for method in _METHODS:
+        found = by_method.get(str(method))
+        # A refused multi-station analysis found nothing that is worth comparing.
+        if found is not None and method == AzimuthMethod.MULTI_STATION and found.reason:
+            found = None
+        line[f"azimuth_{method}_deg"] = _around(found.azimuth if found else None)
+        line[f"sigma_azimuth_{method}_deg"] = _degrees(found.sigma if found else None)
+    return line
+
+
+def _first(record: SurveyRecord) -> dict[str, str]:
+    """Return the cells of the value as first decided, and why later surveys changed it."""
+    first, changed = record.as_first_decided, record.replaced is not None
+    return {
+        "first_azimuth_deg": _around(first.azimuth),
+        "first_sigma_azimuth_deg": _degrees(first.sigma_azimuth),
+        "first_verdict": _word(first.verdict),
+        "revised_because": (record.survey.action or "the fields of the later surveys") if changed else "",
     }
 
 
-def _multi_station(station: Station) -> dict[str, str]:
-    """Return the azimuth by multi-station analysis; empty if it was refused."""
-    found = station.by_method(AzimuthMethod.MULTI_STATION)
-    return {} if found is None or found.refused is not None else _of_method(station, AzimuthMethod.MULTI_STATION)
+def _north(survey: Survey) -> str:
+    return North(survey.north).name.lower() if survey.has_azimuth else ""
+
+
+def _word(verdict: int) -> str:
+    return Verdict(verdict).name.lower()
 
 
 def text(columns: Sequence[str], lines: Iterable[Mapping[str, Any]]) -> str:

@@ -30,7 +30,15 @@ from mwd_surface.surveys.station_checks import (
     obstacles,
     placed,
 )
-from mwd_surface.surveys.survey_record import Decision, Judgement, Survey, SurveyRecord, Verdict, checked_survey
+from mwd_surface.surveys.survey_record import (
+    Decision,
+    Judgement,
+    Survey,
+    SurveyRecord,
+    Value,
+    Verdict,
+    checked_survey,
+)
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import Plan
@@ -158,6 +166,7 @@ class SurveyList:
         *,
         measured_depth: float = math.nan,
         replace: bool = False,
+        value: Value = Value.DEFINITIVE,
     ) -> SurveyList:
         """
         Put a survey into the path by a person's decision, whatever its automatic verdict; both are kept.
@@ -171,20 +180,22 @@ class SurveyList:
         stamp_ns : int
             Time of the decision, ns.
         measured_depth : float
-            New depth of the survey, m; -1 keeps the present one.
+            New depth of the survey, m; NaN keeps the present one.
         replace : bool
             Whether to accept it even if another station has this depth (that station is then rejected in favour of this
             one) or if a deeper one exists (this one is put between).
+        value : Value
+            Which value of the survey to accept. It stays the definitive one until a person accepts another.
 
         Raises
         ------
         ValueError
-            There is no operator, survey, depth or usable azimuth, the depth is taken or passed and `replace` is false,
-            or no path can join the stations. The list is unchanged.
+            There is no operator, survey, depth or usable azimuth, the survey has no such value, the depth is taken or
+            passed and `replace` is false, or no path can join the stations. The list is unchanged.
         """
         old = self.find(sequence)
         _checked_operator(operator_name)
-        record = old
+        record = _with_value(old, value)
         if not math.isnan(measured_depth):
             _checked_depth(measured_depth, 0.0)
             note = f"depth {measured_depth:.2f} m given by hand"
@@ -226,11 +237,12 @@ class SurveyList:
 
     def revise(self, survey: Survey) -> SurveyList:
         """
-        Store the estimator's new result for a survey after later ones; the first value stays in the path.
+        Take over the estimator's new result for a survey, which the later ones of the run have changed.
 
-        A survey that the estimator withdraws leaves the path, unless a person has accepted it; one that it takes back
-        into use is treated as a new one. Return the list unchanged if it has no such survey (uuid) or already has this
-        revision or a newer one.
+        The result becomes the definitive value, and the survey enters or leaves the path by its new verdict. It stays
+        a proposal if a person has accepted the survey, or if `rules.apply_revisions` leaves the decision to a person;
+        a survey that the estimator withdraws leaves the path even then, unless a person has accepted it. Return the
+        list unchanged if it has no such survey (uuid) or already has this revision or a newer one.
 
         Raises
         ------
@@ -239,13 +251,13 @@ class SurveyList:
         """
         survey = checked_survey(survey)
         old = next((r for r in self.records if r.survey.uuid == survey.uuid), None)
-        if old is None or any(one.revision >= survey.revision for one in (old.survey, *old.revised)):
+        if old is None or old.newest_revision >= survey.revision:
             return self
         survey = dataclasses.replace(survey, sequence=old.survey.sequence)
-        if old.judgement == Judgement.ACCEPTED or not (survey.withdrawn or old.survey.withdrawn):
-            record = dataclasses.replace(old, revised=(survey,))
-        else:
-            record = dataclasses.replace(old, survey=survey, revised=(), in_use=False)
+        ask = self.rules.apply_revisions == "ask" and not (survey.withdrawn or old.survey.withdrawn)
+        record = dataclasses.replace(old, revised=(survey,))
+        if old.judgement != Judgement.ACCEPTED and not ask:
+            record = dataclasses.replace(_with_value(record, Value.REVISED), in_use=False)
             if old.judgement == Judgement.NOT_JUDGED:
                 rest = dataclasses.replace(self, records=tuple(r for r in self.records if r is not old))
                 record = dataclasses.replace(record, in_use=rest._allowed(record))
@@ -412,8 +424,29 @@ def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, s
         reason=reason,
         judged_ns=stamp_ns,
         decisions=(*record.decisions, decision),
-        decided_revision=max((one.revision for one in record.revised), default=0),
+        decided_revision=record.newest_revision,
     )
+
+
+def _with_value(record: SurveyRecord, value: Value) -> SurveyRecord:
+    """
+    Return the record with one of its values as the definitive one; the others are kept.
+
+    Raises
+    ------
+    ValueError
+        The survey has no such value.
+    """
+    number = record.survey.sequence
+    if value == Value.REVISED:
+        if not record.revised:
+            raise ValueError(f"survey {number} has no revised value that waits for a decision")
+        return dataclasses.replace(
+            record, survey=record.revised[-1], first=record.first or (record.survey,), revised=()
+        )
+    if value == Value.FIRST and record.first:
+        return dataclasses.replace(record, survey=record.first[0], first=(), revised=record.revised or (record.survey,))
+    return record
 
 
 def _checked_depth(measured_depth: float, depth_age: float) -> None:

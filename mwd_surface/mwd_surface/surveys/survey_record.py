@@ -14,6 +14,7 @@ import math
 from typing import Any
 
 from mwd_estimation.core.reason_text import HYPOTHESES
+from mwd_estimation.core.verdicts import MOVED
 from mwd_sensors.core import settings
 from mwd_sensors.core.settings import Number
 from mwd_surface.trajectory.north import North
@@ -46,6 +47,14 @@ class Judgement(enum.IntEnum):
     NOT_JUDGED = 0
     ACCEPTED = 1
     REJECTED = 2
+
+
+class Value(enum.IntEnum):
+    """Which value of a survey a person accepts, with the numbers of the JudgeSurvey request."""
+
+    DEFINITIVE = 0
+    REVISED = 1
+    FIRST = 2
 
 
 RECEIVED_OVER = "received over "
@@ -201,6 +210,11 @@ class Survey(_Comparable):
         """1 sigma, rad."""
         return math.sqrt(self.covariance[4])
 
+    @property
+    def sigma_toolface(self) -> float:
+        """1 sigma of the gravity toolface, rad."""
+        return math.sqrt(self.covariance[8])
+
     def azimuth_from(self, north: North) -> float | None:
         """Return the azimuth from a given north, rad in [0, 2 pi), or None if it cannot be converted; see `turned`."""
         return self.turned(self.azimuth, North(self.north), north) if self.has_azimuth else None
@@ -244,10 +258,12 @@ class SurveyRecord(_Comparable):
     """
     One line of the survey list: survey, depth, decisions, place on the path; as in SurveyRecord.msg.
 
+    A survey has up to three values. `survey` is the definitive one, which path, files and rig interfaces use. `first`
+    holds the survey as first decided, if another value has taken its place. `revised` holds what the whole run says
+    now, if that is not the definitive value: because a person decided, or because the rules leave it to a person.
+
     decisions: all decisions, oldest first; the last one is in force. They are kept in the file of the list only.
-    revised: latest result of the estimator after later surveys of the run, or empty; the path keeps the first result.
-    A survey that the estimator withdrew replaces the first result. decided_revision: revision that was present at the
-    last decision; kept in the file only.
+    decided_revision: revision that was present at the last decision; kept in the file only.
 
     The fields from `north` on are derived from the list and recomputed with it (m, rad/m; NaN unless `in_use`).
     """
@@ -264,6 +280,7 @@ class SurveyRecord(_Comparable):
     tool: str = ""
     comment: str = ""
     decisions: tuple[Decision, ...] = ()
+    first: tuple[Survey, ...] = ()
     revised: tuple[Survey, ...] = ()
     decided_revision: int = 0
     north: Number = math.nan
@@ -281,13 +298,24 @@ class SurveyRecord(_Comparable):
         return COORDINATES_ASSUMED in self.flags
 
     @property
-    def revision(self) -> Survey | None:
-        """Estimator's result after later surveys; None if it equals the first result."""
-        if not self.revised:
-            return None
-        first, now = self.survey, self.revised[-1]
-        same = (now.verdict, now.verdict_azimuth, now.azimuth) == (first.verdict, first.verdict_azimuth, first.azimuth)
-        return None if same else now
+    def as_first_decided(self) -> Survey:
+        """Survey as first decided, which never changes."""
+        return self.first[0] if self.first else self.survey
+
+    @property
+    def proposal(self) -> Survey | None:
+        """What the whole run says now, if that differs from the definitive value; otherwise None."""
+        return self.revised[-1] if self.revised and differ(self.survey, self.revised[-1]) else None
+
+    @property
+    def replaced(self) -> Survey | None:
+        """Survey as first decided, if the definitive value differs from it; otherwise None."""
+        return self.first[0] if self.first and differ(self.first[0], self.survey) else None
+
+    @property
+    def newest_revision(self) -> int:
+        """Number of the newest result of the estimator that the record knows."""
+        return max(one.revision for one in (self.survey, *self.first, *self.revised))
 
     @property
     def azimuth_doubt(self) -> str:
@@ -297,6 +325,15 @@ class SurveyRecord(_Comparable):
             return ""
         place = f" at {self.measured_depth:.1f} m" if math.isfinite(self.measured_depth) else ""
         return f"survey {self.survey.sequence}{place}: azimuth {verdict.word}: {self.survey.action}"
+
+
+def differ(one: Survey, other: Survey) -> bool:
+    """Whether two results of a survey have another verdict, or azimuths further apart than `MOVED`."""
+    if (one.verdict, one.verdict_azimuth) != (other.verdict, other.verdict_azimuth):
+        return True
+    if not (math.isfinite(one.azimuth) and math.isfinite(other.azimuth)):
+        return math.isfinite(one.azimuth) != math.isfinite(other.azimuth)
+    return abs(math.remainder(other.azimuth - one.azimuth, math.tau)) > MOVED
 
 
 def checked_survey(survey: Survey) -> Survey:

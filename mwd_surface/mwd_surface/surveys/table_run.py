@@ -19,17 +19,52 @@ from mwd_estimation.survey.azimuth_method import AzimuthMethod
 from mwd_estimation.survey.measurement import Measured, measured
 from mwd_estimation.survey.revision import findings, is_outlier
 from mwd_estimation.survey.run_model import RunModel, Taken, declination_sigma
-from mwd_estimation.survey.station_record import MethodAzimuth
+from mwd_estimation.survey.station_record import MethodAzimuth, Station
 from mwd_estimation.survey.station_settings import StationSettings
+from mwd_estimation.survey.survey import Survey as EstimatedSurvey
 from mwd_estimation.survey.verdict import judged
 from mwd_sensors.core import utc
 from mwd_surface.list_files.six_axis_table import TableRow, TableStation
 from mwd_surface.surveys import multi_station_analysis
+from mwd_surface.surveys.message_conversion import survey_of_estimate
+from mwd_surface.surveys.survey_record import Survey, SurveyRecord, Verdict
 
 # Assumed time between two rows without a time, h: one stand. It scales the drift of an external field.
 _STAND = 0.5
 # Least number of stations for a multi-station analysis.
 _TOGETHER = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class TableSurvey:
+    """A row of a table of readings as a record of a survey list, with the time, run and outlier mark of its row."""
+
+    record: SurveyRecord
+    time: str
+    run: str
+    outlier: bool
+
+
+def table_surveys(stations: Sequence[TableStation]) -> list[TableSurvey]:
+    """Return the rows as surveys, numbered from 1; a time that cannot be read gives stamp 0."""
+    return [TableSurvey(_record(number, row), row.time, row.run, row.outlier) for number, row in enumerate(stations, 1)]
+
+
+def _record(number: int, row: TableStation) -> SurveyRecord:
+    now = _survey(number, row, row.station)
+    first = () if row.first is None else (_survey(number, row, row.first),)
+    used = now.verdict == Verdict.ACCEPT and math.isfinite(row.md)
+    return SurveyRecord(now, measured_depth=row.md, first=first, in_use=used)
+
+
+def _survey(number: int, row: TableStation, station: Station) -> Survey:
+    try:
+        stamp_ns = round(utc.moment(row.time).timestamp() * 1e9)
+    except ValueError:
+        stamp_ns = 0
+    unknown, nowhere = np.full((3, 3), math.nan), np.full(3, math.nan)
+    whole = EstimatedSurvey(stamp_ns, number, "", True, math.nan, 0, station, unknown, unknown, nowhere, math.nan)
+    return survey_of_estimate(whole)
 
 
 def run_stations(rows: Sequence[TableRow], settings: StationSettings) -> list[TableStation]:

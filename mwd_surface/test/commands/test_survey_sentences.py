@@ -6,30 +6,30 @@ from __future__ import annotations
 import dataclasses
 import math
 
-import numpy as np
 from example_stations import survey
 
-from mwd_estimation.survey.station_record import Station
 from mwd_surface.commands.survey_table import list_warnings, revision_sentences
-from mwd_surface.surveys.survey_record import SurveyRecord
+from mwd_surface.surveys.survey_record import SurveyRecord, Verdict
 
 
-def station(azimuth_deg, sigma_deg, verdict="accept"):
-    whole = Station(np.zeros(3), np.zeros(3), None)
-    azimuth, sigma = math.radians(azimuth_deg), math.radians(sigma_deg)
-    return dataclasses.replace(whole, azimuth=azimuth, sigma_azimuth=sigma, verdict=verdict)
+def value(number, azimuth_deg, sigma_deg, verdict=Verdict.ACCEPT):
+    covariance = (1e-6, 0.0, 0.0, 0.0, math.radians(sigma_deg) ** 2, 0.0, 0.0, 0.0, 1e-6)
+    given = {"azimuth": math.radians(azimuth_deg), "covariance": covariance, "verdict": int(verdict)}
+    return dataclasses.replace(survey(number), **given)
 
 
 def test_a_station_is_named_by_another_verdict_or_an_azimuth_more_than_its_sigma_away():
     told = revision_sentences(
         [
-            (1, station(136.6, 0.8), station(158.4, 3.3)),
-            (2, station(157.6, 3.0, "doubtful"), station(158.4, 3.3)),
-            (3, station(161.6, 3.0), station(162.0, 2.9)),
+            SurveyRecord(value(1, 158.4, 3.3), first=(value(1, 136.6, 0.8),)),
+            SurveyRecord(value(2, 158.4, 3.3), first=(value(2, 157.6, 3.0, Verdict.DOUBTFUL),)),
+            SurveyRecord(value(3, 162.0, 2.9), first=(value(3, 161.6, 3.0),)),
+            SurveyRecord(value(4, 162.0, 2.9), first=(value(4, 162.01, 3.0),)),
+            SurveyRecord(value(5, 162.0, 2.9)),
         ]
     )
     assert told == [
-        " 1-3 revised with the other stations of the run, azimuth by 21.8 deg at most",
+        " 1-3 revised with the other surveys of the run, azimuth by 21.8 deg at most",
         "   1 was accept at first: 136.6 ±0.8; now accept: 158.4 ±3.3",
         "   2 was doubtful at first: 157.6 ±3.0; now accept: 158.4 ±3.3",
     ]

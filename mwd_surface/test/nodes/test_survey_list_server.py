@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import example_surveys as example
 import pytest
-from mwd_msgs import msg
 
 from mwd_surface.live.alarms import Severity
 from mwd_surface.live.live_state import LiveState
@@ -21,10 +20,10 @@ from mwd_surface.page.survey_panel import survey_row
 from mwd_surface.ros.context import SurfaceContext
 from mwd_surface.surveys.leg_settings import LegSettings
 from mwd_surface.surveys.list_rules import ListRules
-from mwd_surface.surveys.message_conversion import list_of, survey_of
+from mwd_surface.surveys.message_conversion import list_of
 from mwd_surface.surveys.station_checks import revision_doubt
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Verdict
+from mwd_surface.surveys.survey_record import Value, Verdict
 from mwd_surface.trajectory.north import North
 from mwd_surface.trajectory.plan import plan_of
 
@@ -94,54 +93,63 @@ def server(tmp_path):
     server.close()
 
 
-def test_a_revision_is_listed_published_shown_and_logged_and_moves_no_station(server):
-    first = example.survey(1, 10.0, 40.0)
-    server.server.on_survey(first)
-    (before,) = server.published["surveys"][-1].records
-    later = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(Verdict.DOUBTFUL), headline="steel")
-    for revision in (1, 1):
-        server.server.on_revision(dataclasses.replace(later, revision=revision))
-    assert len(server.published["surveys"]) == 2
-    (record,) = server.published["surveys"][-1].records
-    assert survey_of(record.survey) == survey_of(before.survey)
-    assert record.in_use == before.in_use
-    assert [(one.revision, one.verdict) for one in record.revised] == [(1, msg.Survey.DOUBTFUL)]
-    row = survey_row(server.server.surveys.records[0], North.GRID)
-    assert row["revised"] == "doubtful"
-    assert any(flag.startswith("later surveys say: doubtful") and "steel" in flag for flag in row["flags"])
-    said = [(text, severity) for source, text, severity in server.events if "later surveys say" in text]
-    assert len(said) == 1
-    assert said[0][1] == (Severity.WARNING if before.in_use else Severity.INFO)
+def decide(service, **fields):
+    given = {"sequence": 1, "operator_name": "Ann", "reason": "", "measured_depth": math.nan, "replace": False}
+    request = SimpleNamespace(**given | {"value": int(Value.DEFINITIVE)} | fields)
+    return service(request, SimpleNamespace(success=False, message=""))
 
 
-@pytest.mark.parametrize("verdict", [Verdict.ACCEPT, Verdict.DOUBTFUL])
-def test_a_value_in_use_that_later_surveys_contradict_is_an_alarm_until_a_person_decides(server, verdict):
+def test_a_revision_is_applied_published_shown_logged_and_told_by_an_alarm_of_low_priority(server):
     first = example.survey(1, 10.0, 40.0)
     server.server.on_survey(first)
     assert server.server.surveys.records[0].in_use
+    accepted = len(server.published["survey/accepted"])
+    moved = dataclasses.replace(first, azimuth=first.azimuth + 0.1, revision=1)
+    for _ in range(2):
+        server.server.on_revision(moved)
+    assert len(server.published["surveys"]) == 2
+    (record,) = server.published["surveys"][-1].records
+    assert (record.survey.revision, record.first[0].revision, record.revised, record.in_use) == (1, 0, [], True)
+    row = survey_row(server.server.surveys.records[0], North.GRID)
+    assert row["first"]["azimuth"] == pytest.approx(first.azimuth_from(North.GRID))
+    assert row["azimuth"] == pytest.approx(moved.azimuth_from(North.GRID))
+    # Clients of the accepted surveys learn the new value, and the words say how far the path moves.
+    assert len(server.published["survey/accepted"]) == accepted + 1
+    (told,) = [text for source, text, _ in server.events if "is now" in text]
+    assert "the well path moves" in told
+    assert server.log.standing == {"survey.revised": (Severity.INFO, told)}
+    # One that makes it doubtful takes it out of the path.
+    doubtful = dataclasses.replace(moved, verdict=int(Verdict.DOUBTFUL), headline="steel", revision=2)
+    server.server.on_revision(doubtful)
+    assert not server.published["surveys"][-1].records[0].in_use
+    assert "it leaves the path" in server.log.standing["survey.revised"][1]
+    # The alarm stands until the next survey.
+    server.server.on_survey(example.survey(2, 10.0, 40.0))
+    assert "survey.revised" not in server.log.standing
+
+
+@pytest.mark.parametrize("verdict", [Verdict.ACCEPT, Verdict.DOUBTFUL])
+def test_a_value_of_a_person_that_later_surveys_contradict_is_an_alarm_until_a_person_decides(server, verdict):
+    first = example.survey(1, 10.0, 40.0)
+    server.server.on_survey(first)
+    assert decide(server.server.accept).success
     near = dataclasses.replace(first, azimuth=first.azimuth + 0.5 * first.sigma_azimuth, revision=1)
     server.server.on_revision(near)
     assert server.log.standing == {}
-
-    def decide(service):
-        request = SimpleNamespace(sequence=1, operator_name="Ann", reason="", measured_depth=math.nan, replace=False)
-        return service(request, SimpleNamespace(success=False, message=""))
-
     far = dataclasses.replace(first, azimuth=first.azimuth + 0.1, verdict=int(verdict), headline="steel")
     for revision in (2, 3):
         server.server.on_revision(dataclasses.replace(far, revision=revision))
         ((key, (severity, text)),) = server.log.standing.items()
-        assert (key, severity) == ("survey.revised.1", Severity.CRITICAL)
-        assert "in use with azimuth 40.00 deg" in text
-        assert f"later surveys say azimuth 45.73 deg, {verdict.word}" in text
+        assert (key, severity) == ("survey.contradicted.1", Severity.CRITICAL)
         assert revision_doubt(server.server.surveys.records[0], North.GRID) == text
-        # What he decides holds for what he knew: the next revision asks him again.
+        # A decision holds for the revisions that were known: the next one asks again.
         assert decide(server.server.accept).success
         assert server.log.standing == {}
     server.server.on_revision(dataclasses.replace(far, azimuth=first.azimuth + 0.2, revision=4))
     assert server.log.standing
-    assert decide(server.server.reject).success
+    assert decide(server.server.accept, value=int(Value.REVISED)).success
     assert server.log.standing == {}
+    assert server.server.surveys.records[0].survey.revision == 4
 
 
 def test_a_revision_that_says_no_more_than_the_value_in_use_raises_no_alarm():

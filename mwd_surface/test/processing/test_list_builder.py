@@ -160,10 +160,9 @@ def test_what_the_whole_run_says_stands_in_a_list_without_a_live_one(tmp_path, l
         doubted = dataclasses.replace(survey.station, verdict="doubtful")
         listed, _ = builder.finish([dataclasses.replace(survey, station=doubted, revision=1)])
     (record,) = listed.records
-    assert record.revision is not None
-    assert Verdict(record.revision.verdict) == Verdict.DOUBTFUL
     assert record.survey.uuid == live.records[0].survey.uuid
-    assert record.survey.verdict == Verdict.ACCEPT
+    assert (record.survey.verdict, record.as_first_decided.verdict) == (Verdict.DOUBTFUL, Verdict.ACCEPT)
+    assert not record.in_use
 
 
 @pytest.mark.slow

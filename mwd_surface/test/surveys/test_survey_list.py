@@ -15,7 +15,7 @@ from mwd_sensors.core import minimum_curvature as mc
 from mwd_surface.surveys.leg import Leg, Origin, TieOn
 from mwd_surface.surveys.list_rules import ListRules
 from mwd_surface.surveys.survey_list import SurveyList
-from mwd_surface.surveys.survey_record import Judgement, Survey, Verdict
+from mwd_surface.surveys.survey_record import Judgement, Survey, Value, Verdict
 from mwd_surface.surveys.well import Well
 from mwd_surface.trajectory.north import North
 from project import REFERENCE_DATA
@@ -102,24 +102,67 @@ def test_a_doubtful_or_rejected_survey_waits_for_a_person_and_both_judgements_ar
     assert whole.definitive().md[-1] == 190.0
 
 
-def test_a_revision_stands_beside_the_first_value_and_changes_no_path():
+ASK = ListRules(apply_revisions="ask")
+
+
+def revisions():
+    """A revision of survey 2 by 8 deg that stays accepted, one that makes it doubtful, and its first value again."""
+    moved = dataclasses.replace(shot(2, 3.0, 48.0), revision=1)
+    doubtful = dataclasses.replace(moved, verdict=int(Verdict.DOUBTFUL), headline="steel", revision=2)
+    return moved, doubtful, dataclasses.replace(filled(*CURVE).find(2).survey, revision=3)
+
+
+def test_a_revision_becomes_the_definitive_value_and_the_first_stays_to_be_seen():
     whole = filled(*CURVE)
-    turned = dataclasses.replace(shot(2, 3.0, 48.0), verdict=int(Verdict.DOUBTFUL), headline="steel", revision=1)
-    revised = whole.revise(turned)
-    np.testing.assert_array_equal(revised.definitive().positions, whole.definitive().positions)
-    assert revised.find(2).survey == whole.find(2).survey
+    first = whole.find(2).survey
+    moved, doubtful, back = revisions()
+    revised = whole.revise(moved)
+    assert (revised.find(2).survey, revised.find(2).as_first_decided) == (moved, first)
     assert revised.find(2).in_use
-    assert flags(revised, 2) == ("later surveys say: doubtful, azimuth 48.00 deg: steel; the first value stays",)
-    assert revised.revise(turned) is revised
-    assert revised.revise(dataclasses.replace(turned, uuid="of another list", revision=2)) is revised
-    back = revised.revise(dataclasses.replace(turned, headline="", verdict=int(Verdict.ACCEPT), revision=2))
-    assert [one.revision for one in back.find(2).revised] == [2]
-    assert "azimuth 48.00 deg" in flags(back, 2)[0]
-    # What is said as at first again is no revision any more.
-    first = back.revise(dataclasses.replace(whole.find(2).survey, revision=3))
-    assert first.find(2).revision is None
-    assert flags(first, 2) == flags(whole, 2)
-    assert SurveyList.from_mapping(back.to_mapping()).find(2) == back.find(2)
+    assert abs(revised.definitive().positions[-1] - whole.definitive().positions[-1]).max() > 0.1
+    assert flags(revised, 2) == ("revised by later surveys, was azimuth 30.00 ±0.57 deg, accept at first",)
+    assert revised.revise(moved) is revised
+    assert revised.revise(dataclasses.replace(moved, uuid="of another list", revision=2)) is revised
+    # A station that a revision makes doubtful leaves the path until a person accepts it.
+    out = revised.revise(doubtful)
+    assert (out.find(2).in_use, out.find(2).as_first_decided) == (False, first)
+    assert out.accept(2, "Ann", "gyro agrees", 5).find(2).in_use
+    # One that is as at first again is not a revised one.
+    again = out.revise(back)
+    assert again.find(2).in_use
+    assert again.find(2).replaced is None
+    assert flags(again, 2) == flags(whole, 2)
+    assert SurveyList.from_mapping(revised.to_mapping()).find(2) == revised.find(2)
+
+
+def test_what_a_person_decided_is_definitive_until_a_person_decides_again():
+    moved, doubtful, _ = revisions()
+    whole = filled(*CURVE)
+    first = whole.find(2).survey
+    by_hand = whole.accept(2, "Ann", "checked", 5).revise(moved)
+    assert (by_hand.find(2).survey, by_hand.find(2).proposal) == (first, moved)
+    np.testing.assert_array_equal(by_hand.definitive().positions, whole.definitive().positions)
+    taken = by_hand.accept(2, "Ann", "the run is right", 6, value=Value.REVISED)
+    assert (taken.find(2).survey, taken.find(2).as_first_decided, taken.find(2).proposal) == (moved, first, None)
+    # The next revision asks again, and the first value can be had back.
+    later = taken.revise(doubtful)
+    assert (later.find(2).survey, later.find(2).proposal) == (moved, doubtful)
+    back = later.accept(2, "Bo", "the first was right", 7, value=Value.FIRST)
+    assert (back.find(2).survey, back.find(2).proposal) == (first, doubtful)
+    assert [one.operator_name for one in back.find(2).decisions] == ["Ann", "Ann", "Bo"]
+    with pytest.raises(ValueError, match="no revised value"):
+        whole.accept(2, "Ann", "", 5, value=Value.REVISED)
+
+
+def test_the_rules_can_leave_every_revision_to_a_person_but_for_one_that_withdraws():
+    moved, _, _ = revisions()
+    whole = filled(*CURVE)
+    whole = whole.configured(whole.well, ASK)
+    waiting = whole.revise(moved)
+    assert (waiting.find(2).survey, waiting.find(2).proposal) == (whole.find(2).survey, moved)
+    assert waiting.accept(2, "Ann", "", 5, value=Value.REVISED).find(2).survey == moved
+    gone = dataclasses.replace(moved, withdrawn=True, verdict=int(Verdict.REJECT), headline="mount", revision=2)
+    assert not waiting.revise(gone).find(2).in_use
 
 
 def test_a_judgement_without_a_name_or_a_survey_is_refused():

@@ -15,8 +15,13 @@ const each = (row) => row.verdicts.every((word) => word === "accept") ? null : e
   { class: "each-verdict", title: QUANTITIES.map(([, name], k) => `${name}: ${row.verdicts[k]}`).join(", ") },
   QUANTITIES.map(([letter], k) => `${letter}${MARKS[row.verdicts[k]]}`).join(" "));
 
-// Verdict of the estimator after later surveys; the first verdict stays visible.
-const revised = (row) => !row.revised ? null : pill(REVISED[row.revised] || "info", `later: ${row.revised}`);
+// Another value of the survey than the definitive one: azimuth with sigma and verdict.
+const otherValue = (value) =>
+  `${or(value.azimuth, (v) => `${units.bearing(v, 2)}°`)} ± ${or(value.sigma_azimuth, (v) => `${units.size("angle", v)}°`)}, ${value.verdict}`;
+
+// Whether later surveys of the run have changed this one, or want to.
+const revised = (row) => row.revised ? pill(REVISED[row.revised.verdict] || "info", `run says: ${row.revised.verdict}`)
+  : row.first ? pill("info", "revised") : null;
 
 // Note on the assumptions behind depths and positions; null if there are none.
 export const assumedNote = (path) => !path?.assumptions.length ? null : el("p", { class: "assumed-note" },
@@ -35,6 +40,9 @@ export function remarksNote(path, ...tables) {
 }
 
 export const percent = (odds) => `${(100 * odds).toFixed(odds < 0.1 ? 1 : 0)} %`;
+
+// Values of a survey that a person can accept, as in JudgeSurvey.srv.
+const DEFINITIVE = 0, REVISED_VALUE = 1, FIRST_VALUE = 2;
 
 const BLANK = { reason: "", depth: "", replace: false };
 
@@ -168,6 +176,8 @@ export class SurveyTable {
       ["Gtot / Btot / dip", `${or(row.g_total, (v) => units.number("gravity", v))} ${units.unit("gravity")} / ${or(row.b_total, (v) => units.number("field", v))} nT / ${or(row.dip, (v) => units.number("angle", v))}°`],
       ["Azimuth by", row.method || "–"],
       ["Automatic verdict", row.automatic],
+      ...(row.first ? [["Azimuth as first decided", otherValue(row.first)]] : []),
+      ...(row.revised ? [["Azimuth by the whole run", otherValue(row.revised)]] : []),
       ["Inclination, azimuth, toolface", row.verdicts.join(", ")],
       ...(row.headline ? [["What to do", row.headline]] : []),
       ...(row.alternatives.length ? [["Other azimuths that fit", row.alternatives.map(([azimuth, odds]) => `${units.bearing(azimuth, 1)}° (${percent(odds)})`).join(", ")]] : []),
@@ -196,9 +206,10 @@ export class SurveyTable {
     replace.checked = this.draft.replace;
     replace.addEventListener("change", () => { this.draft.replace = replace.checked; });
     const answer = el("output", { class: "answer" }, this.answer || "");
-    const send = async (name) => {
+    const send = async (name, value = DEFINITIVE) => {
       const given = { sequence: row.sequence, reason: reason.value };
       if (name === "accept_survey") {
+        given.value = value;
         if (replace.checked) given.replace = true;
         if (depth.value.trim()) {
           const metres = units.metres(depth.value);
@@ -222,6 +233,8 @@ export class SurveyTable {
       el("label", { class: "short" }, `MD, ${units.unit("length")} `, depth),
       el("label", { class: "check" }, replace, " replace the one there"),
       el("button", { type: "button", "data-keep": "accept", onclick: () => send("accept_survey") }, "✓ Accept"),
+      row.revised ? el("button", { type: "button", "data-keep": "accept-revised", onclick: () => send("accept_survey", REVISED_VALUE) }, "✓ Accept the value of the run") : null,
+      row.first ? el("button", { type: "button", "data-keep": "accept-first", onclick: () => send("accept_survey", FIRST_VALUE) }, "✓ Accept the first value") : null,
       el("button", { type: "button", "data-keep": "reject", onclick: () => send("reject_survey") }, "✕ Reject"),
       answer,
     );
