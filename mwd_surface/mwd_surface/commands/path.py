@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,6 +32,13 @@ if TYPE_CHECKING:
 _LIST = "List"
 # Day of the field for a list without times: the first day of the model.
 _USUAL_DAY = "2025-01-01"
+
+
+class Values(enum.StrEnum):
+    """Which values of the surveys of a run are used."""
+
+    DEFINITIVE = "definitive"
+    FIRST = "first"
 
 
 def path(
@@ -75,6 +83,9 @@ def path(
     every: Annotated[
         bool, typer.Option("--all", help="Also use stations whose verdict is not accept.", rich_help_panel=_LIST)
     ] = False,
+    values: Annotated[
+        Values, typer.Option(help="Of a run: the definitive values, or those as first decided.", rich_help_panel=_LIST)
+    ] = Values.DEFINITIVE,
     lat: Lat = None,
     lon: Lon = None,
     date: Date = None,
@@ -160,6 +171,8 @@ def _surveys(
                 f"--{wrong[0].replace('_', '-')}: not for {source}, the list of a run, which contains this itself"
             )
         surveys, remarks = surveys_of(source)
+        if options["values"] == Values.FIRST and beside is None:
+            surveys = surveys.as_first_decided()
     for remark in remarks:
         terminal.warn(remark)
     if code is not None:

@@ -88,6 +88,18 @@ def _verdicts(survey: Survey, north: North) -> dict[str, str]:
     }
 
 
+def _first(record: SurveyRecord, north: North) -> dict[str, str]:
+    """Return the value as first decided, with its azimuth from `north`, and why later surveys changed it."""
+    first = record.as_first_decided
+    azimuth = first.azimuth_from(north)
+    return {
+        "first_azimuth_deg": fixed(None if azimuth is None else azimuth * _DEG, 4, 360.0),
+        "first_sigma_azimuth_deg": fixed(first.sigma_azimuth * _DEG, 4),
+        "first_verdict": quoted(Verdict(first.verdict).word),
+        "revised_because": quoted(record.revised_because),
+    }
+
+
 def _decided(record: SurveyRecord, north: North) -> dict[str, str]:
     """Return the cells of a survey in the definitive list, by name."""
     return {
@@ -97,6 +109,7 @@ def _decided(record: SurveyRecord, north: North) -> dict[str, str]:
         "tool": quoted(record.tool),
         "automatic": quoted(Verdict(record.survey.verdict).word),
         **_verdicts(record.survey, north),
+        **_first(record, north),
         "person": quoted(_person(record)),
         "operator": quoted(record.operator_name),
         "flags": quoted("; ".join(record.flags)),
@@ -157,6 +170,7 @@ def _raw_texts(record: SurveyRecord) -> dict[str, str]:
         "in_use": quoted("yes" if record.in_use else "no"),
         "automatic": quoted(Verdict(s.verdict).word),
         **_verdicts(s, North(s.north)),
+        **_first(record, North(s.north)),
         "hypotheses": quoted(" ".join(f"{name} {fixed(odds, 3)}" for name, odds in causes)),
         "reasons": quoted("; ".join(s.reasons)),
         "person": quoted(_person(record)),

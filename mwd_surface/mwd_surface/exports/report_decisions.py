@@ -8,7 +8,7 @@ import math
 from mwd_surface.exports.report_quality import numbered, row_mark, verdict_cells
 from mwd_surface.exports.report_section import Section, Sheet, sheet_of
 from mwd_surface.exports.survey_table import SurveyTable, fixed, plain, utc
-from mwd_surface.surveys.survey_record import Judgement, Verdict
+from mwd_surface.surveys.survey_record import Judgement, SurveyRecord, Verdict
 from mwd_surface.trajectory.slide_sheet import ROTATE, SLIDE, Stretch, yields
 
 _DEG = 180.0 / math.pi
@@ -44,14 +44,15 @@ def verdicts(table: SurveyTable) -> Section | None:
 
 
 def decisions(table: SurveyTable) -> Section | None:
-    """Return the decisions with their operators in order of time, and flags and remarks."""
+    """Return how each value was decided: automatically, by the run, by people in order of time; flags and remarks."""
     rows, marks, remarks = [], [], []
     for record in numbered(table):
         s, number = record.survey, str(record.survey.sequence)
-        if record.decisions:
-            first = (utc(s.stamp_ns), "automatic", Verdict(s.verdict).word, "", s.action)
+        if record.decisions or record.replaced is not None:
+            first = record.as_first_decided
             lines = [
-                first,
+                (utc(s.stamp_ns), "automatic", Verdict(first.verdict).word, "", first.action),
+                *_by_the_run(record),
                 *(
                     (
                         utc(d.stamp_ns),
@@ -74,6 +75,15 @@ def decisions(table: SurveyTable) -> Section | None:
     if remarks:
         sheets.append(sheet_of("Flags and remarks", (("Survey", ""), ("Flags", ""), ("Remark", "")), remarks))
     return Section("Decisions", sheets=tuple(sheets)) if sheets else None
+
+
+def _by_the_run(record: SurveyRecord) -> list[tuple[str, ...]]:
+    """Return the line of a value that the later surveys of the run have changed; none if they did not."""
+    now = record.survey if record.replaced is not None else record.proposal
+    if now is None:
+        return []
+    word = Verdict(now.verdict).word + ("" if record.proposal is None else ", waits for a person")
+    return [("", "the whole run", word, "", now.action or "by the fields of the later surveys")]
 
 
 def slides(table: SurveyTable) -> Section | None:

@@ -158,12 +158,12 @@ def _measured(survey: Survey) -> dict[str, str]:
 
 def _first(record: SurveyRecord) -> dict[str, str]:
     """Return the cells of the value as first decided, and why later surveys changed it."""
-    first, changed = record.as_first_decided, record.replaced is not None
+    first = record.as_first_decided
     return {
         "first_azimuth_deg": _around(first.azimuth),
         "first_sigma_azimuth_deg": _degrees(first.sigma_azimuth),
         "first_verdict": _word(first.verdict),
-        "revised_because": (record.survey.action or "the fields of the later surveys") if changed else "",
+        "revised_because": record.revised_because,
     }
 
 

@@ -196,11 +196,12 @@ class SurveyList:
         old = self.find(sequence)
         _checked_operator(operator_name)
         record = _with_value(old, value)
+        if value != Value.DEFINITIVE:
+            record = _commented(record, f"{operator_name} accepted the {value.name.lower()} value")
         if not math.isnan(measured_depth):
             _checked_depth(measured_depth, 0.0)
-            note = f"depth {measured_depth:.2f} m given by hand"
-            comment = f"{old.comment}; {note}" if old.comment else note
-            record = dataclasses.replace(record, measured_depth=measured_depth, depth_age=0.0, comment=comment)
+            record = _commented(record, f"depth {measured_depth:.2f} m given by hand")
+            record = dataclasses.replace(record, measured_depth=measured_depth, depth_age=0.0)
         record = _judged(record, Judgement.ACCEPTED, operator_name, reason, stamp_ns)
         fatal = fatal_reasons(self, record)
         if fatal:
@@ -262,6 +263,15 @@ class SurveyList:
                 rest = dataclasses.replace(self, records=tuple(r for r in self.records if r is not old))
                 record = dataclasses.replace(record, in_use=rest._allowed(record))
         return self._with([record if r is old else r for r in self.records])
+
+    def as_first_decided(self) -> SurveyList:
+        """Return the list with the values that the surveys had when they were taken, as the rules use them."""
+        bare = self._with(())
+        for record in sorted(self.records, key=lambda one: one.survey.stamp_ns):
+            first = dataclasses.replace(record, survey=record.as_first_decided, first=(), revised=(), in_use=False)
+            used = record.in_use if record.judgement != Judgement.NOT_JUDGED else bare._allowed(first)
+            bare = bare._with((*bare.records, dataclasses.replace(first, in_use=used)))
+        return bare
 
     def remark(self, sequence: int, comment: str) -> SurveyList:
         """Return the list with a new comment on a survey; ValueError if there is no such survey."""
@@ -412,6 +422,11 @@ class SurveyList:
 def _rejected(record: SurveyRecord, operator_name: str, reason: str, stamp_ns: int) -> SurveyRecord:
     judged = _judged(record, Judgement.REJECTED, operator_name, reason, stamp_ns)
     return dataclasses.replace(judged, in_use=False)
+
+
+def _commented(record: SurveyRecord, note: str) -> SurveyRecord:
+    """Return the record with a note after its comment."""
+    return dataclasses.replace(record, comment=f"{record.comment}; {note}" if record.comment else note)
 
 
 def _judged(record: SurveyRecord, judgement: Judgement, who: str, reason: str, stamp_ns: int) -> SurveyRecord:

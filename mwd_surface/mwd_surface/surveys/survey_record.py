@@ -313,6 +313,11 @@ class SurveyRecord(_Comparable):
         return self.first[0] if self.first and differ(self.first[0], self.survey) else None
 
     @property
+    def revised_because(self) -> str:
+        """Why the definitive value differs from the first one, in words; empty if it does not."""
+        return "" if self.replaced is None else self.survey.action or "the fields of the later surveys"
+
+    @property
     def newest_revision(self) -> int:
         """Number of the newest result of the estimator that the record knows."""
         return max(one.revision for one in (self.survey, *self.first, *self.revised))

@@ -145,7 +145,6 @@ def test_a_unit_mounted_askew_is_not_accepted_where_no_mount_is_given(sent, tmp_
     (survey,) = processed(f"mwd process {path} -o {tmp_path / 'out'} --lat 58.4 --lon 1.88 --date 2026-03-01")
     assert survey["verdict"] == "reject"
     assert "15 deg off the unit's x" in (tmp_path / "out" / "faults.csv").read_text(encoding="utf-8")
-    assert not (tmp_path / "out" / "revisions.csv").exists()
 
 
 def test_a_rest_is_long_enough_by_the_settings_given(sent, tmp_path):

@@ -127,6 +127,8 @@ def test_a_revision_becomes_the_definitive_value_and_the_first_stays_to_be_seen(
     out = revised.revise(doubtful)
     assert (out.find(2).in_use, out.find(2).as_first_decided) == (False, first)
     assert out.accept(2, "Ann", "gyro agrees", 5).find(2).in_use
+    assert revised.as_first_decided() == whole
+    assert out.as_first_decided() == whole
     # One that is as at first again is not a revised one.
     again = out.revise(back)
     assert again.find(2).in_use
