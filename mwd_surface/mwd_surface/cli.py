@@ -23,6 +23,7 @@ from mwd_surface.commands.decode import decode
 from mwd_surface.commands.doctor import doctor
 from mwd_surface.commands.emulate import emulate
 from mwd_surface.commands.export import export, report
+from mwd_surface.commands.finalize import finalize
 from mwd_surface.commands.forecast import forecast
 from mwd_surface.commands.graph import call, param, topic
 from mwd_surface.commands.inspect import inspect
@@ -85,6 +86,7 @@ app.command(rich_help_panel=_RECORDINGS)(clearance)
 app.command(rich_help_panel=_RECORDINGS)(forecast)
 app.command(rich_help_panel=_RECORDINGS)(export)
 app.command(rich_help_panel=_RECORDINGS)(report)
+app.command(rich_help_panel=_RECORDINGS)(finalize)
 app.command(rich_help_panel=_RECORDINGS)(simulate)
 app.command(rich_help_panel=_RECORDINGS)(decode)
 app.command(rich_help_panel=_RECORDINGS)(view)

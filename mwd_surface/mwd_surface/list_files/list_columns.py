@@ -278,7 +278,8 @@ _DIRECTED = {
 _BEFORE = ("钻孔", "实测", "测量", "测点", "钻进", "累计", "孔")
 # Quantities that are not read although their names contain a word of a quantity that is read; no remark is made.
 _OTHERS = re.compile(
-    r"\bage\b|section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|"
+    r"\bage\b|\bfirst\b|"
+    r"section|vsec|closure|rate|dogleg|dls|build|turn|walk|tvdss|sstvd|sub ?sea|mtvdss|latitude|longitude|"
     r"tool ?face|magnetic field|gravity|temp|limit|sigma|uncert|target|plan|course|elevation|bit depth|total|reference|"
     r"method|raw|quality|status|comment|remark|note|name|number|index|declination|convergence|ellipse"
 )

@@ -3,23 +3,59 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mwd_sensors.core.arrays import Array
 from mwd_surface.plots.drawing import DEGREES, finish_axes, png
 from mwd_surface.trajectory.list_comparison import PathDifference
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _COLOURS = ("#0072B2", "#D55E00", "#009E73")
 _BAND = 2.0  # sigmas
 
 
 def picture(found: PathDifference, first: str, second: str) -> bytes:
+    """Return `figure_of` as a PNG."""
+    return png(figure_of(found, first, second), 110)
+
+
+def end_ellipses(ends: Sequence[tuple[Array, Array | None]], names: Sequence[str]) -> Figure:
     """
-    Return a PNG of the differences of inclination, azimuth and position against measured depth, with bands of 2 sigma.
+    Draw the ends of paths in plan view.
+
+    ends: of each path position, shape (3,), m, and horizontal covariance, shape (2, 2), m^2, or None. names: of the
+    paths.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.0, 5.6), layout="constrained")
+    ax = figure.subplots()
+    for (position, covariance), name, colour, line in zip(ends, names, _COLOURS, ("--", "-"), strict=False):
+        ax.plot(position[1], position[0], "o", color=colour, label=name)
+        if covariance is None:
+            continue
+        values, vectors = np.linalg.eigh(covariance)
+        turn = np.linspace(0.0, 2.0 * np.pi, 121)
+        circle = np.stack([np.cos(turn), np.sin(turn)])
+        around = vectors @ (_BAND * np.sqrt(np.maximum(values, 0.0))[:, None] * circle)
+        ax.plot(position[1] + around[1], position[0] + around[0], line, color=colour, linewidth=1.2)
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel("east, m", fontsize=9)
+    ax.set_ylabel("north, m", fontsize=9)
+    finish_axes(ax)
+    ax.legend(fontsize=8, frameon=False)
+    return figure
+
+
+def figure_of(found: PathDifference, first: str, second: str) -> Figure:
+    """
+    Draw the differences of inclination, azimuth and position against measured depth, with bands of 2 sigma.
 
     first, second : names of the two lists.
     """
@@ -44,7 +80,7 @@ def picture(found: PathDifference, first: str, second: str) -> bytes:
         )
     _finish(lower, "m")
     lower.set_xlabel("measured depth, m", fontsize=9)
-    return png(figure, 110)
+    return figure
 
 
 def _finish(ax: Axes, unit: str) -> None:

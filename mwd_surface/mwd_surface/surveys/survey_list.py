@@ -273,6 +273,10 @@ class SurveyList:
             bare = bare._with((*bare.records, dataclasses.replace(first, in_use=used)))
         return bare
 
+    def with_records(self, records: Iterable[SurveyRecord]) -> SurveyList:
+        """Return the list with other records; order, path and flags are computed again."""
+        return self._with(records)
+
     def remark(self, sequence: int, comment: str) -> SurveyList:
         """Return the list with a new comment on a survey; ValueError if there is no such survey."""
         old = self.find(sequence)

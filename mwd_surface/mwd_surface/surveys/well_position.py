@@ -105,12 +105,16 @@ def uncertain(surveys: SurveyList, path: Definitive, records: Sequence[SurveyRec
 
 
 def uncertain_well(
-    surveys: SurveyList, path: Definitive, records: Sequence[SurveyRecord | None], radius: float = 0.0
+    surveys: SurveyList,
+    path: Definitive,
+    records: Sequence[SurveyRecord | None],
+    radius: float = 0.0,
+    programme: Programme | None = None,
 ) -> UncertainWell:
     """
     Return a path of the list with the survey tools of its stations.
 
-    records: as in `uncertain`. radius: radius of the hole, m.
+    records: as in `uncertain`. radius: radius of the hole, m. programme: if not that of the well.
 
     Raises
     ------
@@ -121,7 +125,7 @@ def uncertain_well(
     reference = next((r.survey for r in reversed(records) if r is not None and r.survey.has_reference), None)
     if reference is None:
         raise ValueError("no survey in use has a reference field")
-    programme = programme_of(surveys.well)
+    programme = programme or programme_of(surveys.well)
     if programme is None:
         raise ValueError("no error model is configured")
     return UncertainWell(

@@ -56,7 +56,7 @@ class Wits0Sender:
     def __init__(self, form: Wits0Format, schedule: Wits0Schedule) -> None:
         self.form, self.schedule = form, schedule
         self._writer = RecordWriter(form)
-        self._sent_keys: set[tuple[str, int]] | None = None
+        self._sent_keys: set[tuple[str, int, int]] | None = None
         self._toolface_at = self._records_at = self._alive_at = -1e9
         self._toolface_stamp = 0
 

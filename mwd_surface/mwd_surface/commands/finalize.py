@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`mwd finalize`: the signed final list of a well, from all its runs, recordings and lists."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from mwd_surface.commands.export import WellChanges
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from mwd_surface.surveys.final_list import FinalList, Source
+
+
+def finalize(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="SOURCE[=CODE]...",
+            help="Folder of a run, recording or list of stations, with its ISCWSA tool code; the main one first.",
+        ),
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results; created if missing.")],
+    key: Annotated[
+        Path | None, typer.Option("--key", help="Ed25519 private key, PEM, that signs the certificate.")
+    ] = None,
+    changes: WellChanges = None,
+) -> None:
+    """
+    Make the final list of a well: definitive values of all runs, overlaps decided, signed.
+
+    Well, legs and decisions of people are those of the first source; the stations of the others join its current leg.
+    Where two sources cover an interval, the one with the smaller position uncertainty at its end is used, and depths at
+    which they disagree beyond their errors are named. Each magnetic run gets a multi-station analysis for comparison.
+    Writes DIR/surveys.json and programme.yaml (for `mwd path`, `clearance`, `export`), definitive.csv, raw.csv,
+    definitive.las, trajectory.xml, report.html, differences.csv to the list as first decided, and certificate.json with
+    the SHA-256 of every input and output; with --key also certificate.sig.
+
+    \b
+    Examples:
+      mwd finalize out/run_7 -o final
+      mwd finalize out/run_7=MWD+SRGM gyro.csv=GYRO-NS -o final --key office.pem
+    """
+    import dataclasses
+    import json
+    import time
+
+    from mwd_sensors.core import settings
+    from mwd_surface import __version__
+    from mwd_surface.commands import terminal
+    from mwd_surface.commands.reference_options import assignments
+    from mwd_surface.exports.comparison_csv import comparison_csv
+    from mwd_surface.exports.export import FORMATS
+    from mwd_surface.exports.path_csv import path_csv
+    from mwd_surface.exports.report_final import final_sections
+    from mwd_surface.exports.survey_table import survey_table
+    from mwd_surface.surveys.final_list import final_list
+    from mwd_surface.surveys.survey_store import encoded
+    from mwd_surface.trajectory.list_comparison import difference
+
+    sign = None if key is None else _signer(key)
+    read = [_source(text) for text in sources]
+    for _, _, notes in read:
+        for note in notes:
+            terminal.warn(note)
+    inputs = [(str(file), _hash(file.read_bytes())) for path, _, _ in read for file in _files(path)]
+    final = final_list([source for _, source, _ in read])
+    surveys = final.surveys
+    given = {name.removeprefix("well."): value for name, value in assignments(changes).items()}
+    well = dataclasses.replace(surveys.well, programme=str((output / "programme.yaml").resolve()))
+    well = settings.changed(well, given)
+    output.mkdir(parents=True, exist_ok=True)
+    programme = _programme(final)
+    (output / "programme.yaml").write_text(programme, encoding="utf-8")
+    surveys = surveys.configured(well, surveys.rules)
+    now, software = time.time_ns(), f"mwd {__version__}"
+    table = survey_table(surveys, now, software=software)
+    first = survey_table(read[0][1].surveys.as_first_decided(), now, software=software)
+    changed = difference(table.path, first.path, (table.covariance, first.covariance))
+    sections = final_sections(dataclasses.replace(final, surveys=surveys), changed, (first, table), inputs)
+    files: dict[str, str | bytes] = {
+        "surveys.json": encoded(surveys),
+        "path.csv": path_csv(table),
+        "differences.csv": comparison_csv(changed),
+    }
+    for name, kind in _EXPORTS.items():
+        files[name] = FORMATS[kind].make(dataclasses.replace(table, sections=sections))
+    outputs = {**files, "programme.yaml": programme}
+    certificate = {
+        "well": well.name,
+        "wellbore": well.wellbore,
+        "made_ns": now,
+        "software": software,
+        "inputs": [{"file": file, "sha256": digest} for file, digest in inputs],
+        "outputs": [{"file": name, "sha256": _hash(_bytes(data))} for name, data in outputs.items()],
+        "overlaps": [dataclasses.asdict(one) for one in final.overlaps],
+        "remarks": list(final.remarks),
+    }
+    content = json.dumps(certificate, indent=2, ensure_ascii=False) + "\n"
+    files["certificate.json"] = content
+    if sign is not None:
+        files["certificate.sig"] = sign(content.encode())
+    for remark in (*table.left_out, *final.remarks):
+        terminal.warn(remark)
+    _show(final, float(changed.distance[-1]), float(changed.md[-1]), key)
+    terminal.write(output, files)
+
+
+_EXPORTS = {
+    "definitive.csv": "csv",
+    "raw.csv": "raw_csv",
+    "definitive.las": "las",
+    "trajectory.xml": "witsml",
+    "report.html": "html",
+}
+
+
+def _source(text: str) -> tuple[Path, Source, tuple[str, ...]]:
+    """Return the path of a source, its list, and notes on its origin."""
+    from mwd_surface.surveys.final_list import Source
+    from mwd_surface.surveys.survey_source import surveys_of
+    from mwd_surface.uncertainty.error_terms import check_tool_code
+
+    name, _, code = text.partition("=")
+    if code:
+        check_tool_code(code)
+    path = Path(name)
+    surveys, notes = surveys_of(path)
+    if not surveys.records:
+        raise ValueError(f"{path}: the list has no survey")
+    return path, Source(path.name, surveys, code), notes
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the files of a source that its list was read from."""
+    if path.is_file():
+        return [path]
+    found = sorted(path.rglob("surveys.json")) or sorted([*path.rglob("*.mcap"), *path.rglob("*.db3")])
+    return [file for file in found if file.is_file()]
+
+
+def _programme(final: FinalList) -> str:
+    """Return the survey programme as YAML."""
+    import yaml
+
+    from mwd_sensors.core import settings
+
+    table = settings.to_mapping(final.programme)
+    table.pop("name")
+    return str(yaml.safe_dump(table, sort_keys=False, allow_unicode=True))
+
+
+def _bytes(data: str | bytes) -> bytes:
+    return data.encode() if isinstance(data, str) else data
+
+
+def _hash(data: bytes) -> str:
+    import hashlib
+
+    return hashlib.sha256(data).hexdigest()
+
+
+def _signer(key: Path) -> Callable[[bytes], bytes]:
+    """Return the function that signs by the Ed25519 key of a file; ValueError if it holds no such key."""
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    try:
+        private: Any = load_pem_private_key(key.read_bytes(), None)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"--key {key}: no private key in PEM without a password: {error}") from error
+    if not isinstance(private, Ed25519PrivateKey):
+        raise ValueError(  # noqa: TRY004  (of the user's file, not of an argument)
+            f"--key {key}: expected an Ed25519 key: make one with openssl genpkey -algorithm ed25519"
+        )
+    return private.sign
+
+
+def _show(final: FinalList, distance: float, md: float, key: Path | None) -> None:
+    from mwd_surface.commands import terminal
+
+    records = final.surveys.records
+    revised = sum(record.replaced is not None for record in records)
+    lines = [
+        ("surveys", f"{sum(r.in_use for r in records)} in use of {len(records)}; {revised} revised by the run"),
+        *(
+            (
+                "overlap",
+                f"{one.from_m:.1f} to {one.to_m:.1f} m: {one.used} is used, 1 sigma {one.sigma_used:.2f} m; "
+                f"{one.left_out} {one.sigma_left_out:.2f} m"
+                + (f"; apart beyond their errors at {len(one.apart)} depths" if one.apart else ""),
+            )
+            for one in final.overlaps
+        ),
+        ("change", f"{distance:.2f} m at {md:.1f} m against the list as first decided"),
+        ("certificate", "signed" if key is not None else "not signed: give --key"),
+    ]
+    terminal.facts(lines)

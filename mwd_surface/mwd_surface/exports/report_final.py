@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sections of the report of a final list: what changed against the first list, overlapping sources, and the inputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mwd_sensors.core.arrays import Array
+from mwd_surface.exports.report_section import Drawing, Section, sheet_of
+from mwd_surface.exports.survey_table import SurveyTable, fixed
+from mwd_surface.plots.path_comparison import end_ellipses, figure_of
+from mwd_surface.surveys.final_list import FinalList, Overlap
+from mwd_surface.trajectory.list_comparison import PathDifference
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_CHANGES = (
+    *(("MD", "m"), ("Inc first", "deg"), ("Inc final", "deg"), ("Azi first", "deg"), ("Azi final", "deg")),
+    *(("Azi change", "deg"), ("North", "m"), ("East", "m"), ("Down", "m"), ("Distance", "m")),
+)
+_OVERLAPS = (
+    *(("From", "m"), ("To", "m"), ("Used", ""), ("Left out", ""), ("1σ used", "m"), ("1σ left out", "m")),
+    ("Apart beyond their errors", ""),
+)
+_DEG = 180.0 / math.pi
+
+
+def final_sections(
+    final: FinalList,
+    changes: PathDifference,
+    tables: tuple[SurveyTable, SurveyTable],
+    inputs: Sequence[tuple[str, str]],
+) -> tuple[Section, ...]:
+    """
+    Return the sections of a final list.
+
+    changes: final path minus the path as first decided. tables: of the first and of the final list. inputs: name and
+    SHA-256 of each input file.
+    """
+    rows = [
+        tuple(
+            fixed(float(value), 2, wrap)
+            for value, wrap in (
+                (changes.md[k], 0.0),
+                *((changes.inclination[k, one] * _DEG, 0.0) for one in (1, 0)),
+                *((changes.azimuth[k, one] * _DEG, 360.0) for one in (1, 0)),
+                (changes.turn[k, 1] * _DEG, 0.0),
+                *((axis, 0.0) for axis in changes.position[k]),
+                (changes.distance[k], 0.0),
+            )
+        )
+        for k in range(changes.md.size)
+    ]
+    names = ("final list", "first list")
+
+    def along() -> Figure:
+        return figure_of(changes, *names)
+
+    def at_the_end() -> Figure:
+        ends = [(table.path.positions[-1], _last(table)) for table in tables]
+        return end_ellipses(ends, ("as first decided", "final"))
+
+    differences = Section(
+        "Final list against the list as first decided",
+        sheets=(sheet_of("Changes by station", _CHANGES, rows),),
+        drawings=(
+            Drawing("Differences along the hole", along, wide=True),
+            Drawing("End of the path in plan view, ellipses at 2 sigma", at_the_end),
+        ),
+        page=True,
+    )
+    sources = [sheet_of("Input files", (("File", ""), ("SHA-256", "")), list(inputs))]
+    if final.overlaps:
+        sources.insert(
+            0, sheet_of("Intervals that two sources cover", _OVERLAPS, [_overlap(one) for one in final.overlaps])
+        )
+    return differences, Section("Sources of the final list", final.remarks, tuple(sources))
+
+
+def _overlap(one: Overlap) -> tuple[str, ...]:
+    metres = (fixed(one.from_m, 2), fixed(one.to_m, 2))
+    sigmas = (fixed(one.sigma_used, 2), fixed(one.sigma_left_out, 2))
+    apart = "nowhere" if not one.apart else f"at {', '.join(fixed(md, 1) for md in one.apart[:6])} m"
+    return *metres, one.used, one.left_out, *sigmas, apart
+
+
+def _last(table: SurveyTable) -> Array | None:
+    """Return the horizontal covariance at the end of a path, shape (2, 2), m^2; None if it is not known."""
+    if table.covariance is None or not np.all(np.isfinite(table.covariance[-1])):
+        return None
+    return np.asarray(table.covariance[-1][:2, :2])

@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""
+The final list of a well from several sources: runs of the surface unit, recordings, and lists such as a gyro survey.
+
+Where two sources cover the same interval, the one with the smaller position uncertainty at the end of the interval is
+used; the stations of the other one stay in the list and are named. Positions are not averaged, because a path through
+averaged positions is no list of stations that anybody measured.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from mwd_estimation.core.reason_text import text
+from mwd_estimation.core.reference_field import Reference
+from mwd_estimation.survey.azimuth_method import AzimuthMethod
+from mwd_estimation.survey.tool_code import sensor_errors
+from mwd_sensors.core.arrays import Array
+from mwd_sensors.core.unknown import or_none
+from mwd_surface.surveys import multi_station_analysis
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import AzimuthEstimate, Survey, SurveyRecord
+from mwd_surface.surveys.well_position import programme_of, uncertain_well
+from mwd_surface.trajectory.north import North
+from mwd_surface.trajectory.well_path import Definitive
+from mwd_surface.uncertainty.programme import Interval, Programme
+
+# Least number of stations for a multi-station analysis.
+_TOGETHER = 3
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """A survey list of the well: name for people, the list, and the tool code of its stations."""
+
+    name: str
+    surveys: SurveyList
+    code: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Overlap:
+    """
+    An interval that two sources cover.
+
+    from_m, to_m: measured depths, m. used, left_out: names of the sources. sigma_used, sigma_left_out: largest
+    horizontal 1 sigma of the path at to_m with the one and with the other, m. apart: depths, m, at which the two paths
+    differ by more than 99.9 % of their errors allow.
+    """
+
+    from_m: float
+    to_m: float
+    used: str
+    left_out: str
+    sigma_used: float
+    sigma_left_out: float
+    apart: tuple[float, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class FinalList:
+    """The final list, the survey programme of its stations, the overlaps of its sources, and remarks for people."""
+
+    surveys: SurveyList
+    programme: Programme
+    overlaps: tuple[Overlap, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def final_list(sources: Sequence[Source]) -> FinalList:
+    """
+    Combine the sources of one well; well, legs and rules are those of the first one.
+
+    Stations of the other sources belong to the current leg of the first. A survey that several sources have (same
+    uuid) is used once. Every magnetic run of at least three stations gets a multi-station analysis for comparison.
+
+    Raises
+    ------
+    ValueError
+        The first source has no tool code or programme, azimuths cannot be converted to its north, or no path joins the
+        stations.
+    """
+    first = sources[0]
+    well = dataclasses.replace(first.surveys.well, error_model=first.code or first.surveys.well.error_model)
+    programme = programme_of(well)
+    if programme is None:
+        raise ValueError(f"{first.name}: it names no tool code: give it as {first.name}=CODE")
+    surveys, remarks = _analysed(first.surveys.configured(well, first.surveys.rules), well.error_model)
+    found = FinalList(surveys, programme, (), remarks)
+    for source in sources[1:]:
+        found = _joined(found, source, first.name)
+    return found
+
+
+def _joined(whole: FinalList, source: Source, name: str) -> FinalList:
+    """Return the list with the stations of another source; name: that of the source of the present stations."""
+    surveys = whole.surveys
+    mine = [r for r in surveys.records if r.in_use and r.leg == surveys.leg]
+    theirs = _renamed(source, surveys)
+    if not any(r.in_use for r in theirs):
+        remark = f"{source.name}: none of its stations is used"
+        return dataclasses.replace(whole, remarks=(*whole.remarks, remark))
+    spans = [[r.measured_depth for r in rows if r.in_use] for rows in (mine, theirs)]
+    upper, lower = max(map(min, spans)) if mine else math.inf, min(map(max, spans)) if mine else -math.inf
+    if upper > lower:
+        return _with(whole, [*surveys.records, *theirs], theirs, source)
+
+    def left_out(record: SurveyRecord, better: str) -> SurveyRecord:
+        if not (record.in_use and record.leg == surveys.leg and upper <= record.measured_depth <= lower):
+            return record
+        comment = f"{record.comment}; {better} is used here".removeprefix("; ")
+        return dataclasses.replace(record, in_use=False, comment=comment)
+
+    # The well with the one source in the interval, and with the other.
+    kept = [left_out(r, name) for r in theirs]
+    with_mine = _with(whole, [*surveys.records, *kept], kept, source)
+    with_theirs = _with(whole, [*(left_out(r, source.name) for r in surveys.records), *theirs], theirs, source)
+    ways = _path(with_mine), _path(with_theirs)
+    sigmas = [_horizontal_sigma(*way, lower) for way in ways]
+    best = int(sigmas[1] < sigmas[0])
+    names = (name, source.name)
+    overlap = Overlap(
+        upper, lower, names[best], names[1 - best], sigmas[best], sigmas[1 - best], _apart(ways, upper, lower)
+    )
+    chosen = (with_mine, with_theirs)[best]
+    return dataclasses.replace(chosen, overlaps=(*whole.overlaps, overlap))
+
+
+def _renamed(source: Source, surveys: SurveyList) -> list[SurveyRecord]:
+    """Return the stations of a source as those of the current leg of a list, without the ones that it has already."""
+    known = {record.survey.uuid for record in surveys.records}
+    above = surveys.find_leg().tie_on.measured_depth
+    fresh = [r for r in source.surveys.records if r.survey.uuid not in known and math.isfinite(r.measured_depth)]
+    return [
+        dataclasses.replace(
+            record,
+            survey=dataclasses.replace(record.survey, sequence=number),
+            leg=surveys.leg,
+            tool=record.tool or source.name,
+            comment=f"{record.comment}; from {source.name}".removeprefix("; "),
+            in_use=record.in_use and record.measured_depth > above,
+        )
+        for number, record in enumerate(fresh, surveys.next_sequence)
+    ]
+
+
+def _with(
+    whole: FinalList, records: Sequence[SurveyRecord], theirs: Sequence[SurveyRecord], source: Source
+) -> FinalList:
+    """Return the list with other records and with the intervals of the new source before those of the programme."""
+    code = source.code or source.surveys.well.error_model
+    surveys = whole.surveys.with_records(records)
+    numbers = {r.survey.sequence for r in theirs if r.in_use}
+    path = surveys.definitive()
+    intervals: list[Interval] = []
+    for k, number in enumerate(path.sequence):
+        if number not in numbers:
+            continue
+        above, here = float(path.md[k - 1]), float(path.md[k])
+        if intervals and intervals[-1].to_m == above:
+            intervals[-1] = dataclasses.replace(intervals[-1], to_m=here)
+        else:
+            intervals.append(Interval(code, above, here, source.name, surveys.leg))
+    programme = dataclasses.replace(whole.programme, intervals=(*intervals, *whole.programme.intervals))
+    return dataclasses.replace(whole, surveys=surveys, programme=programme)
+
+
+def _path(whole: FinalList) -> tuple[Definitive, Array]:
+    """Return the path and the covariance of its stations, shape (n, 3, 3), m^2."""
+    path = whole.surveys.definitive()
+    by_number = {r.survey.sequence: r for r in whole.surveys.records}
+    records = [by_number.get(number) if number else None for number in path.sequence]
+    return path, uncertain_well(whole.surveys, path, records, programme=whole.programme).covariance()
+
+
+def _horizontal_sigma(path: Definitive, covariance: Array, md: float) -> float:
+    """Return the largest horizontal 1 sigma at a depth, m."""
+    flat = np.array([np.interp(md, path.md, covariance[:, i, j]) for i in (0, 1) for j in (0, 1)]).reshape(2, 2)
+    return math.sqrt(max(float(np.linalg.eigvalsh(flat)[-1]), 0.0))
+
+
+def _apart(
+    ways: tuple[tuple[Definitive, Array], tuple[Definitive, Array]], upper: float, lower: float
+) -> tuple[float, ...]:
+    """Return the depths of an interval, m, at which two surveys of one hole disagree beyond their errors."""
+    from welleng.combination import fuse_covariances
+
+    depths = np.unique(np.concatenate([path.md for path, _ in ways]))
+    depths = depths[(depths > upper) & (depths <= lower)]
+    if not depths.size:
+        return ()
+    positions = [np.array([path.at(float(md))[2] for md in depths]) for path, _ in ways]
+    spread = [_at(path, covariance, depths) for path, covariance in ways]
+    # Above the interval both paths have the same stations, and so the same errors.
+    common = np.broadcast_to(_at(*ways[0], np.array([upper])), spread[0].shape)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        fused = fuse_covariances(*spread, cross=common, pos_a=positions[0], pos_b=positions[1])
+    flags = fused.innovation_flag
+    return () if flags is None else tuple(float(md) for md in depths[flags])
+
+
+def _at(path: Definitive, covariance: Array, depths: Array) -> Array:
+    """Return covariances at depths between stations, shape (m, 3, 3)."""
+    flat = covariance.reshape(len(path.md), 9)
+    return np.column_stack([np.interp(depths, path.md, flat[:, k]) for k in range(9)]).reshape(-1, 3, 3)
+
+
+def _analysed(surveys: SurveyList, code: str) -> tuple[SurveyList, tuple[str, ...]]:
+    """Return the list with an azimuth by multi-station analysis of each run (leg and tool), and remarks."""
+    try:
+        errors = sensor_errors(code)
+    except ValueError:
+        return surveys, ()
+    runs: dict[tuple[str, str], list[SurveyRecord]] = {}
+    for record in surveys.records:
+        s = record.survey
+        if s.has_readings and s.has_reference and math.isfinite(sum(s.magnetic_field) + sum(s.specific_force)):
+            runs.setdefault((record.leg, record.tool), []).append(record)
+    found, remarks = {}, []
+    for (leg, tool), records in runs.items():
+        if len(records) < _TOGETHER:
+            continue
+        s = records[-1].survey
+        reference = Reference(
+            total=s.b_reference,
+            dip=s.dip_reference,
+            declination=or_none(s.declination),
+            convergence=or_none(s.convergence),
+            gravity=or_none(s.g_reference),
+        )
+        force, field = (np.array([getattr(r.survey, name) for r in records]) for name in _READINGS)
+        done = multi_station_analysis.analyse(force, field, reference, errors)
+        refused = "" if done.refused is None else text(done.refused)
+        run = " ".join(filter(None, (f"leg {leg}", tool)))
+        if refused:
+            remarks.append(f"multi-station analysis of {run} is refused: {refused}")
+        odd = [str(r.survey.sequence) for r, used in zip(records, done.used, strict=True) if not used]
+        if odd:
+            remarks.append(f"outliers of the multi-station analysis of {run}: survey {', '.join(odd)}")
+        for record, azimuth, sigma in zip(records, done.azimuth, done.sigma_azimuth, strict=True):
+            estimate = AzimuthEstimate(
+                str(AzimuthMethod.MULTI_STATION),
+                int(North.MAGNETIC),
+                float(azimuth) % math.tau,
+                float(sigma),
+                reason=refused,
+            )
+            found[record.survey.uuid] = estimate
+    records_now = [
+        r if r.survey.uuid not in found else dataclasses.replace(r, survey=_with_estimate(r, found[r.survey.uuid]))
+        for r in surveys.records
+    ]
+    return surveys.with_records(records_now), tuple(remarks)
+
+
+_READINGS = ("specific_force", "magnetic_field")
+
+
+def _with_estimate(record: SurveyRecord, estimate: AzimuthEstimate) -> Survey:
+    others = [one for one in record.survey.azimuths if one.method != estimate.method]
+    # Azimuths of a survey refer to its own north.
+    azimuth = record.survey.turned(estimate.azimuth, North.MAGNETIC, North(record.survey.north))
+    if azimuth is None:
+        return record.survey
+    estimate = dataclasses.replace(estimate, azimuth=azimuth, north=record.survey.north)
+    return dataclasses.replace(record.survey, azimuths=(*others, estimate))

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The final list: overlaps are decided by uncertainty, disagreements named, nothing measured is lost."""
+
+import dataclasses
+import math
+
+import example_surveys as example
+import pytest
+
+from mwd_surface.surveys.final_list import Source, final_list
+from mwd_surface.surveys.survey_list import SurveyList
+from mwd_surface.surveys.survey_record import Survey, Value, Verdict
+from mwd_surface.trajectory.north import North
+
+
+def two_legs():
+    """The example well with a sidetrack of three stations below 500 m."""
+    whole = example.surveys(dataclasses.replace(example.WELL, error_model="MWD+SRGM"))
+    whole = whole.sidetracked("ST1", 500.0)
+    for k in range(20, 26):
+        whole = whole.add(example.survey(k, 28.0 + (k - 20), 70.0), 530.0 + 30.0 * (k - 20), 0.4)
+    return whole
+
+
+def gyro(turn_deg=0.0, first_m=300.0, last_m=680.0):
+    """A gyro survey of the sidetrack, turned from the hole by an angle."""
+    path = two_legs().definitive("ST1")
+    whole = SurveyList(well=dataclasses.replace(example.WELL, error_model="GYRO-NS"))
+    md = [first_m + 20.0 * k for k in range(1, int((last_m - first_m) / 20.0) + 1)]
+    for k, depth in enumerate(md, 1):
+        inclination, azimuth, _ = path.at(min(depth, float(path.md[-1])))
+        azimuth = (azimuth + math.radians(turn_deg)) % math.tau
+        known = example.survey(1, 10.0, 10.0)
+        reference = {name: getattr(known, name) for name in ("b_reference", "dip_reference", "g_reference")}
+        survey = Survey(
+            k, f"gyro-{k}", k, inclination, azimuth, int(North.GRID), declination=0.0, convergence=0.0, **reference
+        )
+        whole = whole.add(survey, depth, 0.0)
+    return whole
+
+
+def test_in_an_overlap_the_surer_survey_is_used_and_the_other_stays_in_the_list():
+    whole = two_legs()
+    final = final_list([Source("run", whole, "MWD+SRGM"), Source("ifr", gyro(), "MWD+IFR1+MS")])
+    (overlap,) = final.overlaps
+    assert (overlap.used, overlap.left_out, overlap.apart) == ("ifr", "run", ())
+    assert overlap.sigma_used < overlap.sigma_left_out
+    assert len(final.surveys.records) == len(whole.records) + len(gyro().records)
+    used = [r for r in final.surveys.records if r.in_use and r.leg == "ST1"]
+    inside = [r for r in used if overlap.from_m <= r.measured_depth <= overlap.to_m]
+    assert {r.tool for r in inside} == {"ifr"}
+    left = [r for r in final.surveys.records if not r.in_use and "ifr is used here" in r.comment]
+    assert left
+    # The programme gives every station in use its own code.
+    codes = {interval.code for interval in final.programme.intervals}
+    assert codes == {"MWD+IFR1+MS", "MWD+SRGM"}
+    # Stations of the other leg are untouched.
+    assert [r for r in final.surveys.records if r.leg != "ST1" and r.in_use] == [
+        dataclasses.replace(r, survey=now.survey)
+        for r in whole.records
+        if r.leg != "ST1" and r.in_use
+        for now in final.surveys.records
+        if now.survey.uuid == r.survey.uuid
+    ]
+
+
+@pytest.mark.parametrize(("turn_deg", "apart"), [(0.3, False), (25.0, True)])
+def test_surveys_that_disagree_beyond_their_errors_are_named(turn_deg, apart):
+    final = final_list([Source("run", two_legs(), "MWD+SRGM"), Source("gyro", gyro(turn_deg), "GYRO-NS")])
+    assert bool(final.overlaps[0].apart) == apart
+
+
+def test_the_order_of_the_sources_decides_no_overlap():
+    run, other = Source("run", two_legs(), "MWD+SRGM"), Source("ifr", gyro(), "MWD+IFR1+MS")
+    there, back = final_list([run, other]).overlaps[0], final_list([dataclasses.replace(other), run]).overlaps
+    assert there.used == "ifr"
+    assert [one.used for one in back] == ["ifr"]
+
+
+def test_a_survey_that_two_recordings_have_is_used_once_and_a_person_is_obeyed():
+    whole = two_legs()
+    moved = dataclasses.replace(whole.find(21).survey, azimuth=whole.find(21).survey.azimuth + 0.01, revision=1)
+    decided = whole.revise(moved).accept(21, "Ann", "the first was right", 5, value=Value.FIRST)
+    final = final_list([Source("a", decided, "MWD+SRGM"), Source("b", whole, "MWD+SRGM")])
+    assert len(final.surveys.records) == len(whole.records)
+    assert final.surveys.find(21).survey.azimuth == whole.find(21).survey.azimuth
+    assert final.remarks[-1] == "b: none of its stations is used"
+
+
+def test_without_any_tool_code_the_reason_names_the_argument():
+    bare = two_legs()
+    bare = bare.configured(dataclasses.replace(bare.well, error_model=""), bare.rules)
+    with pytest.raises(ValueError, match="run=CODE"):
+        final_list([Source("run", bare, "")])
+
+
+def test_a_run_gets_an_azimuth_by_multi_station_analysis_in_its_own_north():
+    final = final_list([Source("run", two_legs(), "MWD+SRGM")])
+    with_msa = [r for r in final.surveys.records if any(a.method == "msa" for a in r.survey.azimuths)]
+    assert len(with_msa) == len(final.surveys.records)
+    assert all(a.north == r.survey.north for r in with_msa for a in r.survey.azimuths if a.method == "msa")
+    assert all(Verdict(r.survey.verdict) for r in with_msa if r.survey.sequence == 6)
